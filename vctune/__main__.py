@@ -1,0 +1,5 @@
+"""`python -m vctune`."""
+
+from vctune.cli import run
+
+run()

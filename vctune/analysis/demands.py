@@ -1,0 +1,127 @@
+"""The demands of a problem and its objective at given gains, in double precision (DESIGN 1.8, 1.9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import coupling_impedance
+from vctune.model.llewellyn import modulus_excess
+from vctune.model.loop import LoopResponse, hold_response, loop_response, sensitivity_abs2
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.transparency import Terms, log_quadrature, squared_terms
+
+END_DECADES = 5
+QUADRATURE_TOLERANCE = 1e-9
+
+
+def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
+    """Return the velocity loop at frequencies omega > 0, rad/s."""
+    return loop_response(
+        device, gains, omega, hold_response(device, omega, FLOATS), integrator=bool(np.any(gains.position))
+    )
+
+
+def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+    """Return Re Z_c / R (DESIGN 1.4) at frequencies omega > 0; -inf where Re G_hh <= 0."""
+    loop = response(device, gains, omega)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = 2 * loop.re_D * coupling_impedance(coupling, omega).re / modulus_excess(loop, FLOATS)
+    return np.where(loop.re_D > 0, ratio, -inf)
+
+
+def sampled_span(problem: Problem) -> tuple[float, float]:
+    """Return the part of the stability band that sampling can reach.
+
+    A band from 0 or to inf is cut `END_DECADES` decades beyond every corner of the device and of the transparency
+    band; what lies outside follows the limits of DESIGN 1.6 to better than 1e-8.
+    """
+    device, band = problem.device, problem.stability.band
+    corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
+    if device.damping > 0:
+        corners.append(device.damping / device.mass)
+    low = band.min if band.min > 0 else min(corners) * 10.0**-END_DECADES
+    high = band.max if band.max < inf else max(corners) * 10.0**END_DECADES
+    return low, high
+
+
+def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+    """Return the local minima of Re Z_c / R over the stability band, lowest first."""
+    return local_minima(
+        lambda omega: stability_ratio(problem.device, gains, coupling, omega), frequency_grid(*sampled_span(problem))
+    )
+
+
+def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
+    """Return the local maxima of |S| up to the Nyquist frequency as minima of -|S|, highest |S| first."""
+    corner = min(problem.transparency.band.min, problem.nyquist * 1e-3)
+    return local_minima(
+        lambda omega: -np.sqrt(sensitivity_abs2(response(problem.device, gains, omega))),
+        frequency_grid(corner, problem.nyquist),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TransparencyError:
+    """The objective and its unweighted terms |Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 in the problem's norm."""
+
+    error: float
+    admittance: float
+    tracking: float
+    coupling: float
+
+
+def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Terms:
+    """Return the squares of the three unweighted terms at frequencies omega."""
+    loop = response(problem.device, gains, omega)
+    return squared_terms(loop, coupling_impedance(coupling, omega), problem.transparency.reference_impedance)
+
+
+def weighted_square(weights: Terms, squares: Terms) -> Floats:
+    """Return e(f)^2 (DESIGN 1.8) from the squares of the terms."""
+    total: Floats = (
+        weights.admittance**2 * squares.admittance
+        + weights.tracking**2 * squares.tracking
+        + weights.coupling**2 * squares.coupling
+    )
+    return total
+
+
+def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+    """Return the error of a design and its three terms, to about 1e-9 relative (DESIGN 1.8)."""
+    norm = _rms if problem.transparency.norm == "rms" else _peak
+    return norm(problem, gains, coupling)
+
+
+def _columns(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+    squares = error_terms(problem, gains, coupling, omega)
+    error = weighted_square(problem.transparency.weights, squares)
+    return np.stack(np.broadcast_arrays(error, squares.admittance, squares.tracking, squares.coupling))
+
+
+def _rms(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+    band = problem.transparency.band
+    previous = None
+    for doubling in range(2, 14):
+        nodes, weights = log_quadrature(band.min, band.max, 2**doubling)
+        means = _columns(problem, gains, coupling, nodes) @ weights
+        if previous is not None and np.all(np.abs(means - previous) <= QUADRATURE_TOLERANCE * means):
+            break
+        previous = means
+    return TransparencyError(*(float(value) for value in np.sqrt(means)))
+
+
+def _peak(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+    band = problem.transparency.band
+    grid = frequency_grid(band.min, band.max)
+
+    def peak(row: int) -> float:
+        minima = local_minima(lambda omega: -_columns(problem, gains, coupling, omega)[row], grid)
+        return float(np.sqrt(-minima.value[0]))
+
+    return TransparencyError(*(peak(row) for row in range(4)))

@@ -1,0 +1,85 @@
+"""The `vctune` command and what becomes of errors: a clear line on stderr and a documented exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from typing import NoReturn
+
+import click
+
+from vctune.cli.schema import schema
+from vctune.cli.solve import solve
+from vctune.document.errors import InputError
+from vctune.exits import ExitCode
+
+EPILOG = (
+    "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "
+    "3 undecided, 4 internal error, 130 interrupted."
+)
+
+
+def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
+    if not wanted:
+        return
+    from vctune.design.record import versions
+
+    for name, number in versions().items():
+        click.echo(f"{name} {number}")
+    context.exit()
+
+
+@click.group(epilog=EPILOG, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_version,
+    help="Show the versions of vctune, casadi, IPOPT, numpy and python-flint.",
+)
+def main() -> None:
+    """Gains for haptic devices: as transparent as possible, and proved stable."""
+
+
+main.add_command(solve)
+main.add_command(schema)
+
+
+def run() -> NoReturn:
+    """Run the command line and leave the process with one of `ExitCode`."""
+    try:
+        code = main(standalone_mode=False)
+        sys.stdout.flush()
+    except InputError as error:
+        code = _complain(str(error), ExitCode.BAD_INPUT)
+    except click.ClickException as error:
+        error.show()
+        code = ExitCode.BAD_INPUT
+    except (KeyboardInterrupt, click.Abort):
+        code = _complain("interrupted", ExitCode.INTERRUPTED)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = ExitCode.BAD_INPUT
+    except OSError as error:
+        code = _complain(f"{error.filename or 'output'}: {error.strerror}", ExitCode.BAD_INPUT)
+    except Exception as error:  # the last line of defence: a fault of ours, said without a traceback
+        place = _innermost(error)
+        code = _complain(
+            f"internal error at {place}: {type(error).__name__}: {error}; please report it", ExitCode.INTERNAL
+        )
+    sys.exit(int(code or ExitCode.OK))
+
+
+def _complain(message: str, code: ExitCode) -> ExitCode:
+    with suppress(OSError):
+        click.echo(message, err=True)
+    return code
+
+
+def _innermost(error: Exception) -> str:
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return f"{trace.tb_frame.f_globals.get('__name__')}:{trace.tb_lineno}" if trace else "?"

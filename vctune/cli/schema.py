@@ -1,0 +1,15 @@
+"""`vctune schema`."""
+
+from __future__ import annotations
+
+import click
+
+
+@click.command()
+def schema() -> None:
+    """Print the JSON Schema of the problem file, for completion in editors."""
+    import json
+
+    from vctune.document.schema import json_schema
+
+    click.echo(json.dumps(json_schema(), indent=2))

@@ -1,0 +1,98 @@
+"""A design as a table for people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
+
+
+def print_design(record: dict[str, Any], folder: Path) -> None:
+    """Print the object of design.json (DESIGN 2.3) and where the files are."""
+    console = Console(highlight=False)
+    status = record["status"]
+    name = escape(record["problem"]["name"])
+    console.print(f"[bold]{name}[/bold]: [bold {COLOURS[status]}]{status}[/]")
+    if record["reason"]:
+        console.print(escape(record["reason"]), soft_wrap=True)
+    if record["gains"] is not None:
+        console.print(_table(record))
+    for warning in record["warnings"]:
+        console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
+    for line in record["left_out"]:
+        console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
+    console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+
+
+def _table(record: dict[str, Any]) -> Table:
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for style in ("dim", "", "bold", ""):
+        table.add_column(style=style, no_wrap=True, justify="right" if style == "bold" else "left")
+    for group, rows in _rows(record).items():
+        for number, (label, value, unit) in enumerate(rows):
+            table.add_row(group if number == 0 else "", label, value, unit)
+    return table
+
+
+def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
+    gains, coupling, error = record["gains"], record["coupling"], record["transparency"]
+    proof, loop = record["certificate"], record["inner_loop"]
+    return {
+        "gains": [
+            ("velocity K_v", _text(gains["velocity"], 8), "N s/m"),
+            ("position K_p", _text(gains["position"], 8), "N/m"),
+        ],
+        "coupling": [
+            ("damping b_c", _text(coupling["damping"], 8), "N s/m"),
+            ("mass m_c", _text(coupling["mass"], 8), "kg"),
+            ("drag b_0", _text(coupling["drag"], 8), "N s/m"),
+        ],
+        "transparency": [
+            ("error", _text(error["error"]), ""),
+            ("|Z_0 G_hh|", _text(error["admittance"]), ""),
+            ("|1 - G_he|", _text(error["tracking"]), ""),
+            ("|Z_c|/Z_0", _text(error["coupling"]), ""),
+        ],
+        "certificate": [
+            ("verdict", proof["verdict"], f"{proof['boxes']} boxes"),
+            ("band", _band(proof["band_hz"]), "Hz"),
+            ("proved band", _band(proof["proved_band_hz"]), "Hz"),
+            ("least Re Z_c / R", _text(proof["min_ratio"]), f"at {_text(proof['worst_hz'])} Hz"),
+            *((f"{claim['claim']}", claim["verdict"], _place(claim["witness_hz"])) for claim in _open(proof)),
+        ],
+        "velocity loop": [
+            ("spectral radius", _text(loop["spectral_radius"]), _stable(loop["stable"])),
+            ("peak |S|", _text(loop["peak_sensitivity"]), f"at {_text(loop['peak_sensitivity_hz'])} Hz"),
+            ("gain margin", _text(loop["gain_margin_db"]), "dB"),
+            ("phase margin", _text(loop["phase_margin_deg"]), "deg"),
+            ("delay margin", _text(loop["delay_margin_s"]), "s"),
+        ],
+    }
+
+
+def _open(proof: dict[str, Any]) -> list[dict[str, Any]]:
+    return [claim for claim in proof["claims"] if claim["verdict"] != "proved"]
+
+
+def _place(hz: float | None) -> str:
+    return "" if hz is None else f"at {hz:.6g} Hz"
+
+
+def _stable(stable: bool | None) -> str:
+    return {True: "stable", False: "unstable", None: "undecided"}[stable]
+
+
+def _band(band: list[float | None] | None) -> str:
+    if band is None:
+        return "-"
+    low, high = (_text(edge) if edge is not None else "inf" for edge in band)
+    return f"{low} to {high}"
+
+
+def _text(value: float | None, digits: int = 5) -> str:
+    return "none" if value is None else f"{value:.{digits}g}"

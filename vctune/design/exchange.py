@@ -1,0 +1,281 @@
+"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, DESIGN 1.9).
+
+Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
+stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from vctune.analysis.demands import (
+    error_terms,
+    ratio_minima,
+    response,
+    sampled_span,
+    sensitivity_maxima,
+    transparency_error,
+    weighted_square,
+)
+from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.design.ipopt import Solution, solve
+from vctune.design.nlp import Shape, WorkingSet, shape_of
+from vctune.design.scan import ScanResult, Start
+from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.document.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.interval import Verdict
+from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+
+TIGHTENING = 1e-6
+ROUNDS = 40
+RADIUS = 2.0
+GROWTH = 2.0
+LEAST_RADIUS = 1e-3
+FIRST_FREQUENCIES = 9
+BRACKET = 0.3
+PANELS = 4
+MAX_PANELS = 256
+QUADRATURE_TOLERANCE = 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One NLP of an exchange: the picture of error against run time.
+
+    Attributes
+    ----------
+    seconds : since the exchange began
+    violation : greatest relative violation of a demand anywhere, at the NLP's answer
+    error : the NLP's objective
+    frequencies : how many frequencies it knew
+    iterations : of IPOPT
+    """
+
+    seconds: float
+    violation: float
+    error: float
+    frequencies: int
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Polished:
+    """A local optimum in dimensionless units that meets the demands at every frequency, in double precision.
+
+    Attributes
+    ----------
+    start : where it began
+    values : K_v, K_p, b_c, m_c, b_0
+    error : transparency error
+    shape, frequencies, solution : the last NLP, its frequencies and where IPOPT stopped
+    rounds : history
+    """
+
+    start: Start
+    values: Point
+    error: float
+    shape: Shape
+    frequencies: WorkingSet
+    solution: Solution
+    rounds: list[Round]
+
+
+@dataclass(slots=True)
+class _Demands:
+    """Where the demands are not met at a point, and by how much (relative)."""
+
+    ratio: list[float] = field(default_factory=list)
+    sensitivity: list[float] = field(default_factory=list)
+    peak: list[float] = field(default_factory=list)
+    violation: float = 0.0
+    positive: bool = True
+
+
+def polish(
+    problem: Problem,
+    start: Start,
+    seen: ScanResult,
+    *,
+    incumbent: float = inf,
+    tightening: float = TIGHTENING,
+    witnesses: WorkingSet | None = None,
+) -> Polished | None:
+    """Improve a start to a local optimum of the semi-infinite problem; None if nothing admissible is found.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    start : from the scan
+    seen : what the scan saw, which decides which demands the NLP begins with
+    incumbent : give up once the error cannot get below this: more frequencies only raise it
+    tightening : relative sharpening of the demands
+    witnesses : frequencies that a proof has refuted, to begin with
+    """
+    began = perf_counter()
+    integrator = start.gains.position > 0
+    free = coordinates(problem, integrator=integrator)
+    reference = point(start.gains, start.coupling)
+    warm, radius, panels = reference, RADIUS, PANELS
+    frequencies = _first_frequencies(problem, start, seen)
+    if witnesses is not None:
+        _join(problem, frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
+    rounds: list[Round] = []
+    while len(rounds) < ROUNDS and radius >= LEAST_RADIUS:
+        shape = shape_of(problem, free, frequencies, panels, integrator=integrator)
+        box = _box(free, reference, radius)
+        solution = solve(problem, shape, free, warm, box, frequencies, tightening)
+        values = _values(free, solution.z, reference)
+        demands = _check(problem, values, tightening)
+        rounds.append(
+            Round(
+                perf_counter() - began, demands.violation, solution.error, sum(frequencies.sizes()), solution.iterations
+            )
+        )
+        stable, angle = _stable(problem, design_of(values)[0])
+        if not stable:
+            _guard(problem, frequencies, demands, angle)
+            warm, radius = reference, radius / 2
+            continue
+        if demands.positive:
+            reference = warm = values
+        else:
+            warm = reference
+        settled = solution.converged and not _at_box(free, solution.z, box)
+        if settled and solution.error > incumbent:
+            return None
+        radius = min(radius * GROWTH, RADIUS)
+        if _join(problem, frequencies, demands):
+            continue
+        if demands.violation > 0 or not solution.converged:
+            radius /= 2
+            continue
+        if not settled:
+            continue
+        error = transparency_error(problem, *design_of(values)).error
+        if problem.transparency.norm == "rms" and abs(solution.error - error) > QUADRATURE_TOLERANCE * error:
+            if panels >= MAX_PANELS:
+                return None
+            panels *= 2
+            continue
+        return Polished(start, values, error, shape, frequencies, solution, rounds)
+    return None
+
+
+def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> WorkingSet:
+    """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
+    low, high = sampled_span(problem)
+    coarse = np.geomspace(low, high, FIRST_FREQUENCIES)
+    first = WorkingSet()
+    if problem.bounds.velocity.max > 0 or start.gains.position > 0:
+        first.ratio.extend(coarse)
+    if seen.peak_sensitivity > problem.stability.max_sensitivity:
+        first.sensitivity.extend(np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES))
+    if seen.sampling_matters:
+        first.sampled.extend(np.linspace(0, np.pi, FIRST_FREQUENCIES + 1)[1:])
+    if problem.transparency.norm == "peak":
+        band = problem.transparency.band
+        first.peak.extend(np.geomspace(band.min, band.max, FIRST_FREQUENCIES))
+    return first
+
+
+def _box(free: tuple[Coordinate, ...], reference: Point, radius: float) -> tuple[Floats, Floats]:
+    centre = [c.to_z(reference[c.index]) for c in free]
+    low = np.array([max(c.low, z - radius) for c, z in zip(free, centre, strict=True)])
+    high = np.array([min(c.high, z + radius) for c, z in zip(free, centre, strict=True)])
+    return np.minimum(low, high), high
+
+
+def _at_box(free: tuple[Coordinate, ...], z: Floats, box: tuple[Floats, Floats]) -> bool:
+    """Return whether the point lies on a side of the box that is not a bound of the problem."""
+    return any(
+        (z[k] - box[0][k] < 1e-6 and box[0][k] > c.low) or (box[1][k] - z[k] < 1e-6 and box[1][k] < c.high)
+        for k, c in enumerate(free)
+    )
+
+
+def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
+    values = list(fixed)
+    for coordinate, at in zip(free, z, strict=True):
+        values[coordinate.index] = coordinate.to_x(float(at))
+    return tuple(values)  # type: ignore[return-value]
+
+
+def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
+    """Find where the demands fail by more than half the tightening."""
+    gains, coupling = design_of(values)
+    stability, found = problem.stability, _Demands()
+    ratio = ratio_minima(problem, gains, coupling)
+    short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
+    found.ratio = [
+        float(w) for w, v, s in zip(ratio.omega, ratio.value, short, strict=True) if s > tightening / 2 and v > 0
+    ]
+    if ratio.value[0] <= 0:
+        found.positive = False
+        found.ratio.append(_worst_resistance(problem, gains))
+    peaks = sensitivity_maxima(problem, gains)
+    over = np.log(-peaks.value / stability.max_sensitivity) + tightening
+    found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
+    found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
+    if problem.transparency.norm == "peak":
+        _check_peak(problem, gains, coupling, found, tightening)
+    found.violation = max(found.violation, 0.0)
+    return found
+
+
+def _worst_resistance(problem: Problem, gains: Gains) -> float:
+    grid = frequency_grid(*sampled_span(problem))
+    return float(local_minima(lambda omega: response(problem.device, gains, omega).re_D, grid).omega[0])
+
+
+def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Demands, tightening: float) -> None:
+    band, weights = problem.transparency.band, problem.transparency.weights
+
+    def negative_error(omega: Floats) -> Floats:
+        return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
+
+    found.peak = [float(w) for w in local_minima(negative_error, frequency_grid(band.min, band.max)).omega]
+
+
+def _stable(problem: Problem, gains: Gains) -> tuple[bool, float | None]:
+    """Return whether both loops are proved stable, and an angle at which the sampled one fails."""
+    sampled = prove_sampled_poles(problem.device, gains)
+    if sampled.verdict is not Verdict.PROVED:
+        return False, sampled.witness
+    return prove_model_poles(problem.device, gains).verdict is Verdict.PROVED, None
+
+
+def _guard(problem: Problem, frequencies: WorkingSet, demands: _Demands, angle: float | None) -> None:
+    """After a step into instability let the NLP see what lies between."""
+    _extend(frequencies.sensitivity, demands.sensitivity, (0.0, problem.nyquist))
+    if not frequencies.sampled:
+        frequencies.sampled.extend(np.linspace(0, np.pi, FIRST_FREQUENCIES + 1)[1:])
+    elif angle is not None:
+        _extend(frequencies.sampled, [angle], (0.0, np.pi))
+
+
+def _join(problem: Problem, frequencies: WorkingSet, demands: _Demands) -> bool:
+    """Add failing frequencies to the working set; return whether any was new."""
+    band = problem.transparency.band
+    added = [
+        _extend(frequencies.ratio, demands.ratio, sampled_span(problem)),
+        _extend(frequencies.sensitivity, demands.sensitivity, (0.0, problem.nyquist)),
+        _extend(frequencies.peak, demands.peak, (band.min, band.max)),
+    ]
+    return any(added)
+
+
+def _extend(known: list[float], candidates: list[float], span: tuple[float, float]) -> bool:
+    """Add new frequencies; one that has drifted from a known neighbour is bracketed by a point beyond it."""
+    new = [w for w in candidates if all(abs(w - k) > 1e-7 * k for k in known)]
+    beyond = []
+    for w in new:
+        drift = min((w - k for k in known), key=abs, default=0.0)
+        if abs(drift) < BRACKET * w:
+            beyond.append(min(max(w + drift / 2, span[0]), span[1]))
+    known.extend(new + beyond)
+    return bool(new)

@@ -1,0 +1,138 @@
+"""IPOPT on a compiled NLP: numbers for its parameters, bounds for its demands, its answer as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, log
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.nlp import TERMS, Shape, WorkingSet, compiled
+from vctune.design.variables import Coordinate, Point
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.loop import hold_response
+from vctune.model.quantities import Device
+from vctune.model.sampled import return_difference, sampled_plant, whole_samples
+from vctune.model.transparency import log_quadrature
+
+SAMPLED_MARGIN = 1e-3
+"""Least |F/F_open| of the sampled loop: how near to instability a design may go where nothing else stops it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where IPOPT stopped.
+
+    Attributes
+    ----------
+    z : coordinates of the free variables
+    error : objective there
+    converged : whether IPOPT says so; no evidence of anything
+    iterations : number of IPOPT iterations
+    multipliers : of the used ratio, sensitivity, sampled and peak constraints, concatenated
+    """
+
+    z: Floats
+    error: float
+    converged: bool
+    iterations: int
+    multipliers: Floats
+
+
+def solve(
+    problem: Problem,
+    shape: Shape,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    box: tuple[Floats, Floats],
+    frequencies: WorkingSet,
+    tightening: float,
+) -> Solution:
+    """Solve the NLP of a dimensionless problem on the given frequencies.
+
+    Parameters
+    ----------
+    start : the five numbers to start from; those that are not free stay
+    box : bounds of the coordinates
+    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+
+    Raises
+    ------
+    KeyboardInterrupt
+        When IPOPT was interrupted (it swallows the signal and reports an exception).
+    """
+    solver = compiled(shape)
+    low, high = (list(bound) for bound in box)
+    guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
+    if shape.norm == "peak":
+        low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
+    demands = _demands(problem, shape, frequencies, tightening)
+    result = solver(
+        x0=guess, p=_parameters(problem, shape, free, start, frequencies), lbx=low, ubx=high, lbg=demands, ubg=inf
+    )
+    stats = solver.stats()
+    status = stats["return_status"]
+    if status == "NonIpopt_Exception_Thrown":
+        raise KeyboardInterrupt
+    return Solution(
+        z=np.array(result["x"]).ravel()[: len(free)],
+        error=float(np.exp(float(result["f"]))),
+        converged=status in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
+        iterations=int(stats["iter_count"]),
+        multipliers=np.abs(np.array(result["lam_g"]).ravel()[demands > -inf]),
+    )
+
+
+def _parameters(
+    problem: Problem, shape: Shape, free: tuple[Coordinate, ...], start: Point, frequencies: WorkingSet
+) -> Floats:
+    device, weights = problem.device, problem.transparency.weights
+    scales = np.zeros(5)
+    for coordinate in free:
+        scales[coordinate.index] = coordinate.scale
+    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS)]
+    parts = [np.array(common)]
+    if shape.norm == "rms":
+        band = problem.transparency.band
+        nodes, averages = log_quadrature(band.min, band.max, shape.panels)
+        parts.append(np.vstack((_columns(device, nodes), averages)).ravel(order="F"))
+    for count, chosen, columns in (
+        (shape.slots[0], frequencies.ratio, _columns),
+        (shape.slots[1], frequencies.sensitivity, _columns),
+        (shape.slots[2], frequencies.sampled, lambda device, theta: _angles(device, theta, shape.integrator)),
+        (shape.slots[3], frequencies.peak, _columns),
+    ):
+        if count:
+            parts.append(columns(device, np.array([*chosen, *[chosen[0]] * (count - len(chosen))])).ravel(order="F"))
+    return np.concatenate(parts)
+
+
+def _columns(device: Device, omega: Floats) -> Floats:
+    hold = hold_response(device, omega, FLOATS)
+    return np.vstack((omega, hold.re, hold.im))
+
+
+def _angles(device: Device, theta: Floats, integrator: bool) -> Floats:
+    whole, fraction = whole_samples(device.delay, device.sample_time)
+    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
+    parts = return_difference(plant, theta, FLOATS, integrator=integrator)
+    rows = [parts.open.re, parts.open.im, parts.velocity.re, parts.velocity.im]
+    rows += [parts.position.re + 0 * theta, parts.position.im + 0 * theta]
+    return np.vstack(rows) / np.sqrt(parts.open.abs2())
+
+
+def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: float) -> Floats:
+    stability = problem.stability
+    levels = (
+        log(stability.safety_factor) + tightening,
+        -log(stability.max_sensitivity) + tightening,
+        log(SAMPLED_MARGIN),
+        0.0,
+    )
+    lower = [
+        np.where(np.arange(count) < used, level, -inf)
+        for count, used, level in zip(shape.slots, frequencies.sizes(), levels, strict=True)
+    ]
+    return np.concatenate(lower)

@@ -1,0 +1,213 @@
+"""The design problem on a finite set of frequencies as a CasADi NLP (DESIGN 1.9). The only place that imports casadi.
+
+Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its shape.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from functools import lru_cache
+from io import StringIO
+from typing import Any
+
+import casadi as ca
+
+from vctune.design.variables import Coordinate
+from vctune.document.problem import Norm, Problem
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.coupling import coupling_impedance
+from vctune.model.llewellyn import modulus_excess
+from vctune.model.loop import HoldResponse, loop_response, sensitivity_abs2
+from vctune.model.pair import Pair
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.sampled import ReturnDifference
+from vctune.model.transparency import PANEL_NODES, squared_terms
+
+TERMS = ("admittance", "tracking", "coupling")
+DEMANDS = ("ratio", "sensitivity", "sampled", "peak")
+"""Kinds of constraint, in the order of `Shape.slots`."""
+SLOTS = 16
+"""Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
+OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "expand": True,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.tol": 1e-10,
+    "ipopt.max_iter": 200,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.mumps_pivot_order": 0,
+}
+
+
+class _SymbolArithmetic:
+    """CasADi symbols. No transcendental function is needed: frequencies enter as numbers."""
+
+    sqrt = staticmethod(ca.sqrt)
+    exp = staticmethod(ca.exp)
+    sin = staticmethod(ca.sin)
+    cos = staticmethod(ca.cos)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        raise NotImplementedError
+
+    decay_mean = decay_ramp = sinc
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        return ca.if_else(x > 0, yes(), no())
+
+
+SYMBOLS: Arithmetic = _SymbolArithmetic()
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingSet:
+    """Frequencies at which the demands are posed, rad/s (`sampled`: angles, rad)."""
+
+    ratio: list[float] = field(default_factory=list)
+    sensitivity: list[float] = field(default_factory=list)
+    sampled: list[float] = field(default_factory=list)
+    peak: list[float] = field(default_factory=list)
+
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Return the number of frequencies of each kind."""
+        return len(self.ratio), len(self.sensitivity), len(self.sampled), len(self.peak)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What an NLP contains; two problems of one shape share one compiled solver.
+
+    Attributes
+    ----------
+    free : (index in `NAMES`, whether it may be 0) for each variable
+    integrator : whether the law has its K_p/s term
+    terms : terms of the error with a positive weight
+    norm : "rms" or "peak" (an epigraph variable is added)
+    panels : panels of the quadrature, 0 for "peak"
+    slots : numbers of ratio, sensitivity, sampled and peak constraints
+    """
+
+    free: tuple[tuple[int, bool], ...]
+    integrator: bool
+    terms: tuple[str, ...]
+    norm: Norm
+    panels: int
+    slots: tuple[int, int, int, int]
+
+
+def shape_of(
+    problem: Problem, free: tuple[Coordinate, ...], frequencies: WorkingSet, panels: int, *, integrator: bool
+) -> Shape:
+    """Return the shape of the NLP for a problem and a set of frequencies; what cannot act is not in it."""
+    weights = problem.transparency.weights
+    return Shape(
+        free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
+        integrator=integrator,
+        terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
+        norm=problem.transparency.norm,
+        panels=panels if problem.transparency.norm == "rms" else 0,
+        slots=tuple(-(-size // SLOTS) * SLOTS for size in frequencies.sizes()),  # type: ignore[arg-type]
+    )
+
+
+@lru_cache(maxsize=1)
+def ipopt_version() -> str:
+    """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
+    banner = StringIO()
+    x = ca.SX.sym("x")
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
+    with redirect_stdout(banner):
+        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
+    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
+    return found[1] if found else "unknown"
+
+
+def size(shape: Shape) -> dict[str, int]:
+    """Return the number of variables and constraints of an NLP."""
+    return {"variables": len(shape.free) + (shape.norm == "peak"), "constraints": sum(shape.slots)}
+
+
+@dataclass(frozen=True, slots=True)
+class _AtOneFrequency:
+    """The NLP's building blocks as symbols: one frequency each, to be mapped over all of them.
+
+    Attributes
+    ----------
+    z, common, epigraph : free variables, numbers common to all frequencies, epigraph variable
+    inputs, values : per kind of frequency, its numbers and the objective's share or the constraint's value
+    """
+
+    z: ca.SX
+    common: ca.SX
+    epigraph: ca.SX
+    inputs: dict[str, ca.SX]
+    values: dict[str, Number]
+
+
+def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
+    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", 15), ca.SX.sym("t")
+    device = Device(common[0], common[1], 1.0, 0.0, "zoh")
+    scale, fixed, weights = common[2:7], common[7:12], dict(zip(TERMS, ca.vertsplit(common[12:15]), strict=True))
+    values = ca.vertsplit(fixed)
+    for k, (index, from_zero) in enumerate(shape.free):
+        values[index] = scale[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
+    gains, coupling = Gains(values[0], values[1]), Coupling(values[2], values[3], values[4])
+
+    column, weight, angle = ca.SX.sym("column", 3), ca.SX.sym("weight"), ca.SX.sym("angle", 6)
+    hold = HoldResponse(column[1], column[2])
+    loop = loop_response(device, gains, column[0], hold, integrator=shape.integrator)
+    Z_c = coupling_impedance(coupling, column[0])
+    squares = squared_terms(loop, Z_c, 1.0)
+    error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
+    parts = ReturnDifference(Pair(angle[0], angle[1]), Pair(angle[2], angle[3]), Pair(angle[4], angle[5]))
+    return _AtOneFrequency(
+        z,
+        common,
+        epigraph,
+        inputs={
+            "node": ca.vertcat(column, weight),
+            "ratio": column,
+            "sensitivity": column,
+            "sampled": angle,
+            "peak": column,
+        },
+        values={
+            "node": weight * error2,
+            "ratio": ca.log(2 * loop.re_D * Z_c.re) - ca.log(modulus_excess(loop, SYMBOLS)),
+            "sensitivity": -ca.log(sensitivity_abs2(loop)) / 2,
+            "sampled": ca.log(parts.closed(gains, integrator=shape.integrator).abs2()) / 2,
+            "peak": epigraph - ca.log(error2) / 2,
+        },
+    )
+
+
+@lru_cache(maxsize=16)
+def compiled(shape: Shape) -> ca.Function:
+    """Return the solver of a shape: parameters are `common`, then the columns of each kind of frequency."""
+    one = _at_one_frequency(shape)
+    z, common = ca.MX.sym("z", one.z.numel()), ca.MX.sym("common", one.common.numel())
+    epigraph = ca.MX.sym("t") if shape.norm == "peak" else ca.MX(0)
+    parameters: list[ca.MX] = [common]
+
+    def at_each(kind: str, count: int) -> ca.MX:
+        inputs = one.inputs[kind]
+        columns = ca.MX.sym(kind, inputs.numel(), count)
+        parameters.append(ca.vec(columns))
+        value = ca.Function(kind, [one.z, one.common, one.epigraph, inputs], [one.values[kind]])
+        return value.map(count)(z, common, epigraph, columns).T
+
+    if shape.norm == "rms":
+        objective, unknowns = ca.log(ca.sum1(at_each("node", PANEL_NODES * shape.panels))) / 2, z
+    else:
+        objective, unknowns = epigraph, ca.vertcat(z, epigraph)
+    demands = [at_each(kind, count) for kind, count in zip(DEMANDS, shape.slots, strict=True) if count]
+    nlp = {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}
+    return ca.nlpsol("design", "ipopt", nlp, OPTIONS)

@@ -1,0 +1,217 @@
+"""A solved problem as the object of design.json (DESIGN 2.3): plain, finite or null, in SI units and hertz."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from math import degrees, inf, isfinite, log10, pi
+from typing import Any
+
+import vctune
+from vctune.design.judge import Judgement
+from vctune.design.nlp import DEMANDS, ipopt_version, size
+from vctune.design.rounding import near
+from vctune.design.solve import Solved
+from vctune.design.variables import KEYS, Point, point, ranges
+from vctune.document.problem import Problem
+from vctune.document.reading import ProblemFile
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.certificate import Claim
+from vctune.proof.interval import Verdict
+
+SCHEMA = "vctune/design/1"
+HARDLY_TRACKING = 0.9
+"""A mean or greatest |1 - G_he| above which the velocity loop is said to be hardly used."""
+
+
+def design_record(file: ProblemFile, solved: Solved) -> dict[str, Any]:
+    """Return the JSON object of a solved problem; every number in it is finite or null."""
+    judgement, problem = solved.judgement, solved.problem
+    record: dict[str, Any] = {
+        "schema": SCHEMA,
+        "problem": {"name": problem.name, "sha256": file.sha256},
+        "status": solved.status.value,
+        "reason": solved.infeasibility.reason if solved.infeasibility else None,
+        "gains": None,
+        "coupling": None,
+        "transparency": None,
+        "certificate": None,
+        "inner_loop": None,
+        "at_bound": [],
+        "left_out": left_out(solved),
+        "warnings": [],
+        "solver": _solver(solved),
+        "versions": versions(),
+        "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
+    }
+    if judgement is not None:
+        record |= _judged(problem, judgement)
+        record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
+        record["warnings"] = warnings(problem, judgement)
+    finite: dict[str, Any] = _finite(record)
+    return finite
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that determine a result."""
+    return {
+        "vctune": vctune.__version__,
+        "casadi": version("casadi"),
+        "ipopt": ipopt_version(),
+        "numpy": version("numpy"),
+        "python-flint": version("python-flint"),
+    }
+
+
+def at_bound(problem: Problem, gains: Gains, coupling: Coupling) -> list[str]:
+    """Return the dotted keys of the free variables that lie on a bound."""
+    return [key for key, _ in _touched(problem, point(gains, coupling))]
+
+
+def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
+    found = []
+    for key, value, bounds in zip(KEYS, values, ranges(problem.bounds), strict=True):
+        if not bounds.fixed:
+            found += [(key, "upper")] if near(value, bounds.max, bounds) else []
+            found += [(key, "lower")] if near(value, bounds.min, bounds) else []
+    return found
+
+
+def warnings(problem: Problem, judgement: Judgement) -> list[str]:
+    """Return what the designer should know about a design that is otherwise in order."""
+    found = []
+    for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
+        if not (key in ("gains.position", "coupling.drag") and side == "lower"):
+            found.append(f"{key} is on its {side} bound; the bound, not the device, limits the design there")
+    band, demand = problem.stability.band, problem.stability.safety_factor
+    if judgement.min_ratio < demand:
+        found.append(
+            f"the least Re Z_c / R is {judgement.min_ratio:.4g} at {judgement.worst / (2 * pi):.4g} Hz, "
+            f"below the safety factor {demand:g}"
+        )
+    elif judgement.min_ratio < demand * 1.001:
+        for side, edge in (("lower", band.min), ("upper", band.max)):
+            if judgement.worst == edge:
+                found.append(
+                    f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
+                    "outside the proved band a passive hand or environment can make it oscillate"
+                )
+    if judgement.transparency.tracking > HARDLY_TRACKING:
+        found.append(
+            f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
+            "and 1 means no loop at all"
+        )
+    return found
+
+
+def left_out(solved: Solved) -> list[str]:
+    """Return what is not in the NLP, each with the reason."""
+    problem = solved.problem
+    found = []
+    for key, bounds in zip(KEYS, ranges(problem.bounds), strict=True):
+        if bounds.fixed:
+            found.append(f"{key}: fixed at {bounds.min:g}")
+    for term in ("admittance", "tracking", "coupling"):
+        if getattr(problem.transparency.weights, term) == 0:
+            found.append(f"transparency.weights.{term}: 0")
+    if solved.polished is None or solved.seen is None:
+        return found
+    shape = solved.polished.shape
+    if not shape.integrator and not problem.bounds.position.fixed:
+        found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
+    if shape.slots[1] == 0:
+        found.append(
+            f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
+            f"the limit is {problem.stability.max_sensitivity:g}"
+        )
+    if shape.slots[2] == 0:
+        found.append("sampled loop: stable wherever the frequency demands hold")
+    return found
+
+
+def _solver(solved: Solved) -> dict[str, Any]:
+    if solved.polished is None or solved.seen is None:
+        return {}
+    polished = solved.polished
+    return {
+        "name": "ipopt",
+        "converged": polished.solution.converged,
+        "starts": len(solved.seen.starts),
+        "optima": solved.optima,
+        **size(polished.shape),
+        "frequencies": dict(zip(DEMANDS, polished.frequencies.sizes(), strict=True)),
+        "rounds": [
+            {
+                "seconds": r.seconds,
+                "violation": r.violation,
+                "error": r.error,
+                "frequencies": r.frequencies,
+                "iterations": r.iterations,
+            }
+            for r in polished.rounds
+        ],
+    }
+
+
+def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+    gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
+    transparency, margins, band = judgement.transparency, judgement.margins, problem.stability.band
+    poles = [certificate.outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)]
+    proved_band = certificate.proved_band
+    return {
+        "gains": {"velocity": gains.velocity, "position": gains.position},
+        "coupling": {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag},
+        "transparency": {
+            "error": transparency.error,
+            "admittance": transparency.admittance,
+            "tracking": transparency.tracking,
+            "coupling": transparency.coupling,
+        },
+        "certificate": {
+            "verdict": certificate.verdict.value,
+            "band_hz": [_hz(band.min), _hz(band.max)],
+            "proved_band_hz": _proved_hz(problem, proved_band) if proved_band else None,
+            "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
+            "min_ratio": judgement.min_ratio,
+            "worst_hz": _hz(judgement.worst),
+            "boxes": certificate.boxes,
+            "claims": [
+                {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
+                for claim, outcome in certificate.outcomes.items()
+            ],
+        },
+        "inner_loop": {
+            "stable": False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
+            "spectral_radius": judgement.spectral_radius,
+            "peak_sensitivity": judgement.peak_sensitivity,
+            "peak_sensitivity_hz": _hz(judgement.worst_sensitivity),
+            "gain_margin_db": 20 * log10(margins.gain),
+            "phase_margin_deg": degrees(margins.phase),
+            "delay_margin_s": margins.delay,
+        },
+    }
+
+
+def _hz(omega: float | None) -> float | None:
+    """Return a frequency in hertz, free of the rounding of 2 pi where it was a decimal."""
+    if omega is None or omega == inf:
+        return None
+    return float(f"{omega / (2 * pi):.12g}")
+
+
+def _proved_hz(problem: Problem, proved: tuple[float, float]) -> list[float | None]:
+    """Return the proved band in hertz, its edges rounded inwards where the ratio may be 1 next to them."""
+    band = problem.stability.band
+    low = proved[0] if proved[0] in (0.0, band.min) else min(proved[0] * (1 + 1e-9), band.min)
+    high = proved[1] if proved[1] in (inf, band.max, problem.nyquist) else max(proved[1] * (1 - 1e-9), band.max)
+    return [_hz(low), _hz(high)]
+
+
+def _finite(value: Any) -> Any:
+    """Return the value with every number that does not exist replaced by None."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, float):
+        return value if isfinite(value) else None
+    return value

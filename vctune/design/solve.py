@@ -1,0 +1,162 @@
+"""The design problem from start to end: scan, polish, round, prove; the best proved design wins (DESIGN 1.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import inf
+from time import perf_counter
+
+from vctune.design.exchange import TIGHTENING, Polished, polish
+from vctune.design.infeasible import Infeasibility, impossible, nearest_miss
+from vctune.design.judge import Judgement, Status, judge
+from vctune.design.nlp import WorkingSet
+from vctune.design.rounding import rounded
+from vctune.design.scan import ScanResult, scan
+from vctune.design.variables import Point, design_of
+from vctune.document.problem import Problem, Range
+from vctune.model.transparency import Terms
+from vctune.proof.certificate import Claim
+from vctune.proof.interval import Outcome, Verdict
+
+WORTH_POLISHING = 1.3
+"""A start is polished if its scanned error is at most this much above the best polished one."""
+PROOF_ROUNDS = 4
+SHARPENING = 10.0
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """What came of a problem.
+
+    Attributes
+    ----------
+    problem : the problem
+    judgement : of the best design, None when there is none
+    polished : the local optimum it was rounded from, None when nothing was optimised
+    optima : how many local optima were found
+    infeasibility : why there is no design, else None
+    seen : what the scan saw, None when nothing was scanned
+    seconds : by stage
+    """
+
+    problem: Problem
+    judgement: Judgement | None
+    polished: Polished | None
+    optima: int
+    infeasibility: Infeasibility | None
+    seen: ScanResult | None
+    seconds: dict[str, float]
+
+    @property
+    def status(self) -> Status:
+        """Certified, violated, undecided or infeasible."""
+        return self.judgement.status if self.judgement else Status.INFEASIBLE
+
+
+def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
+    """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : told the stage of the work
+
+    Raises
+    ------
+    KeyboardInterrupt
+        Also when the signal arrives inside IPOPT.
+    """
+    began = perf_counter()
+    if problem.bounds.fixed:
+        fixed = judge(problem, *problem.fixed_design)
+        return Solved(problem, fixed, None, 0, None, None, {"prove": perf_counter() - began})
+    theorem = impossible(problem)
+    if theorem is not None:
+        return Solved(problem, None, None, 0, theorem, None, {})
+    progress("scanning")
+    scaled = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
+    seen = scan(scaled)
+    scanned = perf_counter()
+    optima = _optima(scaled, seen, progress)
+    polished = perf_counter()
+    progress("proving")
+    best, judgement = _best_proved(problem, scaled, seen, optima)
+    if judgement is not None and problem.transparency.weights.coupling == 0:
+        judgement = _with_least_coupling(problem, judgement)
+    infeasibility = nearest_miss(problem, scaled, seen) if judgement is None else None
+    seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
+    return Solved(problem, judgement, best, len(optima), infeasibility, seen, seconds)
+
+
+def _optima(scaled: Problem, seen: ScanResult, progress: Progress) -> list[Polished]:
+    """Polish the starts that can still win; return the local optima, best first."""
+    optima: list[Polished] = []
+    for number, start in enumerate(seen.starts, 1):
+        least = min((optimum.error for optimum in optima), default=inf)
+        if start.error > WORTH_POLISHING * least:
+            continue
+        progress(f"polishing start {number} of {len(seen.starts)}")
+        polished = polish(scaled, start, seen, incumbent=least)
+        if polished is not None:
+            optima.append(polished)
+    return sorted(optima, key=lambda optimum: optimum.error)
+
+
+def _best_proved(
+    problem: Problem, scaled: Problem, seen: ScanResult, optima: list[Polished]
+) -> tuple[Polished | None, Judgement | None]:
+    """Return the best design that is proved; failing that the best one that is merely undecided."""
+    doubtful: tuple[Polished, Judgement] | None = None
+    for optimum in optima:
+        for polished, judgement in _attempts(problem, scaled, seen, optimum):
+            if judgement.status is Status.CERTIFIED and judgement.certificate.shortfall is None:
+                return polished, judgement
+            if judgement.status is Status.UNDECIDED and doubtful is None:
+                doubtful = polished, judgement
+    return doubtful if doubtful is not None else (None, None)
+
+
+def _attempts(
+    problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
+) -> Iterator[tuple[Polished, Judgement]]:
+    """Judge the rounded optimum; while it is refuted, polish again with the witnesses and a sharper demand."""
+    polished: Polished | None = optimum
+    tightening, witnesses = TIGHTENING, WorkingSet()
+    for _ in range(PROOF_ROUNDS):
+        if polished is None:
+            return
+        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values))))
+        yield polished, judgement
+        certificate = judgement.certificate
+        _collect(witnesses.ratio, certificate.shortfall or certificate.outcomes[Claim.CONDITIONS], problem)
+        _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], problem)
+        tightening *= SHARPENING
+        polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
+
+
+def _collect(known: list[float], outcome: Outcome, problem: Problem) -> None:
+    if outcome.verdict is Verdict.REFUTED and outcome.witness:
+        known.append(outcome.witness * problem.device.sample_time)
+
+
+def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
+    """When the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
+    gains, bounds = judgement.gains, problem.bounds
+    loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}
+    narrowed = replace(
+        problem,
+        bounds=replace(bounds, **loop),
+        transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
+    )
+    least = solve(narrowed).judgement
+    return judge(problem, gains, least.coupling) if least is not None else judgement
+
+
+def physical(problem: Problem, values: Point) -> Point:
+    """Return dimensionless K_v, K_p, b_c, m_c, b_0 in SI units."""
+    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
+    K_v, K_p, b_c, m_c, b_0 = values
+    return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)

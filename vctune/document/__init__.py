@@ -1,0 +1,1 @@
+"""What is read and written: problem, gains and design files."""

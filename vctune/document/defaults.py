@@ -1,0 +1,64 @@
+"""Defaults as formulas in the device's own scales (DESIGN 2.1), so that a change of units changes nothing.
+
+With tau = T/2 + delay, the loop's lag, and Z = m/tau + b, the impedance at which the loop runs out of phase:
+the transparency band is [0.00025, 0.015]/tau, Z_0 = 2 pi f m at the band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
+"""
+
+from __future__ import annotations
+
+from math import inf, pi, sqrt
+
+from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency
+from vctune.document.schema import ProblemDocument, StabilityTable
+from vctune.model.quantities import Device
+from vctune.model.transparency import Terms
+
+
+def resolve(document: ProblemDocument, default_name: str) -> Problem:
+    """Return the problem that a valid document states, every default filled in."""
+    table = document.device
+    device = Device(table.mass, table.damping, table.sample_time, table.delay, table.hold)
+    loop_impedance = device.mass / device.lag + device.damping
+
+    objective = document.transparency
+    f1, f2 = objective.band_hz or (0.00025 / device.lag, 0.015 / device.lag)
+    middle = 2 * pi * sqrt(f1 * f2)
+    Z_0 = objective.reference_impedance or device.mass * middle
+    weights = objective.weights
+
+    gains, coupling = document.gains, document.coupling
+    bounds = Bounds(
+        velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
+        position=_range(gains.position, 0.0, 2 * loop_impedance / device.lag),
+        damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+        mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+        drag=_range(coupling.drag, 0.0, 0.0),
+    )
+    return Problem(
+        name=document.name if document.name is not None else default_name,
+        description=document.description,
+        device=device,
+        bounds=bounds,
+        transparency=Transparency(
+            Band(2 * pi * f1, 2 * pi * f2),
+            Z_0,
+            objective.norm,
+            Terms(weights.admittance, weights.tracking, weights.coupling),
+        ),
+        stability=_stability(document.stability, device, f1),
+    )
+
+
+def _stability(table: StabilityTable, device: Device, f1: float) -> Stability:
+    low, high = table.band_hz or (f1, 0.1 / device.sample_time)
+    return Stability(
+        Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
+    )
+
+
+def _range(value: object, low: float, high: float) -> Range:
+    if value is None:
+        return Range(low, high)
+    if isinstance(value, float):
+        return Range(value, value)
+    return Range(value.min, value.max)  # type: ignore[attr-defined]

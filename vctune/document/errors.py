@@ -1,0 +1,37 @@
+"""What can be wrong with what the user gave, said so that the user can mend it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """One mistake in a document.
+
+    Attributes
+    ----------
+    key : dotted key, "" for the document as a whole
+    message : what is wrong, with the value, and what to do
+    line : line number from 1, or None
+    """
+
+    key: str
+    message: str
+    line: int | None = None
+
+
+class InputError(Exception):
+    """A file or an option cannot be used; `mistakes` lists everything that is wrong with it."""
+
+    def __init__(self, source: str, mistakes: list[Mistake]) -> None:
+        self.source = source
+        self.mistakes = mistakes
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        return "\n".join(self._line(mistake) for mistake in self.mistakes)
+
+    def _line(self, mistake: Mistake) -> str:
+        place = self.source if mistake.line is None else f"{self.source}:{mistake.line}"
+        return ": ".join(part for part in (place, mistake.key, mistake.message) if part)

@@ -1,0 +1,126 @@
+"""A design problem with every default filled in: what the rest of vctune works on. SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from math import pi
+from typing import Literal
+
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.transparency import Terms
+
+Norm = Literal["rms", "peak"]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Admissible values of a variable; one with min = max is fixed."""
+
+    min: float
+    max: float
+
+    @property
+    def fixed(self) -> bool:
+        """Whether nothing is left to choose."""
+        return self.min == self.max
+
+    def times(self, factor: float) -> Range:
+        """Return the range in another unit."""
+        return Range(self.min * factor, self.max * factor)
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A closed band of angular frequencies, rad/s."""
+
+    min: float
+    max: float
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """The ranges of the five design variables: K_v, K_p, b_c, m_c, b_0."""
+
+    velocity: Range
+    position: Range
+    damping: Range
+    mass: Range
+    drag: Range
+
+    @property
+    def fixed(self) -> bool:
+        """Whether every variable is fixed."""
+        return all(getattr(self, field.name).fixed for field in fields(self))
+
+
+@dataclass(frozen=True, slots=True)
+class Transparency:
+    """The objective (DESIGN 1.8): band, reference impedance Z_0 [N s/m], norm, weights."""
+
+    band: Band
+    reference_impedance: float
+    norm: Norm
+    weights: Terms
+
+
+@dataclass(frozen=True, slots=True)
+class Stability:
+    """The demands (DESIGN 1.9): band of Llewellyn's conditions, least ratio, greatest |S|."""
+
+    band: Band
+    safety_factor: float
+    max_sensitivity: float
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """A design problem (DESIGN 1.9, 2.1)."""
+
+    name: str
+    description: str
+    device: Device
+    bounds: Bounds
+    transparency: Transparency
+    stability: Stability
+
+    @property
+    def nyquist(self) -> float:
+        """Half the sampling rate, rad/s."""
+        return pi / self.device.sample_time
+
+    @property
+    def fixed_design(self) -> tuple[Gains, Coupling]:
+        """The gains and the coupling of a problem that fixes all of them."""
+        low = self.bounds
+        return (
+            Gains(low.velocity.min, low.position.min),
+            Coupling(low.damping.min, low.mass.min, low.drag.min),
+        )
+
+    def in_units(self, impedance: float, time: float) -> Problem:
+        """Return the same problem with impedances counted in `impedance` [N s/m] and times in `time` [s]."""
+        Z, t = 1 / impedance, 1 / time
+        device, bounds, transparency, stability = self.device, self.bounds, self.transparency, self.stability
+        return replace(
+            self,
+            device=replace(
+                device,
+                mass=device.mass * Z * t,
+                damping=device.damping * Z,
+                sample_time=device.sample_time * t,
+                delay=device.delay * t,
+            ),
+            bounds=Bounds(
+                velocity=bounds.velocity.times(Z),
+                position=bounds.position.times(Z / t),
+                damping=bounds.damping.times(Z),
+                mass=bounds.mass.times(Z * t),
+                drag=bounds.drag.times(Z),
+            ),
+            transparency=replace(
+                transparency,
+                band=Band(transparency.band.min / t, transparency.band.max / t),
+                reference_impedance=transparency.reference_impedance * Z,
+            ),
+            stability=replace(stability, band=Band(stability.band.min / t, stability.band.max / t)),
+        )

@@ -1,0 +1,156 @@
+"""The problem file as written: types, ranges and documentation of every key (DESIGN 2.1).
+
+This is the only place that imports pydantic. `vctune schema` prints the JSON Schema made from it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+LEAST, MOST = 1e-30, 1e30
+
+Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST)]
+Edge = Annotated[float, Field(strict=True, ge=0)]
+Text = Annotated[str, Field(strict=True)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PositiveRange(_Table):
+    """Bounds of a free variable that cannot be 0."""
+
+    min: Positive
+    max: Positive
+
+
+class NotNegativeRange(_Table):
+    """Bounds of a free variable that may be 0."""
+
+    min: NotNegative
+    max: NotNegative
+
+
+def _form(value: Any) -> str:
+    return "range" if isinstance(value, dict | _Table) else "number"
+
+
+PositiveVariable = Annotated[
+    Annotated[Positive, Tag("number")] | Annotated[PositiveRange, Tag("range")], Discriminator(_form)
+]
+MassVariable = Annotated[
+    Annotated[NotNegative, Tag("number")] | Annotated[PositiveRange, Tag("range")], Discriminator(_form)
+]
+Variable = Annotated[
+    Annotated[NotNegative, Tag("number")] | Annotated[NotNegativeRange, Tag("range")], Discriminator(_form)
+]
+
+
+class DeviceTable(_Table):
+    """The mechanism, as an admittance display: Z_d = mass s + damping."""
+
+    mass: Positive = Field(description="Moving mass, kg.")
+    damping: NotNegative = Field(description="Viscous damping, N s/m.")
+    sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
+    hold: Literal["zoh", "lag"] = Field(
+        "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
+    )
+    delay: NotNegative = Field(
+        0.0, description="Delay from sampling to actuation beyond the hold, s; at most 1000 sample times."
+    )
+
+
+class GainsTable(_Table):
+    """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
+
+    velocity: Variable | None = Field(
+        None,
+        description="K_v, N s/m. Default { min = 1e-5 Z, max = 2 Z } with Z = mass/tau + damping and tau = "
+        "sample_time/2 + delay.",
+    )
+    position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
+
+
+class CouplingTable(_Table):
+    """The virtual coupling Z_c = drag + damping and mass in series."""
+
+    damping: PositiveVariable | None = Field(None, description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }.")
+    mass: MassVariable | None = Field(
+        None,
+        description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f) and f the middle of the "
+        "transparency band on a log scale.",
+    )
+    drag: Variable = Field(0.0, description="b_0, N s/m.")
+
+
+class WeightsTable(_Table):
+    """Weights of the three terms of the error; a term with weight 0 is left out."""
+
+    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|.")
+    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|.")
+    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0.")
+
+
+class TransparencyTable(_Table):
+    """The objective: distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
+
+    band_hz: tuple[Positive, Positive] | None = Field(
+        None, description="Band, Hz. Default [0.00025/tau, 0.015/tau]: 0.5 to 30 Hz at 1 kHz without delay."
+    )
+    reference_impedance: Positive | None = Field(
+        None,
+        description="Z_0, N s/m. Default mass 2 pi f: the device's own inertia at the middle f of the band on a log "
+        "scale.",
+    )
+    norm: Literal["rms", "peak"] = Field("rms", description="Average over log frequency, or the greatest value.")
+    weights: WeightsTable = Field(default_factory=WeightsTable)
+
+
+class StabilityTable(_Table):
+    """The demands: Llewellyn's conditions on a band, and a bound on the sensitivity up to Nyquist."""
+
+    band_hz: tuple[Edge, Edge] | None = Field(
+        None,
+        description="Band, Hz. Default: the transparency band's lower edge to a tenth of the sampling rate. The "
+        'lower edge may be 0 and the upper inf with hold "lag" and no delay.',
+    )
+    safety_factor: Positive = Field(1.05, description="Least Re Z_c / R, at least 1.")
+    max_sensitivity: Positive = Field(2.0, description="Greatest |S| = |1 - G_he| up to the Nyquist frequency.")
+
+
+class ProblemDocument(_Table):
+    """A vctune problem file. Only [device] mass, damping and sample_time are required."""
+
+    name: Text | None = Field(
+        None,
+        min_length=1,
+        max_length=200,
+        description="Name of the design and of its folder. Default: the file's stem.",
+    )
+    description: Text = Field("", description="Free text for the reader.")
+    device: DeviceTable
+    gains: GainsTable = Field(default_factory=GainsTable)
+    coupling: CouplingTable = Field(default_factory=CouplingTable)
+    transparency: TransparencyTable = Field(default_factory=TransparencyTable)
+    stability: StabilityTable = Field(default_factory=StabilityTable)
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema of the problem file."""
+    schema = ProblemDocument.model_json_schema()
+    definitions = schema.pop("$defs")
+    for table in (schema, *definitions.values()):
+        for key in table.get("properties", {}).values():
+            if key.get("default", ...) is None:
+                del key["default"]
+                key.update(next(form for form in key.pop("anyOf") if form.get("type") != "null"))
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        **schema,
+        "title": "vctune problem",
+        "$defs": definitions,
+    }

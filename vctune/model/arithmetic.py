@@ -1,0 +1,69 @@
+"""The few operations a formula needs beyond + - * /, for each kind of number.
+
+Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins,
+figures), CasADi symbols (the NLP) or Arb balls (the proof). There is no second copy of a formula to drift.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+Number = Any
+"""A float, a NumPy array, a CasADi symbol, an Arb ball or a power series of balls."""
+
+
+class Arithmetic(Protocol):
+    """Elementary functions of one kind of number."""
+
+    def sqrt(self, x: Number) -> Number: ...
+    def exp(self, x: Number) -> Number: ...
+    def sin(self, x: Number) -> Number: ...
+    def cos(self, x: Number) -> Number: ...
+    def sinc(self, x: Number) -> Number:
+        """Return sin(x)/x, continued by 1 at x = 0."""
+
+    def decay_mean(self, x: Number) -> Number:
+        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0."""
+
+    def decay_ramp(self, x: Number) -> Number:
+        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0."""
+
+    def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        """Return yes() where x > 0 and no() elsewhere."""
+
+
+class _FloatArithmetic:
+    """Double precision, elementwise over NumPy arrays."""
+
+    sqrt = staticmethod(np.sqrt)
+    exp = staticmethod(np.exp)
+    sin = staticmethod(np.sin)
+    cos = staticmethod(np.cos)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return np.sin(x) / x if np.all(x) else np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))
+
+    @staticmethod
+    def decay_mean(x: Number) -> Number:
+        safe = np.where(x == 0, 1.0, x)
+        return np.where(x == 0, 1.0, -np.expm1(-safe) / safe)
+
+    @staticmethod
+    def decay_ramp(x: Number) -> Number:
+        safe = np.where(np.abs(x) < 0.05, 1.0, x)
+        series = 0.5 + x * (
+            -1 / 6 + x * (1 / 24 + x * (-1 / 120 + x * (1 / 720 + x * (-1 / 5040 + x * (1 / 40320 - x / 362880)))))
+        )
+        return np.where(np.abs(x) < 0.05, series, (safe + np.expm1(-safe)) / safe**2)
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(x > 0, yes(), no())
+
+
+FLOATS: Arithmetic = _FloatArithmetic()

@@ -1,0 +1,111 @@
+"""The velocity loop at a frequency (DESIGN 1.1 and 1.2; paper eqs. 7, 9, 10, 11)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.pair import Pair
+from vctune.model.quantities import Device, Gains
+
+
+@dataclass(frozen=True, slots=True)
+class HoldResponse:
+    """Hold and delay at a frequency, H = re - j omega im; both parts are even and smooth at omega = 0.
+
+    Attributes
+    ----------
+    re : Re H
+    im : -Im H / omega, s
+    """
+
+    re: Number
+    im: Number
+
+
+def hold_response(device: Device, omega: Number, ops: Arithmetic) -> HoldResponse:
+    """Evaluate H = hold(j omega) e^{-j omega delay} (DESIGN 1.1; the 1/T that paper eq. 9 lacks included).
+
+    Parameters
+    ----------
+    device : Device
+    omega : rad/s, may be 0
+    ops : arithmetic of omega and of the device's numbers
+    """
+    half = device.sample_time / 2
+    if device.hold == "zoh":
+        reach = ops.sinc(omega * half)
+        phase = omega * device.lag
+        return HoldResponse(reach * ops.cos(phase), device.lag * reach * ops.sinc(phase))
+    lagging = 1 + (omega * half) * (omega * half)
+    if device.delay == 0:
+        return HoldResponse(1 / lagging, half / lagging)
+    phase = omega * device.delay
+    cos, sinc = ops.cos(phase), ops.sinc(phase)
+    return HoldResponse(
+        (cos - omega * half * ops.sin(phase)) / lagging,
+        (half * cos + device.delay * sinc) / lagging,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class LoopResponse:
+    """C, Z_d and D = Z_d + C, each times a common real scale, with what must not be formed by subtraction.
+
+    With an integrator C grows like 1/omega, so everything carries the scale omega and is then regular down to
+    omega = 0; without one the scale is 1.
+
+    Attributes
+    ----------
+    C, Z_d, D : scaled complex impedances
+    scale2 : the scale squared
+    turn : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (DESIGN 1.5: "from its own formula")
+    re_D : Re D = |D|^2 Re G_hh, not scaled, N s/m
+    """
+
+    C: Pair
+    Z_d: Pair
+    D: Pair
+    scale2: Number
+    turn: Number
+    re_D: Number
+
+
+def loop_response(
+    device: Device, gains: Gains, omega: Number, hold: HoldResponse, *, integrator: bool = True
+) -> LoopResponse:
+    """Evaluate the velocity loop from its hold.
+
+    Parameters
+    ----------
+    device : only mass and damping are used
+    gains : K_v, K_p; K_p is not looked at when `integrator` is false
+    omega : rad/s, > 0, or >= 0 in ball arithmetic
+    hold : the hold and delay at omega
+    integrator : whether the law has its K_p/s term
+    """
+    mass_reactance = device.mass * omega
+    proportional = gains.velocity * hold.re
+    if integrator:
+        re_C = proportional - gains.position * hold.im
+        im_C = -(gains.velocity * hold.im * (omega * omega) + gains.position * hold.re)
+        C = Pair(re_C * omega, im_C)
+        Z_d = Pair(device.damping * omega, mass_reactance * omega)
+        scale2 = omega * omega
+    else:
+        re_C = proportional
+        C = Pair(re_C, -(gains.velocity * hold.im * omega))
+        Z_d = Pair(device.damping, mass_reactance)
+        scale2 = 1.0
+    turn = device.damping * C.im - Z_d.im * re_C
+    return LoopResponse(C, Z_d, Z_d + C, scale2, turn, device.damping + re_C)
+
+
+def G_hh_abs2(loop: LoopResponse) -> Number:
+    """Return |G_hh|^2 = 1/|D|^2 (paper eq. 10), (m/(N s))^2."""
+    return loop.scale2 / loop.D.abs2()
+
+
+def sensitivity_abs2(loop: LoopResponse) -> Number:
+    """Return |S|^2 = |Z_d/D|^2 = |1 - G_he|^2 (DESIGN 1.2)."""
+    return loop.Z_d.abs2() / loop.D.abs2()

@@ -1,0 +1,146 @@
+"""The sampled velocity loop: plant 1/(m s + b) sampled exactly, any real delay (DESIGN 1.7).
+
+Between samples the plant sees u[k-N-1] for the first delta T and u[k-N] for the rest, where
+delay = (N + delta) T. With z = e^{j theta} the loop's return difference is
+
+    F(z) = (1 - a/z)(1 - 1/z) + K_v z^-1 B (1 - 1/z) + K_p z^-2 (m phi B + G (z - a)),
+    B = beta_0 z^-N + beta_1 z^-(N+1),   G = gamma_0 z^-N + gamma_1 z^-(N+1),
+
+or F = (1 - a/z) + K_v z^-1 B when K_p = 0: the position is then not in the loop.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor
+
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.pair import Pair
+from vctune.model.quantities import Device, Gains
+
+
+@dataclass(frozen=True, slots=True)
+class SampledPlant:
+    """The step-invariant plant with input delay.
+
+    Attributes
+    ----------
+    pole : a = e^{-bT/m}
+    slack : 1 - a, by its own formula
+    drift : m phi(T), how far a unit velocity coasts in one sample, s
+    velocity : beta_0, beta_1: velocity after one sample per unit held force, m/(N s)
+    position : gamma_0, gamma_1: position after one sample per unit held force, m/N
+    whole : N, whole samples of delay
+    fractional : whether delta > 0, that is, whether beta_1 and gamma_1 are there at all
+    """
+
+    pole: Number
+    slack: Number
+    drift: Number
+    velocity: tuple[Number, Number]
+    position: tuple[Number, Number]
+    whole: int
+    fractional: bool
+
+
+def whole_samples(delay: float, sample_time: float) -> tuple[int, float]:
+    """Split a delay into whole samples and the fraction of one that remains, rounding noise snapped."""
+    samples = delay / sample_time
+    nearest = round(samples)
+    if abs(samples - nearest) <= 1e-12 * max(1.0, samples):
+        return nearest, 0.0
+    return floor(samples), samples - floor(samples)
+
+
+def sampled_plant(device: Device, whole: int, remainder: Number, fractional: bool, ops: Arithmetic) -> SampledPlant:
+    """Sample the plant exactly.
+
+    Parameters
+    ----------
+    device : Device
+    whole : whole samples of delay, N
+    remainder : delta T, s; not looked at unless `fractional`
+    fractional : whether delta > 0
+    ops : arithmetic of the device's numbers
+    """
+    m, T = device.mass, device.sample_time
+    rate = device.damping / m
+
+    def velocity_step(t: Number) -> Number:
+        return t / m * ops.decay_mean(rate * t)
+
+    def position_step(t: Number) -> Number:
+        return t * t / m * ops.decay_ramp(rate * t)
+
+    late = T - remainder if fractional else T
+    beta_0, gamma_0 = velocity_step(late), position_step(late)
+    beta_1 = gamma_1 = 0
+    if fractional:
+        early = velocity_step(remainder)
+        beta_1 = early * ops.exp(-(rate * late))
+        gamma_1 = position_step(remainder) + early * (late * ops.decay_mean(rate * late))
+    drift = T * ops.decay_mean(rate * T)
+    return SampledPlant(
+        ops.exp(-(rate * T)), rate * drift, drift, (beta_0, beta_1), (gamma_0, gamma_1), whole, fractional
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnDifference:
+    """F = open + K_v velocity + K_p position at one point of the unit circle."""
+
+    open: Pair
+    velocity: Pair
+    position: Pair
+
+    def closed(self, gains: Gains, *, integrator: bool) -> Pair:
+        """Return F for the given gains."""
+        F = self.open + self.velocity.scaled(gains.velocity)
+        return F + self.position.scaled(gains.position) if integrator else F
+
+
+def return_difference(
+    plant: SampledPlant, theta: Number, ops: Arithmetic, *, integrator: bool = True
+) -> ReturnDifference:
+    """Evaluate the parts of F at z = e^{j theta}; without an integrator those of the velocity loop alone.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    theta : omega T, rad, in [0, pi]
+    """
+
+    def delayed(steps: int) -> Pair:
+        return Pair(ops.cos(theta * steps), -ops.sin(theta * steps))
+
+    def input_path(taps: tuple[Number, Number], steps: int) -> Pair:
+        path = delayed(plant.whole + steps).scaled(taps[0])
+        return path + delayed(plant.whole + steps + 1).scaled(taps[1]) if plant.fractional else path
+
+    half_sine = ops.sin(theta / 2)
+    difference = Pair(2 * half_sine * half_sine, ops.sin(theta))
+    decay = Pair(plant.slack + plant.pole * difference.re, plant.pole * difference.im)
+    velocity = input_path(plant.velocity, 1)
+    if not integrator:
+        return ReturnDifference(decay, velocity, Pair(0.0, 0.0))
+    position = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position, 1) * decay
+    return ReturnDifference(decay * difference, velocity * difference, position)
+
+
+def characteristic_polynomial(plant: SampledPlant, gains: Gains, *, integrator: bool) -> list[Number]:
+    """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first."""
+    delay = [*plant.velocity] if plant.fractional else [plant.velocity[0]]
+    travel = [*plant.position] if plant.fractional else [plant.position[0]]
+    a, K_v, K_p = plant.pole, gains.velocity, gains.position
+    order = plant.whole + len(delay)
+    if not integrator:
+        coefficients = [1, -a] + [0] * (order - 1)
+        for i, beta in enumerate(delay):
+            coefficients[plant.whole + 1 + i] = coefficients[plant.whole + 1 + i] + K_v * beta
+        return coefficients
+    coefficients = [1, -(1 + a), a] + [0] * (order - 1)
+    for i, (beta, gamma) in enumerate(zip(delay, travel, strict=True)):
+        at = plant.whole + 1 + i
+        coefficients[at] = coefficients[at] + K_v * beta + K_p * gamma
+        coefficients[at + 1] = coefficients[at + 1] - K_v * beta + K_p * (plant.drift * beta - a * gamma)
+    return coefficients

@@ -1,0 +1,46 @@
+"""How far a design is from the ideal G_hh = 0, G_he = 1, Z_c = 0 (DESIGN 1.8, paper eq. 21)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.arithmetic import Number
+from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
+from vctune.model.pair import Pair
+
+PANEL_NODES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """One value for each of the three terms: |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0, or their weights."""
+
+    admittance: Number
+    tracking: Number
+    coupling: Number
+
+
+def squared_terms(loop: LoopResponse, Z_c: Pair, reference_impedance: float) -> Terms:
+    """Return the squares of the three dimensionless terms at a frequency."""
+    Z_0 = reference_impedance
+    return Terms(G_hh_abs2(loop) * Z_0**2, sensitivity_abs2(loop), Z_c.abs2() / Z_0**2)
+
+
+@cache
+def _panel() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return np.polynomial.legendre.leggauss(PANEL_NODES)
+
+
+def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return nodes [rad/s] and weights of the average over log frequency, 1/ln(w2/w1) * integral dw/w.
+
+    Gauss-Legendre with `PANEL_NODES` nodes on each of `panels` equal parts of the logarithmic band.
+    """
+    nodes, weights = _panel()
+    starts = np.arange(panels)[:, None]
+    position = ((starts + (nodes + 1) / 2) / panels).ravel()
+    return omega_min * (omega_max / omega_min) ** position, np.tile(weights / (2 * panels), panels)

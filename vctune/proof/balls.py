@@ -1,0 +1,82 @@
+"""Ball arithmetic (Arb): every result encloses the true value, so a sign that shows is proved (DESIGN 1.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from flint import arb, arb_series
+
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.quantities import Coupling, Device, Gains
+
+PRECISION = 128
+"""Working precision, bits."""
+
+
+class _BallArithmetic:
+    """Balls, and power series of balls for derivatives."""
+
+    @staticmethod
+    def sqrt(x: Number) -> Number:
+        return x.sqrt()
+
+    @staticmethod
+    def exp(x: Number) -> Number:
+        return x.exp()
+
+    @staticmethod
+    def sin(x: Number) -> Number:
+        return x.sin()
+
+    @staticmethod
+    def cos(x: Number) -> Number:
+        return x.cos()
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return x.sinc() if isinstance(x, arb) else x.sin() / x
+
+    @staticmethod
+    def decay_mean(x: Number) -> Number:
+        return -(-x).expm1() / x if x != 0 else arb(1)
+
+    @staticmethod
+    def decay_ramp(x: Number) -> Number:
+        return (x + (-x).expm1()) / (x * x) if x != 0 else arb(1) / 2
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        return yes() if constant(x) > 0 else no()
+
+
+BALLS: Arithmetic = _BallArithmetic()
+
+
+def constant(x: Number) -> arb:
+    """Return a ball, or the constant coefficient of a power series."""
+    return x[0] if isinstance(x, arb_series) else x
+
+
+def ball(decimal: float) -> arb:
+    """Return the decimal that a float is written as, enclosed: 0.4 means 2/5."""
+    return arb(repr(float(decimal)))
+
+
+def box(low: float, high: float) -> arb:
+    """Return a ball that contains the interval [low, high]."""
+    return arb(low).union(arb(high))
+
+
+def device_ball(device: Device) -> Device:
+    """Return the device with its decimals enclosed."""
+    return Device(ball(device.mass), ball(device.damping), ball(device.sample_time), ball(device.delay), device.hold)
+
+
+def gains_ball(gains: Gains) -> Gains:
+    """Return the gains with their decimals enclosed."""
+    return Gains(ball(gains.velocity), ball(gains.position))
+
+
+def coupling_ball(coupling: Coupling) -> Coupling:
+    """Return the coupling with its decimals enclosed."""
+    return Coupling(ball(coupling.damping), ball(coupling.mass), ball(coupling.drag))

@@ -1,0 +1,95 @@
+"""The certificate: every claim about a design, proved, refuted or undecided (DESIGN 1.10, 2.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import pi
+
+from flint import ctx
+
+from vctune.model.arithmetic import Number
+from vctune.model.loop import hold_response, loop_response
+from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.interval import Outcome, Verdict, prove_positive
+from vctune.proof.llewellyn import Design, prove_conditions, widest_band
+from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+
+
+class Claim(StrEnum):
+    """What a certificate claims."""
+
+    CONDITIONS = "Re G_hh > 0 and Re Z_c >= R on the band"
+    SENSITIVITY = "|S| <= max_sensitivity up to Nyquist"
+    MODEL_POLES = "no pole of the frequency model in the closed right half plane"
+    SAMPLED_POLES = "spectral radius of the sampled loop below 1"
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """What is proved of a design.
+
+    Attributes
+    ----------
+    outcomes : for each claim, its verdict, boxes and witness [rad/s]
+    factor : the ratio Re Z_c / R that was demanded of the band
+    shortfall : why a greater factor that was tried first is not proved, else None
+    proved_band : rad/s, the widest band around the requested one with ratio >= 1; None unless the claim is proved
+    """
+
+    outcomes: dict[Claim, Outcome]
+    factor: float
+    shortfall: Outcome | None
+    proved_band: tuple[float, float] | None
+
+    @property
+    def verdict(self) -> Verdict:
+        """The worst verdict of all claims."""
+        verdicts = {outcome.verdict for outcome in self.outcomes.values()}
+        return next(v for v in (Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED) if v in verdicts)
+
+    @property
+    def boxes(self) -> int:
+        """Boxes looked at for all claims."""
+        return sum(outcome.boxes for outcome in self.outcomes.values())
+
+
+def certify(
+    design: Design, band: tuple[float, float], factors: tuple[float, ...], max_sensitivity: float
+) -> Certificate:
+    """Prove a design, its numbers taken as the decimals that they are written as.
+
+    Parameters
+    ----------
+    design : device, gains, coupling
+    band : rad/s, may be (0, inf) for hold "lag" without delay
+    factors : ratios to prove on the band, at least 1, the greatest first; the first that is proved counts
+    max_sensitivity : bound on |S| up to the Nyquist frequency
+    """
+    shortfall: Outcome | None = None
+    with ctx.workprec(PRECISION):
+        for factor in factors:
+            conditions = prove_conditions(design, *band, factor)
+            if conditions.verdict is Verdict.PROVED or factor == factors[-1]:
+                break
+            shortfall = conditions
+        outcomes = {
+            Claim.CONDITIONS: conditions,
+            Claim.SENSITIVITY: prove_sensitivity(design, max_sensitivity),
+            Claim.MODEL_POLES: prove_model_poles(design.device, design.gains),
+            Claim.SAMPLED_POLES: prove_sampled_poles(design.device, design.gains),
+        }
+        proved_band = widest_band(design, *band) if conditions.verdict is Verdict.PROVED else None
+    return Certificate(outcomes, factor, shortfall, proved_band)
+
+
+def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
+    """Prove |S| < max_sensitivity from 0 to the Nyquist frequency, as M^2 |D|^2 > |Z_d|^2."""
+    device, law = device_ball(design.device), gains_ball(design.gains)
+    integrator, limit = design.gains.position > 0, ball(max_sensitivity)
+
+    def margin(omega: Number) -> Number:
+        loop = loop_response(device, law, omega, hold_response(device, omega, BALLS), integrator=integrator)
+        return limit * limit * loop.D.abs2() - loop.Z_d.abs2()
+
+    return prove_positive(margin, 0.0, pi / design.device.sample_time * (1 + 1e-15))

@@ -1,0 +1,140 @@
+"""Proof of Llewellyn's conditions on a band, and the widest band on which they hold (DESIGN 1.4, 1.10)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, nextafter, sqrt
+
+from flint import arb
+
+from vctune.model.arithmetic import Number
+from vctune.model.coupling import coupling_impedance
+from vctune.model.llewellyn import modulus_excess
+from vctune.model.loop import hold_response, loop_response
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.balls import BALLS, coupling_ball, device_ball, gains_ball
+from vctune.proof.ends import high_end_verdict, low_end_verdict, prove_high_end, prove_low_end
+from vctune.proof.interval import Outcome, Verdict, prove_positive
+
+MARCH_BOXES = 2_000
+FINEST_STEP = 1e-8
+LOWEST_EDGE, HIGHEST_EDGE = 1e-9, 1e9
+"""How far below and above the requested band a proof that does not reach the end is carried, relative to its edge."""
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What is judged: a device with its gains and its coupling."""
+
+    device: Device
+    gains: Gains
+    coupling: Coupling
+
+
+def conditions_margin(design: Design, factor: float) -> Callable[[Number], Number]:
+    """Return 2 Re D Re Z_c - factor N as a function of omega > 0, (N s/m)^2.
+
+    N = |C||D| - Re(C conj D) >= 0 and Re Z_c > 0, so that where it is positive Re G_hh > 0 and ratio >= factor.
+    """
+    device, law, virtual = device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling)
+    integrator, threshold = design.gains.position > 0, arb(repr(factor))
+
+    def margin(omega: Number) -> Number:
+        loop = loop_response(device, law, omega, hold_response(device, omega, BALLS), integrator=integrator)
+        return 2 * loop.re_D * coupling_impedance(virtual, omega).re - threshold * modulus_excess(loop, BALLS)
+
+    return margin
+
+
+def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
+    """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], which may be [0, inf].
+
+    Finite edges are widened by the rounding of 2 pi f.
+    """
+    margin = conditions_margin(design, factor)
+    start = _outwards(low, 0.0) if low > 0 else _low_start(design, factor, high)
+    stop = _outwards(high, inf) if high < inf else _high_start(design, factor, low)
+    if start is None:
+        return _end_failure(low_end_verdict(*_parts(design)), margin, min(high, 1.0), 0.25)
+    if stop is None:
+        return _end_failure(high_end_verdict(*_parts(design)), margin, max(low, 1.0), 4.0)
+    return prove_positive(margin, start, stop) if start < stop else Outcome(Verdict.PROVED, 1)
+
+
+def _parts(design: Design) -> tuple[Device, Gains, Coupling]:
+    return design.device, design.gains, design.coupling
+
+
+def _outwards(edge: float, towards: float) -> float:
+    for _ in range(4):
+        edge = nextafter(edge, towards)
+    return edge
+
+
+def _low_start(design: Design, factor: float, high: float) -> float | None:
+    return prove_low_end(*_parts(design), factor, min(high, 1 / design.device.sample_time))
+
+
+def _high_start(design: Design, factor: float, low: float) -> float | None:
+    return prove_high_end(*_parts(design), factor, max(low, 1 / design.device.sample_time))
+
+
+def _end_failure(verdict: Verdict, margin: Callable[[Number], Number], start: float, step: float) -> Outcome:
+    """Return the outcome when an end is not proved, with a witness where the conditions demonstrably fail."""
+    omega = start
+    for tries in range(1, 400):
+        if margin(arb(omega)) < 0:
+            return Outcome(Verdict.REFUTED, tries, omega)
+        omega *= step
+    return Outcome(Verdict.UNDECIDED, tries, 0.0 if step < 1 else None)
+
+
+def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
+    """Return the widest band around a proved one on which Re G_hh > 0 and ratio >= 1 are proved, rad/s.
+
+    Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
+    without delay, whose model is good for a proof to inf.
+    """
+    margin = conditions_margin(design, 1.0)
+    return _lowest(design, margin, low), _highest(design, margin, high)
+
+
+def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool:
+    return prove_positive(margin, low, high, MARCH_BOXES).verdict is Verdict.PROVED
+
+
+def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> float:
+    if low == 0:
+        return 0.0
+    if low_end_verdict(*_parts(design)) is Verdict.PROVED:
+        start = _low_start(design, 1.0, low)
+        if start is not None and (start >= low or _proved(margin, start, low)):
+            return 0.0
+    return _march(margin, low, low * LOWEST_EDGE)
+
+
+def _highest(design: Design, margin: Callable[[Number], Number], high: float) -> float:
+    if high == inf:
+        return inf
+    nyquist = 3.141592653589793 / design.device.sample_time
+    if design.device.hold != "lag" or design.device.delay > 0:
+        return _march(margin, high, nyquist)
+    if high_end_verdict(*_parts(design)) is Verdict.PROVED:
+        stop = _high_start(design, 1.0, high)
+        if stop is not None and (stop <= high or _proved(margin, high, stop)):
+            return inf
+    return _march(margin, high, high * HIGHEST_EDGE)
+
+
+def _march(margin: Callable[[Number], Number], edge: float, goal: float) -> float:
+    """Return how far from edge towards goal the margin is proved positive, to `FINEST_STEP`."""
+    down = goal < edge
+    step = 4.0
+    while step - 1 > FINEST_STEP and edge != goal:
+        ahead = max(goal, edge / step) if down else min(goal, edge * step)
+        if _proved(margin, min(edge, ahead), max(edge, ahead)):
+            edge, step = ahead, min(step * step, 16.0)
+        else:
+            step = sqrt(step)
+    return edge
