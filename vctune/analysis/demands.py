@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import modulus_excess
+from vctune.model.llewellyn import modulus_excess, rollett_factor
 from vctune.model.loop import LoopResponse, hold_response, loop_response, sensitivity_abs2
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
@@ -33,6 +33,13 @@ def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Flo
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.re_D * coupling_impedance(coupling, omega).re / modulus_excess(loop, FLOATS)
     return np.where(loop.re_D > 0, ratio, -inf)
+
+
+def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:
+    """Return Rollett's K at a frequency omega > 0; inf without a loop."""
+    at = np.array([omega])
+    with np.errstate(divide="ignore"):
+        return float(rollett_factor(response(device, gains, at), coupling_impedance(coupling, at), FLOATS)[0])
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:

@@ -44,7 +44,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """
 
     def value(omega: Floats) -> Floats:
-        return np.nan_to_num(f(omega), nan=np.inf)
+        return np.nan_to_num(f(omega), nan=np.inf, posinf=np.inf, neginf=-np.inf)
 
     values = value(grid)
     padded = np.concatenate(([np.inf], values, [np.inf]))

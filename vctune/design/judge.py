@@ -6,7 +6,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 
-from vctune.analysis.demands import TransparencyError, ratio_minima, sensitivity_maxima, transparency_error
+from vctune.analysis.demands import (
+    TransparencyError,
+    ratio_minima,
+    rollett_factor_at,
+    sensitivity_maxima,
+    transparency_error,
+)
 from vctune.analysis.margins import Margins, loop_margins
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
@@ -49,6 +55,7 @@ class Judgement:
     gains, coupling : the design
     transparency : its error and the three terms
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
+    rollett_factor : Rollett's K there; None at an end of the axis
     peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
     margins : of the velocity loop
     spectral_radius : of the sampled loop
@@ -60,6 +67,7 @@ class Judgement:
     transparency: TransparencyError
     min_ratio: float
     worst: float
+    rollett_factor: float | None
     peak_sensitivity: float
     worst_sensitivity: float
     margins: Margins
@@ -90,6 +98,7 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
         transparency=transparency_error(problem, gains, coupling),
         min_ratio=min_ratio,
         worst=worst,
+        rollett_factor=rollett_factor_at(problem.device, gains, coupling, worst) if 0 < worst < inf else None,
         peak_sensitivity=float(-sensitivity.value[0]),
         worst_sensitivity=float(sensitivity.omega[0]),
         margins=loop_margins(problem.device, gains),

@@ -29,7 +29,7 @@ from vctune.model.transparency import PANEL_NODES, squared_terms
 TERMS = ("admittance", "tracking", "coupling")
 DEMANDS = ("ratio", "sensitivity", "sampled", "peak")
 """Kinds of constraint, in the order of `Shape.slots`."""
-SLOTS = 16
+SLOTS = 24
 """Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -38,7 +38,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
     "ipopt.bound_relax_factor": 0.0,
-    "ipopt.tol": 1e-10,
+    "ipopt.tol": 1e-9,
+    "ipopt.nlp_scaling_method": "none",
     "ipopt.max_iter": 200,
     "ipopt.mu_init": 1e-3,
     "ipopt.mumps_pivot_order": 0,

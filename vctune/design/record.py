@@ -173,6 +173,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
             "min_ratio": judgement.min_ratio,
             "worst_hz": _hz(judgement.worst),
+            "rollett_k": judgement.rollett_factor,
             "boxes": certificate.boxes,
             "claims": [
                 {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from hashlib import sha256
-from math import inf, isfinite
+from math import inf, isfinite, pi
 from pathlib import Path
 from typing import Any
 
@@ -191,9 +191,10 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
         if high is not None and sample_time and sample_time > 0 and high > 0.5 / sample_time * (1 + 1e-12):
             nyquist = 0.5 / sample_time
             yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
-        if table == "stability" and not to_infinity and (low == 0 or endless):
-            edge = "the lower edge 0" if low == 0 else "the upper edge inf"
-            yield path, f'{edge} needs hold = "lag" and delay = 0; use a finite, positive edge'
+        if table == "stability" and not to_infinity:
+            for edge, there in (("the lower edge 0", low == 0), ("the upper edge inf", endless)):
+                if there:
+                    yield path, f'{edge} needs hold = "lag" and delay = 0; use a finite, positive edge'
 
 
 def _is_infinite(raw: dict[str, Any], table: str) -> bool:
@@ -220,9 +221,9 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
 
 
 def _empty_default_band(problem: Problem) -> Fault:
-    low, high = problem.stability.band.min / 6.283185307179586, 0.1 / problem.device.sample_time
+    low, high = problem.transparency.band.min / (2 * pi), 0.1 / problem.device.sample_time
     message = (
-        f"the default [{low:g}, {high:g}] Hz (transparency's lower edge to a tenth of the sampling rate) is empty; "
-        "set stability.band_hz"
+        f"with the lower edge {low:g} Hz the default stability band, from there to a tenth of the sampling rate "
+        f"({high:g} Hz), is empty; set stability.band_hz"
     )
-    return ("stability", "band_hz"), message
+    return ("transparency", "band_hz"), message

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import LoopResponse
-from vctune.model.pair import re_conj_product
+from vctune.model.pair import Pair, re_conj_product
 
 
 def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
@@ -27,3 +27,12 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     Negative where Re G_hh < 0: no coupling is admissible there.
     """
     return modulus_excess(loop, ops) / (2 * loop.re_D)
+
+
+def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
+    """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is (DESIGN 1.4).
+
+    With p12 p21 = -q and everything times |D|^2.
+    """
+    product = ops.sqrt(loop.C.abs2() * loop.D.abs2()) / loop.scale2
+    return (2 * loop.re_D * Z_c.re + re_conj_product(loop.C, loop.D) / loop.scale2) / product

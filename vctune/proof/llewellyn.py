@@ -35,10 +35,13 @@ class Design:
 def conditions_margin(design: Design, factor: float) -> Callable[[Number], Number]:
     """Return 2 Re D Re Z_c - factor N as a function of omega > 0, (N s/m)^2.
 
-    N = |C||D| - Re(C conj D) >= 0 and Re Z_c > 0, so that where it is positive Re G_hh > 0 and ratio >= factor.
+    N = |C||D| - Re(C conj D) >= 0 and Re Z_c > 0, so that where it is positive Re G_hh > 0 and ratio >= factor. Without
+    a loop C = N = 0.
     """
     device, law, virtual = device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling)
     integrator, threshold = design.gains.position > 0, arb(repr(factor))
+    if design.gains.velocity == 0 and not integrator:
+        return lambda omega: 2 * device.damping * coupling_impedance(virtual, omega).re
 
     def margin(omega: Number) -> Number:
         loop = loop_response(device, law, omega, hold_response(device, omega, BALLS), integrator=integrator)

@@ -1,0 +1,221 @@
+"""The command line as its users meet it: exit codes, strict JSON, files whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import tomllib
+from conftest import ROOT
+
+from vctune.exits import ExitCode
+
+DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+
+
+def run(*arguments, cwd, env=None, **options):
+    return subprocess.run(
+        [sys.executable, "-m", "vctune", *map(str, arguments)],
+        cwd=cwd, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **(env or {})}, **options,
+    )  # fmt: skip
+
+
+def strict(text):
+    def refuse(name):
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+@pytest.fixture
+def device(tmp_path) -> Path:
+    path = tmp_path / "device.toml"
+    path.write_text(DEVICE)
+    return path
+
+
+def test_solve_writes_its_files_and_prints_a_table(device, tmp_path):
+    done = run("solve", device, cwd=tmp_path)
+    assert done.returncode == ExitCode.OK
+    assert done.stderr == ""
+    folder = tmp_path / "results" / "device"
+    assert {path.name for path in folder.iterdir()} == {"gains.toml", "design.json"}
+    for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "left out: coupling.drag"):
+        assert part in done.stdout
+    design, gains = strict((folder / "design.json").read_text()), tomllib.loads((folder / "gains.toml").read_text())
+    assert gains["gains"] == design["gains"]
+    assert gains["coupling"] == design["coupling"]
+    assert gains["design"]["sha256"] == design["problem"]["sha256"]
+    assert gains["design"]["verdict"] == "proved"
+
+
+def test_json_is_the_file_and_nothing_else(device, tmp_path):
+    done = run("solve", device, "--json", "--out", "o", cwd=tmp_path)
+    assert strict(done.stdout) == strict((tmp_path / "o/device/design.json").read_text())
+    design = strict(done.stdout)
+    assert design["schema"] == "vctune/design/1"
+    assert list(design)[:5] == ["schema", "problem", "status", "reason", "gains"]
+    contract = {
+        "certificate": {"verdict", "band_hz", "proved_band_hz", "min_ratio", "worst_hz", "boxes"},
+        "inner_loop": {
+            "stable", "spectral_radius", "peak_sensitivity", "gain_margin_db", "phase_margin_deg", "delay_margin_s",
+        },
+        "transparency": {"error", "admittance", "tracking", "coupling"},
+    }  # fmt: skip
+    for table, keys in contract.items():
+        assert keys <= set(design[table])
+    assert {"at_bound", "left_out", "solver", "versions", "seconds"} <= set(design)
+
+
+def test_pasted_gains_are_certified_again(device, tmp_path):
+    run("solve", device, "--quiet", "--out", "o", cwd=tmp_path)
+    pasted = (tmp_path / "o/device/gains.toml").read_text().split("[design]")[0] + DEVICE
+    fixed = tmp_path / "fixed.toml"
+    fixed.write_text(pasted)
+    first = strict((tmp_path / "o/device/design.json").read_text())
+    again = strict(run("solve", fixed, "--json", "--out", "o", cwd=tmp_path).stdout)
+    assert again["status"] == "certified"
+    assert again["gains"] == first["gains"]
+    assert again["transparency"] == first["transparency"]
+
+
+def test_infeasible(tmp_path):
+    done = run("solve", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    design = strict(done.stdout)
+    assert (design["status"], design["gains"], design["coupling"]) == ("infeasible", None, None)
+    assert "of the required R at 100 Hz" in design["reason"]
+    assert not (tmp_path / "results/infeasible/gains.toml").exists()
+
+
+def test_violated_and_quiet(tmp_path):
+    path = tmp_path / "fixed.toml"
+    path.write_text(DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n")
+    done = run("solve", path, "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (ExitCode.FAILED, "", "")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["solve"], ["solve", "a", "b"], ["solv"], ["--nope"], ["solve", "none.toml"], ["solve", "."]]
+)
+def test_bad_usage(arguments, tmp_path):
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert done.stderr and "Traceback" not in done.stderr and done.stdout == ""
+
+
+def test_mistakes_go_to_stderr_with_their_lines(tmp_path):
+    done = run("solve", ROOT / "tests/bad/everything-at-once.toml", "--json", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
+    assert re.search(r"everything-at-once.toml:6: gains.velocity: min = 2 is above max = 1", done.stderr)
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("out", ["/proc/none", "taken"])
+def test_no_place_to_write(device, tmp_path, out):
+    (tmp_path / "taken").write_text("mine")
+    done = run("solve", device, "--out", out, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "cannot be written" in done.stderr and "--out" in done.stderr
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_file_size_limit_leaves_the_old_design(device, tmp_path):
+    """As on a full disk: the operating system refuses to write on."""
+    run("solve", device, cwd=tmp_path)
+    design = tmp_path / "results/device/design.json"
+    before = design.read_text()
+    limited = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); from vctune.cli import run; run()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", limited, "solve", str(device)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "cannot be written" in done.stderr
+    assert design.read_text() == before
+    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml"]
+
+
+@pytest.mark.parametrize("delay", [0.15, 0.2, 0.25, 0.3, 0.35, 0.4])
+def test_ctrl_c(tmp_path, delay):
+    """Interrupted anywhere, also inside IPOPT: 130, no traceback, nothing half-written."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "vctune", "solve", ROOT / "problems/extremes/seven-decades.toml"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    time.sleep(delay)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
+    if process.returncode == ExitCode.OK:
+        assert left == ["design.json", "gains.toml"]
+    else:
+        assert process.returncode == ExitCode.INTERRUPTED
+        assert out == "" and "Traceback" not in err
+        assert "gains.toml" not in left or left == ["gains.toml"]
+
+
+def test_interrupt_inside_ipopt_is_not_swallowed(monkeypatch, tmp_path):
+    from vctune.design import ipopt
+    from vctune.design.solve import solve
+    from vctune.document.reading import parse_problem
+
+    class Interrupted:
+        def __call__(self, **_numbers):
+            return {"x": 0, "f": 0, "lam_g": 0}
+
+        def stats(self):
+            return {"return_status": "NonIpopt_Exception_Thrown"}
+
+    monkeypatch.setattr(ipopt, "compiled", lambda _shape: Interrupted())
+    with pytest.raises(KeyboardInterrupt):
+        solve(parse_problem(DEVICE, "x", "x"))
+
+
+def test_internal_errors_are_said_without_a_traceback(device, tmp_path):
+    broken = "import vctune.document.reading as r; r.resolve = lambda *a: 1 / 0; from vctune.cli import run; run()"
+    done = subprocess.run(
+        [sys.executable, "-c", broken, "solve", str(device)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == ExitCode.INTERNAL
+    assert "internal error" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_names_become_one_folder(tmp_path):
+    for name in ("a/b", "..", "<script>alert(1)</script>", "Größe 大 'x'"):
+        path = tmp_path / "n.toml"
+        path.write_text(f"name = {json.dumps(name)}\n" + DEVICE)
+        done = run("solve", path, "--json", "--out", "o", cwd=tmp_path, env={"PYTHONIOENCODING": "utf-8"})
+        assert strict(done.stdout)["problem"]["name"] == name
+    assert {path.parent.parent for path in tmp_path.rglob("design.json")} == {tmp_path / "o"}
+
+
+def test_version_names_everything_that_determines_a_result(tmp_path):
+    done = run("--version", cwd=tmp_path)
+    assert done.returncode == 0
+    for name in ("vctune", "casadi", "ipopt", "numpy", "python-flint"):
+        assert re.search(rf"^{name} \d+\.\d+", done.stdout, re.MULTILINE)
+
+
+def test_schema_prints_the_schema(tmp_path):
+    assert strict(run("schema", cwd=tmp_path).stdout)["title"] == "vctune problem"
+
+
+def test_help_names_commands_and_exit_codes(tmp_path):
+    text = run("--help", cwd=tmp_path).stdout
+    assert "solve" in text and "schema" in text and "130 interrupted" in " ".join(text.split())
+
+
+def test_colour_only_for_terminals_and_never_with_no_color(device, tmp_path):
+    assert "\x1b[" not in run("solve", device, cwd=tmp_path).stdout
+    forced = {"FORCE_COLOR": "1", "NO_COLOR": "1"}
+    assert "\x1b[3" not in run("solve", device, cwd=tmp_path, env=forced).stdout

@@ -1,0 +1,228 @@
+"""Problem files: defaults, units, and one bad file per fault, named by the fault."""
+
+from __future__ import annotations
+
+import json
+from math import inf, pi, sqrt
+from pathlib import Path
+
+import jsonschema
+import pytest
+import tomllib
+from conftest import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vctune.document import toml
+from vctune.document.errors import InputError
+from vctune.document.files import folder_name, write_text
+from vctune.document.gains import gains_text
+from vctune.document.problem import Band, Range
+from vctune.document.reading import parse_problem, read_problem
+from vctune.document.schema import json_schema
+from vctune.model.quantities import Coupling, Gains
+
+BAD = Path(__file__).parent / "bad"
+THREE = "[device]\nmass = {}\ndamping = {}\nsample_time = {}\n"
+FAULTS = {
+    "not-toml": [("1", "", "not valid TOML")],
+    "empty": [("1", "device", "is missing")],
+    "missing-keys": [("1", "device.mass", "is missing"), ("1", "device.sample_time", "is missing")],
+    "misspelt-key": [("5", "device.dampin", "did you mean damping?")],
+    "misspelt-table": [("5", "stabilty", "did you mean stability?")],
+    "key-in-wrong-table": [("5", "device.safety_factor", "it belongs in [stability]")],
+    "string-for-number": [("2", "device.mass", "'0.4' is not a number")],
+    "bool-for-number": [("2", "device.mass", "True is not a number")],
+    "negative-mass": [("2", "device.mass", "too small")],
+    "nan": [("2", "device.mass", "nan"), ("3", "device.damping", "nan")],
+    "infinite": [("2", "device.mass", "inf is out of range")],
+    "unknown-hold": [("5", "device.hold", "'foh' is not one of")],
+    "long-delay": [("5", "device.delay", "2e+03 sample times")],
+    "bounds-swapped": [("6", "gains.velocity", "min = 5 is above max = 1")],
+    "range-without-max": [("6", "gains.velocity.max", "is missing")],
+    "free-damping-from-zero": [("6", "coupling.damping.min", "too small")],
+    "band-of-one-point": [("6", "stability.band_hz", "a band needs a width")],
+    "band-above-nyquist": [("6", "transparency.band_hz", "above the Nyquist frequency 500 Hz")],
+    "band-to-infinity-with-zoh": [
+        ("6", "stability.band_hz", "lower edge 0 needs hold"),
+        ("6", "stability.band_hz", "upper edge inf"),
+    ],
+    "band-of-three": [("6", "stability.band_hz", "more than two")],
+    "weights-zero": [("6", "transparency.weights", "nothing is left to optimise")],
+    "weight-negative": [("6", "transparency.weights.tracking", "too small")],
+    "safety-below-one": [("6", "stability.safety_factor", "below 1")],
+    "default-band-empty": [("6", "transparency.band_hz", "is empty")],
+    "name-empty": [("1", "name", "is empty")],
+    "everything-at-once": [
+        ("1", "name", "not a text"),
+        ("2", "device.damping", "is missing"),
+        ("2", "device.sample_time", "is missing"),
+        ("3", "device.mass", "not a number"),
+        ("4", "device.dampng", "did you mean damping?"),
+        ("6", "gains.velocity", "above max"),
+        ("8", "stability.band_hz", "needs a width"),
+    ],
+}
+
+
+def test_every_bad_file_has_its_expectation():
+    assert {path.stem for path in BAD.glob("*.toml")} == set(FAULTS)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_bad_file(name):
+    """Every mistake, in the order of the lines, with line, dotted key and remedy; nothing else."""
+    with pytest.raises(InputError) as caught:
+        read_problem(BAD / f"{name}.toml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(FAULTS[name])
+    for line, (number, key, text) in zip(lines, FAULTS[name], strict=True):
+        assert line.startswith(f"{BAD / name}.toml:{number}: {key}")
+        assert text in line
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"[" * 900_000, "not valid TOML"),
+        (b"x" * 1_000_001, "longer than"),
+        (b"\x00" * 1000, "not valid TOML"),
+    ],
+)
+def test_garbage(tmp_path, content, text):
+    path = tmp_path / "garbage.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=text):
+        read_problem(path)
+
+
+def test_directory_and_missing_file(tmp_path):
+    with pytest.raises(InputError, match="is a directory"):
+        read_problem(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        read_problem(tmp_path / "none.toml")
+
+
+def test_defaults_are_the_documented_formulas():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3), "x.toml", "x")
+    tau, f = 0.5e-3, sqrt(0.5 * 30.0)
+    loop = 0.4 / tau + 2.0
+    Z_0 = 0.4 * 2 * pi * f
+    assert problem.name == "x"
+    assert (problem.device.hold, problem.device.delay) == ("zoh", 0.0)
+    assert problem.transparency.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 30))
+    assert problem.transparency.reference_impedance == pytest.approx(Z_0)
+    assert problem.bounds.velocity == Range(pytest.approx(1e-5 * loop), pytest.approx(2 * loop))
+    assert problem.bounds.position == Range(0.0, pytest.approx(2 * loop / tau))
+    assert problem.bounds.damping == Range(pytest.approx(1e-6 * Z_0), pytest.approx(1e6 * Z_0))
+    assert problem.bounds.mass == Range(pytest.approx(1e-6 * 0.4), pytest.approx(1e6 * 0.4))
+    assert problem.bounds.drag == Range(0.0, 0.0)
+    assert problem.stability.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 100))
+    assert (problem.stability.safety_factor, problem.stability.max_sensitivity) == (1.05, 2.0)
+
+
+@given(st.floats(-3, 3), st.floats(-2, 2))
+def test_defaults_do_not_depend_on_units(mass_decades, time_decades):
+    """A device in other units has the same dimensionless problem."""
+    c, t = 10.0**mass_decades, 10.0**time_decades
+    here = parse_problem(THREE.format(0.4, 2.0, 1e-3), "x", "x")
+    there = parse_problem(THREE.format(0.4 * c * t, 2.0 * c, 1e-3 * t), "x", "x")
+    a = here.in_units(here.transparency.reference_impedance, here.device.sample_time)
+    b = there.in_units(there.transparency.reference_impedance, there.device.sample_time)
+    for name in ("velocity", "position", "damping", "mass"):
+        assert getattr(b.bounds, name).max == pytest.approx(getattr(a.bounds, name).max, rel=1e-9)
+    assert b.device.mass == pytest.approx(a.device.mass, rel=1e-9)
+    assert b.stability.band.max == pytest.approx(a.stability.band.max, rel=1e-9)
+
+
+def test_in_units_and_back():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + "delay = 1e-3\n", "x", "x")
+    back = problem.in_units(8.0, 0.5).in_units(1 / 8.0, 2.0)
+    assert back.device == problem.device
+    assert back.bounds == problem.bounds
+
+
+def test_bounds_that_meet_are_a_number():
+    text = THREE.format(0.4, 2.0, 1e-3)
+    a = parse_problem(text + "[gains]\nvelocity = { min = 3.0, max = 3.0 }\n", "x", "x")
+    b = parse_problem(text + "[gains]\nvelocity = 3\n", "x", "x")
+    assert a.bounds == b.bounds
+    assert a.bounds.velocity.fixed
+
+
+def test_band_may_reach_zero_and_infinity_with_lag():
+    text = THREE.format(0.4, 2.0, 1e-3) + 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+    assert parse_problem(text, "x", "x").stability.band == Band(0.0, inf)
+
+
+def test_locate_finds_keys_in_every_way_toml_writes_them():
+    text = (
+        '# [a]\nx = [\n  1,\n  2,\n]\n\n[a]  # b = 1\n# y\n\ny = """\n[c]\nz = 1\n"""\n'
+        'b.c = 1\n"d e" = { f = 1, g = 2 }\n[[t]]\nk = 1\n[[t]]\nk = 2\n'
+    )
+    places = {
+        ("x",): 2, ("x", 1): 2, ("a",): 7, ("a", "y"): 10, ("a", "b", "c"): 14, ("a", "d e", "g"): 15,
+        ("t", 0, "k"): 17, ("t", 1, "k"): 19,
+    }  # fmt: skip
+    for path, line in places.items():
+        assert toml.locate(text, path) == line
+        assert toml.locate(text.replace("\n", "\r\n"), path) == line
+    assert toml.locate(text, ("c", "z")) is None
+
+
+def test_schema_agrees_with_the_reader(problems):
+    """Every problem in the gallery is valid against the schema; the bad files of a single key are not."""
+    validator = jsonschema.Draft202012Validator(json_schema())
+    validator.check_schema(json_schema())
+    for path in problems.rglob("*.toml"):
+        document = tomllib.loads(path.read_text())
+        assert validator.is_valid(document), path
+    for name in ("misspelt-key", "negative-mass", "string-for-number", "range-without-max", "unknown-hold", "empty"):
+        assert not validator.is_valid(tomllib.loads((BAD / f"{name}.toml").read_text())), name
+
+
+def test_schema_file_is_the_schema():
+    stored = json.loads((ROOT / "vctune/document/problem.schema.json").read_text())
+    assert stored == json_schema()
+
+
+def test_problems_name_the_schema(problems):
+    for path in problems.rglob("*.toml"):
+        first = path.read_text().splitlines()[0]
+        assert first.startswith("#:schema ")
+        assert (path.parent / first.removeprefix("#:schema ")).resolve() == ROOT / "vctune/document/problem.schema.json"
+
+
+@pytest.mark.parametrize(
+    "name", ["a b", 'quo"te', "<script>", "Größe 大", "tab\t", "back\\slash", "\x7f", "line\nbreak"]
+)
+def test_gains_file_is_toml_and_fixes_a_problem(name):
+    gains, coupling = Gains(279.10689, 1e-05), Coupling(16.0, 1e22, 0.0)
+    text = gains_text(gains, coupling, {"problem": name, "sha256": "0"})
+    document = tomllib.loads(text)
+    assert document["design"]["problem"] == name
+    pasted = text[: text.index("[design]")] + THREE.format(0.4, 2.0, 1e-3)
+    assert parse_problem(pasted, "x", "x").fixed_design == (gains, coupling)
+
+
+@pytest.mark.parametrize("name", ["a/b", "..", "../../etc", "a\x00b", "", "C:\\x", "." * 5, "x" * 300])
+def test_folder_name_is_one_folder(name):
+    made = folder_name(name)
+    assert made
+    assert Path(made).name == made
+    assert not made.startswith(".")
+
+
+def test_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "design.json"
+    write_text(path, "old")
+
+    def full(_handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_text(path, "new")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]

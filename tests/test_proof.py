@@ -1,0 +1,211 @@
+"""The prover against DESIGN 1.6's fixtures, against 50 digits, and at the limit of what can be told apart."""
+
+from __future__ import annotations
+
+from math import inf, pi
+
+import mpmath as mp
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from oracles import Case, exact_ratio
+
+from vctune.analysis.demands import stability_ratio
+from vctune.analysis.extrema import frequency_grid, local_minima
+from vctune.model.pair import Pair
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.balls import PRECISION
+from vctune.proof.certificate import Claim, certify, prove_sensitivity
+from vctune.proof.ends import prove_high_end, prove_low_end
+from vctune.proof.interval import Verdict, prove_positive
+from vctune.proof.llewellyn import Design, conditions_margin, prove_conditions, widest_band
+from vctune.proof.winding import turned_angle
+
+LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
+INTEGRAL = Gains(40.0, 4000.0)
+VELOCITY = Gains(40.0, 0.0)
+
+
+def conditions(design, low, high, factor=1.0):
+    with ctx.workprec(PRECISION):
+        return prove_conditions(design, low, high, factor)
+
+
+@pytest.mark.parametrize(
+    ("gains", "b_c", "m_c", "band", "verdict"),
+    [
+        (VELOCITY, 21000.0, 8.0, (0.0, inf), Verdict.PROVED),
+        (VELOCITY, 21000.0, 5.5, (0.0, inf), Verdict.PROVED),
+        (VELOCITY, 21000.0, 5.4, (0.0, inf), Verdict.REFUTED),
+        (VELOCITY, 19000.0, 8.0, (0.0, inf), Verdict.REFUTED),
+        (INTEGRAL, 25000.0, 5.0, (0.0, inf), Verdict.REFUTED),
+        (INTEGRAL, 25000.0, 5.0, (5.3411, 76.195), Verdict.PROVED),
+        (INTEGRAL, 25000.0, 5.0, (284.484, inf), Verdict.PROVED),
+        (INTEGRAL, 25000.0, 5.0, (5.3409, 76.195), Verdict.REFUTED),
+        (INTEGRAL, 25000.0, 5.0, (5.3411, 76.197), Verdict.REFUTED),
+        (INTEGRAL, 3000.0, 2.0, (4.5440, 93.851), Verdict.PROVED),
+        (INTEGRAL, 3000.0, 2.0, (199.372, 3197.6), Verdict.PROVED),
+        (INTEGRAL, 3000.0, 2.0, (199.370, 3197.6), Verdict.REFUTED),
+        (INTEGRAL, 3000.0, 2.0, (199.372, 3197.7), Verdict.REFUTED),
+    ],
+)
+def test_fixtures_of_the_design_page(gains, b_c, m_c, band, verdict):
+    assert conditions(Design(LAG, gains, Coupling(b_c, m_c, 0.0)), *band).verdict is verdict
+
+
+def test_a_tiny_drag_repairs_the_low_end():
+    """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0 (DESIGN 1.6)."""
+    for drag, verdict in ((0.0251, Verdict.PROVED), (0.0249, Verdict.REFUTED)):
+        assert conditions(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, drag)), 0.0, 50.0).verdict is verdict
+
+
+def interior_minimum(b_c, m_c):
+    """The least ratio between the two outer crossings of the fixture, inside the band."""
+    device, coupling = LAG, Coupling(b_c, m_c, 0.0)
+    found = local_minima(lambda w: stability_ratio(device, INTEGRAL, coupling, w), frequency_grid(10.0, 1000.0))
+    return float(found.value[0]), float(found.omega[0])
+
+
+@pytest.mark.parametrize(("offset", "verdict"), [(1e-6, Verdict.PROVED), (-1e-6, Verdict.REFUTED)])
+def test_tells_one_plus_from_one_minus_a_millionth(offset, verdict):
+    """A coupling whose interior minimum is 1 + offset: scale b_c and m_c together, which scales Re Z_c."""
+    least, omega = interior_minimum(25000.0, 5.0)
+    assert 76 < omega < 285
+    scale = (1 + offset) / least
+    b_c, m_c = 25000.0 * scale, 5.0 * scale
+    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, b_c, m_c)
+    assert float(exact_ratio(case, omega)) == pytest.approx(1 + offset, abs=1e-8)
+    outcome = conditions(Design(LAG, INTEGRAL, Coupling(b_c, m_c, 0.0)), 20.0, 1000.0)
+    assert outcome.verdict is verdict
+    assert outcome.boxes < 2000
+    if verdict is Verdict.REFUTED:
+        assert exact_ratio(case, outcome.witness) < 1
+
+
+@st.composite
+def designs(draw):
+    T = 10.0 ** draw(st.floats(-5, -1.3))
+    m, hold = 10.0 ** draw(st.floats(-4, 4)), draw(st.sampled_from(["zoh", "lag"]))
+    K_v = m / T * 10.0 ** draw(st.floats(-2, 0.0))
+    case = Case(
+        m,
+        draw(st.sampled_from([0.0, 1e-3, 0.03])) * m / T,
+        T,
+        T * draw(st.sampled_from([0.0, 0.4, 2.0])),
+        hold,
+        K_v,
+        draw(st.sampled_from([0.0, 0.01, 0.1])) * K_v / T,
+        1.0,
+        1.0,
+    )
+    band = (10.0 ** draw(st.floats(-4, -1.5)) / T, 10.0 ** draw(st.floats(-1, 0.3)) / T)
+    return case, band, draw(st.sampled_from([0.5, 0.999, 1.001, 1.05, 3.0]))
+
+
+@settings(max_examples=150)
+@given(designs(), st.integers(0, 2**32 - 1))
+def test_never_proves_what_50_digits_refute_nor_refutes_without_a_witness(drawn, seed):
+    case, band, level = drawn
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold), Gains(case.K_v, case.K_p)
+    grid = frequency_grid(*band)
+    ratio = stability_ratio(device, gains, Coupling(1.0, 1e-2 / band[0], 0.0), grid)
+    assume(np.all(ratio > 0))
+    b_c = float(level / ratio.min())
+    assume(1e-25 < b_c < 1e25)
+    case = Case(**{**case.__dict__, "b_c": b_c, "m_c": 1e-2 / band[0] * b_c})
+    outcome = conditions(Design(device, gains, Coupling(case.b_c, case.m_c, 0.0)), *band)
+    assert outcome.verdict is not Verdict.UNDECIDED
+    if outcome.verdict is Verdict.REFUTED:
+        assert exact_ratio(case, outcome.witness) < 1
+    else:
+        rng = np.random.default_rng(seed)
+        for omega in band[0] * (band[1] / band[0]) ** np.append(rng.uniform(size=30), [0.0, 1.0]):
+            assert exact_ratio(case, float(omega)) > 1 - 1e-12
+
+
+@pytest.mark.parametrize("gains", [VELOCITY, INTEGRAL])
+def test_the_end_charts_agree_with_the_formulas_of_the_middle(gains):
+    """The edges found from 0 and from inf are proved good, and 50 digits agree next to them."""
+    coupling = Coupling(25000.0, 8.0, 0.1)
+    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", gains.velocity, gains.position, 25000.0, 8.0, 0.1)
+    with ctx.workprec(PRECISION):
+        low = prove_low_end(LAG, gains, coupling, 1.0, 1e3)
+        high = prove_high_end(LAG, gains, coupling, 1.0, 1e2)
+    assert low is not None and high is not None
+    for omega in (low, low / 10, low / 1e4, high, high * 10, high * 1e4):
+        assert exact_ratio(case, omega) > 1
+
+
+def test_widest_band_ends_at_the_crossings():
+    with ctx.workprec(PRECISION):
+        low, high = widest_band(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, 0.0)), 10.0, 50.0)
+    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, 25000.0, 5.0)
+    for edge, outwards in ((low, 1 - 1e-6), (high, 1 + 1e-6)):
+        assert exact_ratio(case, edge) >= 1
+        assert exact_ratio(case, edge * outwards) < 1
+
+
+def test_sensitivity_is_decided_close_to_its_peak():
+    design = Design(
+        Device(0.8, 1.5, 1e-3, 1e-3, "zoh"), Gains(278.65418437695695, 46985.153617955424), Coupling(1.0, 1.0, 0.0)
+    )
+    with mp.workdps(30):
+        peak = float(mp.mpf(max(float(_sensitivity(design, w)) for w in np.linspace(520, 540, 2001))))
+    with ctx.workprec(PRECISION):
+        assert prove_sensitivity(design, peak * (1 + 1e-6)).verdict is Verdict.PROVED
+        refuted = prove_sensitivity(design, peak * (1 - 1e-6))
+    assert refuted.verdict is Verdict.REFUTED
+    assert _sensitivity(design, refuted.witness) > peak * (1 - 1e-6)
+
+
+def _sensitivity(design, omega):
+    d, g, s = design.device, design.gains, 1j * omega
+    C = (g.velocity + g.position / s) * (1 - np.exp(-s * d.sample_time)) / (s * d.sample_time) * np.exp(-s * d.delay)
+    return abs((d.mass * s + d.damping) / (d.mass * s + d.damping + C))
+
+
+def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
+    """DESIGN 1.4 (i): far beyond the stability limit |S| is small all over the band."""
+    design = Design(Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(3e4, 0.0), Coupling(1e5, 1.0, 0.0))
+    certificate = certify(design, (pi, 60 * pi), (1.0,), 2.0)
+    assert certificate.outcomes[Claim.SAMPLED_POLES].verdict is Verdict.REFUTED
+    assert certificate.outcomes[Claim.MODEL_POLES].verdict is Verdict.REFUTED
+    assert certificate.verdict is Verdict.REFUTED
+
+
+def test_proof_is_about_the_decimals():
+    """0.1 + 0.2 as written is not 0.3: a margin of exactly 0 is not proved, one of 1e-20 is."""
+    from vctune.proof.balls import ball
+
+    with ctx.workprec(PRECISION):
+        assert not ball(0.1) + ball(0.2) - ball(0.3) > 0
+        assert ball(0.1) + ball(0.2) + arb("1e-20") - ball(0.3) > 0
+        assert ball(0.1).overlaps(arb(1) / 10) and not ball(0.1).contains(arb(0.1))
+
+
+@given(st.floats(-0.99, 0.99), st.integers(2, 9))
+def test_prove_positive_on_a_cosine(offset, periods):
+    assume(abs(offset) > 1e-9)
+    with ctx.workprec(PRECISION):
+        outcome = prove_positive(lambda x: x.cos() + (1 + offset), 0.1, 2 * pi * periods)
+    assert outcome.verdict is (Verdict.PROVED if offset > 0 else Verdict.REFUTED)
+
+
+@given(st.integers(-3, 3), st.floats(0.1, 0.9))
+def test_turned_angle_counts_turns(turns, radius):
+    def curve(t):
+        return Pair((t * turns).cos() + radius * (t * 5).cos() / 10, (t * turns).sin() + radius * (t * 5).sin() / 10)
+
+    assume(turns != 0)
+    with ctx.workprec(PRECISION):
+        outcome, angle = turned_angle(curve, 0.0, 2 * pi)
+    assert outcome.verdict is Verdict.PROVED
+    assert angle == pytest.approx(2 * pi * turns, abs=1e-9)
+
+
+def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
+    design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
+    with ctx.workprec(PRECISION):
+        assert float(conditions_margin(design, 1.0)(arb(2.0))) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))

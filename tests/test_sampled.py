@@ -1,0 +1,94 @@
+"""The sampled loop against a state-space model, and its stability proof against eigenvalues."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from oracles import Case, sampled_radius
+
+from vctune.model.arithmetic import FLOATS
+from vctune.model.quantities import Device, Gains
+from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, whole_samples
+from vctune.proof.interval import Verdict
+from vctune.proof.poles import prove_model_poles, prove_sampled_poles, spectral_radius
+
+
+@st.composite
+def loops(draw):
+    T = 10.0 ** draw(st.floats(-5, -1))
+    m = 10.0 ** draw(st.floats(-4, 4))
+    K_v = m / T * 10.0 ** draw(st.floats(-2, 0.6))
+    return Case(
+        mass=m,
+        damping=draw(st.sampled_from([0.0, 1e-6, 1e-2, 1.0])) * m / T,
+        sample_time=T,
+        delay=T * draw(st.sampled_from([0.0, 0.25, 1.0, 1.7, 5.0])),
+        hold="zoh",
+        K_v=K_v,
+        K_p=draw(st.sampled_from([0.0, 1e-3, 0.05, 0.3])) * K_v / T,
+    )
+
+
+@settings(max_examples=300, deadline=None)
+@given(loops())
+def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
+    radius = sampled_radius(case)
+    assert spectral_radius(device, gains) == pytest.approx(radius, rel=1e-6)
+    assume(abs(radius - 1) > 1e-6)
+    assert prove_sampled_poles(device, gains).verdict is (Verdict.PROVED if radius < 1 else Verdict.REFUTED)
+
+
+@given(loops(), st.floats(0.01, np.pi))
+def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree(case, theta):
+    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
+    whole, fraction = whole_samples(case.delay, case.sample_time)
+    plant = sampled_plant(device, whole, fraction * case.sample_time, fraction > 0, FLOATS)
+    gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
+    F = return_difference(plant, theta, FLOATS, integrator=integrator).closed(gains, integrator=integrator)
+    polynomial = [float(c) for c in characteristic_polynomial(plant, gains, integrator=integrator)]
+    z = np.exp(1j * theta)
+    assert F.re + 1j * F.im == pytest.approx(np.polyval(polynomial, z) / z ** (len(polynomial) - 1), rel=1e-9, abs=1e-9)
+
+
+def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
+    """z = a - K_v (1 - a)/b: stable while K_v < b (1 + a)/(1 - a)."""
+    device = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
+    a = np.exp(-2.0 * 1e-3 / 0.4)
+    limit = 2.0 * (1 + a) / (1 - a)
+    assert prove_sampled_poles(device, Gains(limit * (1 - 1e-9), 0.0)).verdict is Verdict.PROVED
+    assert prove_sampled_poles(device, Gains(limit * (1 + 1e-9), 0.0)).verdict is Verdict.REFUTED
+
+
+def test_no_position_in_the_loop_without_position_gain():
+    """With K_p = 0 the free integrator from velocity to position does not count (DESIGN 1.7)."""
+    device = Device(0.4, 0.0, 1e-3, 0.0, "zoh")
+    assert spectral_radius(device, Gains(100.0, 0.0)) == pytest.approx(1 - 100.0 * 1e-3 / 0.4)
+
+
+def test_whole_samples_snaps_rounding_noise():
+    assert whole_samples(3e-4, 1e-4) == (3, 0.0)
+    whole, fraction = whole_samples(2.5e-4, 1e-4)
+    assert (whole, fraction) == (2, pytest.approx(0.5))
+
+
+@settings(max_examples=200, deadline=None)
+@given(loops(), st.sampled_from(["lag", "zoh"]))
+def test_poles_of_the_frequency_model(case, hold):
+    """Routh-Hurwitz for "lag" without delay; for the rest: stable well below the phase limit, unstable well above."""
+    m, b, T = case.mass, case.damping, case.sample_time
+    device, gains = Device(m, b, T, case.delay, hold), Gains(case.K_v, case.K_p)
+    verdict = prove_model_poles(device, gains).verdict
+    if hold == "lag" and case.delay == 0:
+        excess = (m + b * T / 2) * (b + case.K_v) - case.K_p * m * T / 2
+        assume(abs(excess) > 1e-9 * m * case.K_v)
+        assert verdict is (Verdict.PROVED if excess > 0 else Verdict.REFUTED)
+    elif case.K_p == 0 and b == 0:
+        phase = case.K_v / m * device.lag
+        assume(hold == "zoh" or case.delay > 0)
+        if phase < 0.5:
+            assert verdict is Verdict.PROVED
+        if phase > 4:
+            assert verdict is Verdict.REFUTED

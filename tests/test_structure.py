@@ -1,0 +1,80 @@
+"""The layout is the pipeline, and imports go one way."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+
+from conftest import ROOT
+
+FLOORS = ["model", "exits", "document", "proof", "analysis", "design", "cli"]
+"""A room imports only from itself and from what stands before it."""
+PACKAGE = ROOT / "vctune"
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def room(name):
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def test_imports_go_one_way():
+    for path in PACKAGE.rglob("*.py"):
+        here = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        if room(here) not in FLOORS:
+            continue
+        for name in imports(path):
+            if name.startswith("vctune.") and room(name) in FLOORS:
+                assert FLOORS.index(room(name)) <= FLOORS.index(room(here)), f"{here} imports {name}"
+
+
+def test_the_proof_knows_no_optimiser_and_no_estimate():
+    for path in (PACKAGE / "proof").glob("*.py"):
+        for name in imports(path):
+            assert not name.startswith(("casadi", "vctune.design", "vctune.analysis")), path
+
+
+def test_heavy_libraries_stay_in_their_rooms():
+    homes = {"casadi": "design/nlp.py", "pydantic": "document", "flint": "proof", "click": "cli", "rich": "cli"}
+    for library, home in homes.items():
+        for path in PACKAGE.rglob("*.py"):
+            if any(name.split(".")[0] == library for name in imports(path)):
+                assert str(path.relative_to(PACKAGE)).startswith(home), f"{path} imports {library}"
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; sys.argv = ['vctune', '--help']\n"
+        "import vctune.cli\n"
+        "try: vctune.cli.run()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'casadi', 'numpy', 'flint', 'pydantic', 'rich', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+
+
+def test_public_names_are_there():
+    import vctune
+
+    for name in vctune.__all__:
+        assert getattr(vctune, name) is not None
+
+
+def test_top_level_holds_what_the_users_named():
+    allowed = {"pyproject.toml", "vctune", "problems", "tests", "results", "README.md", "LICENSE"}
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False).stdout.split(
+        "\n"
+    )
+    tops = {line.split("/")[0] for line in tracked if line and not line.startswith(".")}
+    assert tops <= allowed
