@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from math import inf, pi, sqrt
 from pathlib import Path
 
 import jsonschema
 import pytest
-import tomllib
 from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st

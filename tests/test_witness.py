@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from oracles import Case, coupling, loop
 
-from vctune.document.reading import parse_problem
 from vctune.design.solve import solve
+from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.interval import Verdict
@@ -131,7 +131,7 @@ def reactance(X, omega):
 
 @pytest.mark.parametrize("hold", ["lag", "zoh"])
 def test_refuted_means_a_passive_pair_that_puts_a_pole_at_the_witness(hold):
-    """The worst lossless environment turns Re Y negative; the operator -1/Y is then passive and closes the loop at j omega."""
+    """The worst lossless environment turns Re Y negative; the operator -1/Y is passive and closes the loop there."""
     device, gains, virtual = Device(0.5, 2.0, 1e-3, 0.0, hold), Gains(40.0, 4000.0), Coupling(25000.0, 5.0, 0.0)
     certificate = certify(Design(device, gains, virtual), (60.0, 1000.0), (1.0,), 2.0)
     outcome = certificate.outcomes[Claim.CONDITIONS]
