@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from vctune.design.judge import Judgement as Judgement
     from vctune.design.judge import Status as Status
     from vctune.design.judge import judge as judge
@@ -51,4 +51,6 @@ __all__ = ["__version__", *_HOME]  # noqa: PLE0604
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'vctune' has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(f"vctune.{_HOME[name]}"), name)

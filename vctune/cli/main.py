@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
-from typing import NoReturn
 
 import click
 
@@ -47,8 +46,8 @@ main.add_command(solve)
 main.add_command(schema)
 
 
-def run() -> NoReturn:
-    """Run the command line and leave the process with one of `ExitCode`."""
+def execute() -> int:
+    """Run the command line and return one of `ExitCode`; only KeyboardInterrupt passes."""
     try:
         code = main(standalone_mode=False)
         sys.stdout.flush()
@@ -57,8 +56,8 @@ def run() -> NoReturn:
     except click.ClickException as error:
         error.show()
         code = ExitCode.BAD_INPUT
-    except (KeyboardInterrupt, click.Abort):
-        code = _complain("interrupted", ExitCode.INTERRUPTED)
+    except click.Abort:
+        raise KeyboardInterrupt from None
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.BAD_INPUT
@@ -69,7 +68,7 @@ def run() -> NoReturn:
         code = _complain(
             f"internal error at {place}: {type(error).__name__}: {error}; please report it", ExitCode.INTERNAL
         )
-    sys.exit(int(code or ExitCode.OK))
+    return int(code or ExitCode.OK)
 
 
 def _complain(message: str, code: ExitCode) -> ExitCode:

@@ -8,6 +8,7 @@ from math import inf, log
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.design.interrupt import interrupt_deferred
 from vctune.design.nlp import TERMS, Shape, WorkingSet, compiled
 from vctune.design.variables import Coordinate, Point
 from vctune.document.problem import Problem
@@ -58,30 +59,25 @@ def solve(
     box : bounds of the coordinates
     tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
 
-    Raises
-    ------
-    KeyboardInterrupt
-        When IPOPT was interrupted (it swallows the signal and reports an exception).
+    Ctrl-C waits for IPOPT's answer.
     """
-    solver = compiled(shape)
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
     if shape.norm == "peak":
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
     demands = _demands(problem, shape, frequencies, tightening)
-    result = solver(
-        x0=guess, p=_parameters(problem, shape, free, start, frequencies), lbx=low, ubx=high, lbg=demands, ubg=inf
-    )
-    stats = solver.stats()
-    status = stats["return_status"]
-    if status == "NonIpopt_Exception_Thrown":
-        raise KeyboardInterrupt
+    parameters = _parameters(problem, shape, free, start, frequencies)
+    with interrupt_deferred():
+        solver = compiled(shape)
+        result = solver(x0=guess, p=parameters, lbx=low, ubx=high, lbg=demands, ubg=inf)
+        z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
+        stats = solver.stats()
     return Solution(
-        z=np.array(result["x"]).ravel()[: len(free)],
-        error=float(np.exp(float(result["f"]))),
-        converged=status in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
+        z=z[: len(free)],
+        error=float(np.exp(error[0])),
+        converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
         iterations=int(stats["iter_count"]),
-        multipliers=np.abs(np.array(result["lam_g"]).ravel()[demands > -inf]),
+        multipliers=np.abs(multipliers[demands > -inf]),
     )
 
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import casadi as ca
 
+from vctune.design.interrupt import interrupt_deferred
 from vctune.design.variables import Coordinate
 from vctune.document.problem import Norm, Problem
 from vctune.model.arithmetic import Arithmetic, Number
@@ -125,7 +126,7 @@ def ipopt_version() -> str:
     banner = StringIO()
     x = ca.SX.sym("x")
     quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
-    with redirect_stdout(banner):
+    with interrupt_deferred(), redirect_stdout(banner):
         ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
     found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
     return found[1] if found else "unknown"

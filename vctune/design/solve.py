@@ -63,11 +63,6 @@ def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
     ----------
     problem : Problem
     progress : told the stage of the work
-
-    Raises
-    ------
-    KeyboardInterrupt
-        Also when the signal arrives inside IPOPT.
     """
     began = perf_counter()
     if problem.bounds.fixed:
