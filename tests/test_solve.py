@@ -15,10 +15,10 @@ from oracles import Case, coupling, loop, sampled_radius
 from vctune.design import solve as solving
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
-from vctune.design.nlp import WorkingSet, shape_of
 from vctune.design.record import left_out, warnings
 from vctune.design.rounding import rounded
 from vctune.design.scan import scan
+from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates, design_of, point
 from vctune.document.reading import parse_problem, read_problem

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from vctune.design.judge import Status as Status
     from vctune.design.judge import judge as judge
     from vctune.design.record import design_record as design_record
-    from vctune.design.solve import Solved as Solved
+    from vctune.design.result import Solved as Solved
     from vctune.design.solve import solve as solve
     from vctune.document.errors import InputError as InputError
     from vctune.document.problem import Problem as Problem
@@ -35,7 +35,7 @@ _HOME = {
     "Judgement": "design.judge",
     "Problem": "document.problem",
     "ProblemFile": "document.reading",
-    "Solved": "design.solve",
+    "Solved": "design.result",
     "Status": "design.judge",
     "certify": "proof.certificate",
     "design_record": "design.record",

@@ -22,9 +22,10 @@ EPILOG = (
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
+    from vctune.design.nlp import ipopt_version
     from vctune.design.record import versions
 
-    for name, number in versions().items():
+    for name, number in versions(ipopt_version()).items():
         click.echo(f"{name} {number}")
     context.exit()
 

@@ -33,11 +33,12 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
 
     from vctune.design import solve as solving
     from vctune.design.judge import EXIT_CODES
+    from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solving.solve(file.problem, progress)
-    record = design_record(file, solved)
+    record = design_record(file, solved, ipopt_version())
     text = json.dumps(record, indent=2, allow_nan=False)
     if solved.judgement is not None:
         origin = {

@@ -22,9 +22,10 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, frequency_grid, local_minima
-from vctune.design.ipopt import Solution, solve
-from vctune.design.nlp import Shape, WorkingSet, shape_of
+from vctune.design.ipopt import solve
+from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult, Start
+from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -41,48 +42,6 @@ BRACKET = 0.3
 PANELS = 4
 MAX_PANELS = 256
 QUADRATURE_TOLERANCE = 1e-7
-
-
-@dataclass(frozen=True, slots=True)
-class Round:
-    """One NLP of an exchange: the picture of error against run time.
-
-    Attributes
-    ----------
-    seconds : since the exchange began
-    violation : greatest relative violation of a demand anywhere, at the NLP's answer
-    error : the NLP's objective
-    frequencies : how many frequencies it knew
-    iterations : of IPOPT
-    """
-
-    seconds: float
-    violation: float
-    error: float
-    frequencies: int
-    iterations: int
-
-
-@dataclass(frozen=True, slots=True)
-class Polished:
-    """A local optimum in dimensionless units that meets the demands at every frequency, in double precision.
-
-    Attributes
-    ----------
-    start : where it began
-    values : K_v, K_p, b_c, m_c, b_0
-    error : transparency error
-    shape, frequencies, solution : the last NLP, its frequencies and where IPOPT stopped
-    rounds : history
-    """
-
-    start: Start
-    values: Point
-    error: float
-    shape: Shape
-    frequencies: WorkingSet
-    solution: Solution
-    rounds: list[Round]
 
 
 @dataclass(slots=True)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf, log
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.interrupt import interrupt_deferred
-from vctune.design.nlp import TERMS, Shape, WorkingSet, compiled
+from vctune.design.nlp import compiled
+from vctune.design.result import Solution
+from vctune.design.shape import TERMS, Shape, WorkingSet
 from vctune.design.variables import Coordinate, Point
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
@@ -20,26 +21,6 @@ from vctune.model.transparency import log_quadrature
 
 SAMPLED_MARGIN = 1e-3
 """Least |F/F_open| of the sampled loop: how near to instability a design may go where nothing else stops it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Solution:
-    """Where IPOPT stopped.
-
-    Attributes
-    ----------
-    z : coordinates of the free variables
-    error : objective there
-    converged : whether IPOPT says so; no evidence of anything
-    iterations : number of IPOPT iterations
-    multipliers : of the used ratio, sensitivity, sampled and peak constraints, concatenated
-    """
-
-    z: Floats
-    error: float
-    converged: bool
-    iterations: int
-    multipliers: Floats
 
 
 def solve(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
 from typing import Any
@@ -16,8 +16,7 @@ from typing import Any
 import casadi as ca
 
 from vctune.design.interrupt import interrupt_deferred
-from vctune.design.variables import Coordinate
-from vctune.document.problem import Norm, Problem
+from vctune.design.shape import DEMANDS, TERMS, Shape
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
@@ -27,11 +26,6 @@ from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import ReturnDifference
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
-TERMS = ("admittance", "tracking", "coupling")
-DEMANDS = ("ratio", "sensitivity", "sampled", "peak")
-"""Kinds of constraint, in the order of `Shape.slots`."""
-SLOTS = 24
-"""Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
 OPTIONS: dict[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
@@ -69,57 +63,6 @@ class _SymbolArithmetic:
 SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 
-@dataclass(frozen=True, slots=True)
-class WorkingSet:
-    """Frequencies at which the demands are posed, rad/s (`sampled`: angles, rad)."""
-
-    ratio: list[float] = field(default_factory=list)
-    sensitivity: list[float] = field(default_factory=list)
-    sampled: list[float] = field(default_factory=list)
-    peak: list[float] = field(default_factory=list)
-
-    def sizes(self) -> tuple[int, int, int, int]:
-        """Return the number of frequencies of each kind."""
-        return len(self.ratio), len(self.sensitivity), len(self.sampled), len(self.peak)
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """What an NLP contains; two problems of one shape share one compiled solver.
-
-    Attributes
-    ----------
-    free : (index in `NAMES`, whether it may be 0) for each variable
-    integrator : whether the law has its K_p/s term
-    terms : terms of the error with a positive weight
-    norm : "rms" or "peak" (an epigraph variable is added)
-    panels : panels of the quadrature, 0 for "peak"
-    slots : numbers of ratio, sensitivity, sampled and peak constraints
-    """
-
-    free: tuple[tuple[int, bool], ...]
-    integrator: bool
-    terms: tuple[str, ...]
-    norm: Norm
-    panels: int
-    slots: tuple[int, int, int, int]
-
-
-def shape_of(
-    problem: Problem, free: tuple[Coordinate, ...], frequencies: WorkingSet, panels: int, *, integrator: bool
-) -> Shape:
-    """Return the shape of the NLP for a problem and a set of frequencies; what cannot act is not in it."""
-    weights = problem.transparency.weights
-    return Shape(
-        free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
-        integrator=integrator,
-        terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
-        norm=problem.transparency.norm,
-        panels=panels if problem.transparency.norm == "rms" else 0,
-        slots=tuple(-(-size // SLOTS) * SLOTS for size in frequencies.sizes()),  # type: ignore[arg-type]
-    )
-
-
 @lru_cache(maxsize=1)
 def ipopt_version() -> str:
     """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
@@ -130,11 +73,6 @@ def ipopt_version() -> str:
         ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
     found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
     return found[1] if found else "unknown"
-
-
-def size(shape: Shape) -> dict[str, int]:
-    """Return the number of variables and constraints of an NLP."""
-    return {"variables": len(shape.free) + (shape.norm == "peak"), "constraints": sum(shape.slots)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,9 @@ from typing import Any
 
 import vctune
 from vctune.design.judge import Judgement
-from vctune.design.nlp import DEMANDS, ipopt_version, size
+from vctune.design.result import Solved
 from vctune.design.rounding import near
-from vctune.design.solve import Solved
+from vctune.design.shape import DEMANDS, size
 from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
@@ -23,8 +23,15 @@ HARDLY_TRACKING = 0.9
 """A mean or greatest |1 - G_he| above which the velocity loop is said to be hardly used."""
 
 
-def design_record(file: ProblemFile, solved: Solved) -> dict[str, Any]:
-    """Return the JSON object of a solved problem; every number in it is finite or null."""
+def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
+    """Return the JSON object of a solved problem; every number in it is finite or null.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    solved : what came of it
+    ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version`)
+    """
     judgement, problem = solved.judgement, solved.problem
     record: dict[str, Any] = {
         "schema": SCHEMA,
@@ -40,7 +47,7 @@ def design_record(file: ProblemFile, solved: Solved) -> dict[str, Any]:
         "left_out": left_out(solved),
         "warnings": [],
         "solver": _solver(solved),
-        "versions": versions(),
+        "versions": versions(ipopt),
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
     if judgement is not None:
@@ -51,12 +58,12 @@ def design_record(file: ProblemFile, solved: Solved) -> dict[str, Any]:
     return finite
 
 
-def versions() -> dict[str, str]:
-    """Return the versions that determine a result."""
+def versions(ipopt: str | None) -> dict[str, str | None]:
+    """Return the versions that determine a result; IPOPT's is None where it took no part."""
     return {
         "vctune": vctune.__version__,
         "casadi": version("casadi"),
-        "ipopt": ipopt_version(),
+        "ipopt": ipopt,
         "numpy": version("numpy"),
         "python-flint": version("python-flint"),
     }

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
 from time import perf_counter
 
-from vctune.design.exchange import TIGHTENING, Polished, polish
-from vctune.design.infeasible import Infeasibility, impossible, nearest_miss
+from vctune.design.exchange import TIGHTENING, polish
+from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
-from vctune.design.nlp import WorkingSet
+from vctune.design.result import Polished, Solved
 from vctune.design.rounding import rounded
 from vctune.design.scan import ScanResult, scan
+from vctune.design.shape import WorkingSet
 from vctune.design.variables import Point, design_of
 from vctune.document.problem import Problem, Range
 from vctune.model.transparency import Terms
@@ -25,35 +26,6 @@ PROOF_ROUNDS = 4
 SHARPENING = 10.0
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Solved:
-    """What came of a problem.
-
-    Attributes
-    ----------
-    problem : the problem
-    judgement : of the best design, None when there is none
-    polished : the local optimum it was rounded from, None when nothing was optimised
-    optima : how many local optima were found
-    infeasibility : why there is no design, else None
-    seen : what the scan saw, None when nothing was scanned
-    seconds : by stage
-    """
-
-    problem: Problem
-    judgement: Judgement | None
-    polished: Polished | None
-    optima: int
-    infeasibility: Infeasibility | None
-    seen: ScanResult | None
-    seconds: dict[str, float]
-
-    @property
-    def status(self) -> Status:
-        """Certified, violated, undecided or infeasible."""
-        return self.judgement.status if self.judgement else Status.INFEASIBLE
 
 
 def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:

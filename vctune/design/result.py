@@ -1,0 +1,104 @@
+"""What comes of a problem, stage by stage: plain data that a report can be made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.analysis.extrema import Floats
+from vctune.design.infeasible import Infeasibility
+from vctune.design.judge import Judgement, Status
+from vctune.design.scan import ScanResult, Start
+from vctune.design.shape import Shape, WorkingSet
+from vctune.design.variables import Point
+from vctune.document.problem import Problem
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Where IPOPT stopped.
+
+    Attributes
+    ----------
+    z : coordinates of the free variables
+    error : objective there
+    converged : whether IPOPT says so; no evidence of anything
+    iterations : number of IPOPT iterations
+    multipliers : of the used ratio, sensitivity, sampled and peak constraints, concatenated
+    """
+
+    z: Floats
+    error: float
+    converged: bool
+    iterations: int
+    multipliers: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """One NLP of an exchange: the picture of error against run time.
+
+    Attributes
+    ----------
+    seconds : since the exchange began
+    violation : greatest relative violation of a demand anywhere, at the NLP's answer
+    error : the NLP's objective
+    frequencies : how many frequencies it knew
+    iterations : of IPOPT
+    """
+
+    seconds: float
+    violation: float
+    error: float
+    frequencies: int
+    iterations: int
+
+
+@dataclass(frozen=True, slots=True)
+class Polished:
+    """A local optimum in dimensionless units that meets the demands at every frequency, in double precision.
+
+    Attributes
+    ----------
+    start : where it began
+    values : K_v, K_p, b_c, m_c, b_0
+    error : transparency error
+    shape, frequencies, solution : the last NLP, its frequencies and where IPOPT stopped
+    rounds : history
+    """
+
+    start: Start
+    values: Point
+    error: float
+    shape: Shape
+    frequencies: WorkingSet
+    solution: Solution
+    rounds: list[Round]
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """What came of a problem.
+
+    Attributes
+    ----------
+    problem : the problem
+    judgement : of the best design, None when there is none
+    polished : the local optimum it was rounded from, None when nothing was optimised
+    optima : how many local optima were found
+    infeasibility : why there is no design, else None
+    seen : what the scan saw, None when nothing was scanned
+    seconds : by stage
+    """
+
+    problem: Problem
+    judgement: Judgement | None
+    polished: Polished | None
+    optima: int
+    infeasibility: Infeasibility | None
+    seen: ScanResult | None
+    seconds: dict[str, float]
+
+    @property
+    def status(self) -> Status:
+        """Certified, violated, undecided or infeasible."""
+        return self.judgement.status if self.judgement else Status.INFEASIBLE

@@ -1,0 +1,70 @@
+"""What the NLP of a problem contains, and at which frequencies: plain data, known without CasADi."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from vctune.design.variables import Coordinate
+from vctune.document.problem import Norm, Problem
+
+TERMS = ("admittance", "tracking", "coupling")
+DEMANDS = ("ratio", "sensitivity", "sampled", "peak")
+"""Kinds of constraint, in the order of `Shape.slots`."""
+SLOTS = 24
+"""Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkingSet:
+    """Frequencies at which the demands are posed, rad/s (`sampled`: angles, rad)."""
+
+    ratio: list[float] = field(default_factory=list)
+    sensitivity: list[float] = field(default_factory=list)
+    sampled: list[float] = field(default_factory=list)
+    peak: list[float] = field(default_factory=list)
+
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Return the number of frequencies of each kind."""
+        return len(self.ratio), len(self.sensitivity), len(self.sampled), len(self.peak)
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What an NLP contains; two problems of one shape share one compiled solver.
+
+    Attributes
+    ----------
+    free : (index in `NAMES`, whether it may be 0) for each variable
+    integrator : whether the law has its K_p/s term
+    terms : terms of the error with a positive weight
+    norm : "rms" or "peak" (an epigraph variable is added)
+    panels : panels of the quadrature, 0 for "peak"
+    slots : numbers of ratio, sensitivity, sampled and peak constraints
+    """
+
+    free: tuple[tuple[int, bool], ...]
+    integrator: bool
+    terms: tuple[str, ...]
+    norm: Norm
+    panels: int
+    slots: tuple[int, int, int, int]
+
+
+def shape_of(
+    problem: Problem, free: tuple[Coordinate, ...], frequencies: WorkingSet, panels: int, *, integrator: bool
+) -> Shape:
+    """Return the shape of the NLP for a problem and a set of frequencies; what cannot act is not in it."""
+    weights = problem.transparency.weights
+    return Shape(
+        free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
+        integrator=integrator,
+        terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
+        norm=problem.transparency.norm,
+        panels=panels if problem.transparency.norm == "rms" else 0,
+        slots=tuple(-(-size // SLOTS) * SLOTS for size in frequencies.sizes()),  # type: ignore[arg-type]
+    )
+
+
+def size(shape: Shape) -> dict[str, int]:
+    """Return the number of variables and constraints of an NLP."""
+    return {"variables": len(shape.free) + (shape.norm == "peak"), "constraints": sum(shape.slots)}
