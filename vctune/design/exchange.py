@@ -22,8 +22,9 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.analysis.stability import sensitivity_cut, stability_cut
 from vctune.design.ipopt import solve
-from vctune.design.result import Polished, Round
+from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult, Start
 from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
@@ -38,10 +39,21 @@ RADIUS = 2.0
 GROWTH = 2.0
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
+PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6)
+STABILITY_MARGIN = 1e-4
+"""Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
+MAX_CUTS = 24
+FAR = 0.1
+FENCE = 0.9
+"""A half plane is added where |S| exceeds its limit by the share `FAR`, at `FENCE` times the least |D/Z_d|."""
 BRACKET = 0.3
 PANELS = 4
 MAX_PANELS = 256
 QUADRATURE_TOLERANCE = 1e-7
+PATIENCE = ((15, 1e-5), (20, 1e-4), (25, 1e-3), (30, 1e-2), (35, 5e-2))
+"""After so many rounds the NLP's |S| demand is sharpened by so much, so that what it misses between its frequencies
+stays admissible: on a flat ridge the peak of |S| wanders without end."""
+LEANING = 1e-6
 
 
 @dataclass(slots=True)
@@ -52,6 +64,7 @@ class _Demands:
     sensitivity: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
     violation: float = 0.0
+    excess: float = 0.0
     positive: bool = True
 
 
@@ -78,51 +91,76 @@ def polish(
     began = perf_counter()
     integrator = start.gains.position > 0
     free = coordinates(problem, integrator=integrator)
-    reference = point(start.gains, start.coupling)
+    reference = _pulled_in(problem, start)
+    if reference is None:
+        return None
     warm, radius, panels = reference, RADIUS, PANELS
     frequencies = _first_frequencies(problem, start, seen)
     if witnesses is not None:
         _join(problem, frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
     rounds: list[Round] = []
+    best: Polished | None = None
     while len(rounds) < ROUNDS and radius >= LEAST_RADIUS:
         shape = shape_of(problem, free, frequencies, panels, integrator=integrator)
         box = _box(free, reference, radius)
-        solution = solve(problem, shape, free, warm, box, frequencies, tightening)
+        sharper = max([tightening, *(amount for after, amount in PATIENCE if len(rounds) >= after)])
+        solution = solve(problem, shape, free, warm, box, frequencies, (tightening, sharper))
         values = _values(free, solution.z, reference)
         demands = _check(problem, values, tightening)
-        rounds.append(
-            Round(
-                perf_counter() - began, demands.violation, solution.error, sum(frequencies.sizes()), solution.iterations
-            )
-        )
-        stable, angle = _stable(problem, design_of(values)[0])
-        if not stable:
-            _guard(problem, frequencies, demands, angle)
-            warm, radius = reference, radius / 2
-            continue
-        if demands.positive:
-            reference = warm = values
-        else:
+        seconds, size = perf_counter() - began, sum(frequencies.sizes())
+        rounds.append(Round(seconds, demands.violation, solution.error, size, solution.iterations))
+        if not _stable(problem, design_of(values)[0]):
+            if not _guard(problem, frequencies, design_of(reference)[0], design_of(values)[0]):
+                radius /= 2
             warm = reference
+            continue
+        warm = reference = values if demands.positive else reference
+        if demands.excess > FAR:
+            _fence(problem, frequencies, design_of(values)[0])
         settled = solution.converged and not _at_box(free, solution.z, box)
         if settled and solution.error > incumbent:
-            return None
-        radius = min(radius * GROWTH, RADIUS)
-        if _join(problem, frequencies, demands):
-            continue
-        if demands.violation > 0 or not solution.converged:
+            break
+        admissible = demands.positive and demands.violation == 0
+        if admissible:
+            error = transparency_error(problem, *design_of(values)).error
+            if best is None or error < best.error:
+                best = Polished(start, values, error, shape, frequencies.copy(), solution, rounds)
+            if settled and _leans(frequencies, solution):
+                frequencies.fences.clear()
+            elif settled and not _rough(problem, solution, error, panels):
+                break
+            elif settled:
+                panels *= 2
+        if _join(problem, frequencies, demands) or (admissible and solution.converged):
+            radius = min(radius * GROWTH, RADIUS)
+        else:
             radius /= 2
-            continue
-        if not settled:
-            continue
-        error = transparency_error(problem, *design_of(values)).error
-        if problem.transparency.norm == "rms" and abs(solution.error - error) > QUADRATURE_TOLERANCE * error:
-            if panels >= MAX_PANELS:
-                return None
-            panels *= 2
-            continue
-        return Polished(start, values, error, shape, frequencies, solution, rounds)
+    return best
+
+
+def _leans(frequencies: WorkingSet, solution: Solution) -> bool:
+    """Return whether a half plane that no demand asks for holds the design."""
+    first = sum(frequencies.sizes()[:2]) + len(frequencies.stability)
+    return bool(np.any(solution.multipliers[first : first + len(frequencies.fences)] > LEANING))
+
+
+def _pulled_in(problem: Problem, start: Start) -> Point | None:
+    """Return the start with its gains reduced until both loops are proved stable: the scan's estimate may be off."""
+    bounds = problem.bounds
+    for share in PULLED_IN:
+        gains = Gains(
+            max(share * start.gains.velocity, bounds.velocity.min),
+            max(share * start.gains.position, bounds.position.min),
+        )
+        if _stable(problem, gains):
+            return point(gains, start.coupling)
     return None
+
+
+def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
+    """Return whether the NLP's quadrature is too coarse for its own answer."""
+    coarse = abs(solution.error - error) > QUADRATURE_TOLERANCE * error
+    return problem.transparency.norm == "rms" and coarse and panels < MAX_PANELS
 
 
 def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> WorkingSet:
@@ -134,8 +172,6 @@ def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> Work
         first.ratio.extend(coarse)
     if seen.peak_sensitivity > problem.stability.max_sensitivity:
         first.sensitivity.extend(np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES))
-    if seen.sampling_matters:
-        first.sampled.extend(np.linspace(0, np.pi, FIRST_FREQUENCIES + 1)[1:])
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
         first.peak.extend(np.geomspace(band.min, band.max, FIRST_FREQUENCIES))
@@ -179,6 +215,7 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
+    found.excess = float(over[0])
     found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
     if problem.transparency.norm == "peak":
         _check_peak(problem, gains, coupling, found, tightening)
@@ -200,21 +237,26 @@ def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Dema
     found.peak = [float(w) for w in local_minima(negative_error, frequency_grid(band.min, band.max)).omega]
 
 
-def _stable(problem: Problem, gains: Gains) -> tuple[bool, float | None]:
-    """Return whether both loops are proved stable, and an angle at which the sampled one fails."""
-    sampled = prove_sampled_poles(problem.device, gains)
-    if sampled.verdict is not Verdict.PROVED:
-        return False, sampled.witness
-    return prove_model_poles(problem.device, gains).verdict is Verdict.PROVED, None
+def _stable(problem: Problem, gains: Gains) -> bool:
+    return all(
+        prove(problem.device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles)
+    )
 
 
-def _guard(problem: Problem, frequencies: WorkingSet, demands: _Demands, angle: float | None) -> None:
-    """After a step into instability let the NLP see what lies between."""
-    _extend(frequencies.sensitivity, demands.sensitivity, (0.0, problem.nyquist))
-    if not frequencies.sampled:
-        frequencies.sampled.extend(np.linspace(0, np.pi, FIRST_FREQUENCIES + 1)[1:])
-    elif angle is not None:
-        _extend(frequencies.sampled, [angle], (0.0, np.pi))
+def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Gains) -> bool:
+    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new."""
+    cut = stability_cut(problem.device, inside, outside, STABILITY_MARGIN)
+    if cut is None or cut in frequencies.stability or len(frequencies.stability) >= MAX_CUTS:
+        return False
+    frequencies.stability.append(cut)
+    return True
+
+
+def _fence(problem: Problem, frequencies: WorkingSet, gains: Gains) -> None:
+    """Where |S| is far above its limit, which is next to instability, keep the NLP off by a half plane as well."""
+    cut = sensitivity_cut(problem.device, gains, FENCE / problem.stability.max_sensitivity)
+    if cut is not None and len(frequencies.fences) < MAX_CUTS:
+        frequencies.fences.append(cut)
 
 
 def _join(problem: Problem, frequencies: WorkingSet, demands: _Demands) -> bool:

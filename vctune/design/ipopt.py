@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, log
 
 import numpy as np
@@ -16,11 +17,7 @@ from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
 from vctune.model.quantities import Device
-from vctune.model.sampled import return_difference, sampled_plant, whole_samples
 from vctune.model.transparency import log_quadrature
-
-SAMPLED_MARGIN = 1e-3
-"""Least |F/F_open| of the sampled loop: how near to instability a design may go where nothing else stops it."""
 
 
 def solve(
@@ -30,7 +27,7 @@ def solve(
     start: Point,
     box: tuple[Floats, Floats],
     frequencies: WorkingSet,
-    tightening: float,
+    tightening: tuple[float, float],
 ) -> Solution:
     """Solve the NLP of a dimensionless problem on the given frequencies.
 
@@ -38,7 +35,7 @@ def solve(
     ----------
     start : the five numbers to start from; those that are not free stay
     box : bounds of the coordinates
-    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    tightening : relative amounts by which the demands on ratio and |S| are sharpened
 
     Ctrl-C waits for IPOPT's answer.
     """
@@ -75,37 +72,35 @@ def _parameters(
         band = problem.transparency.band
         nodes, averages = log_quadrature(band.min, band.max, shape.panels)
         parts.append(np.vstack((_columns(device, nodes), averages)).ravel(order="F"))
-    for count, chosen, columns in (
-        (shape.slots[0], frequencies.ratio, _columns),
-        (shape.slots[1], frequencies.sensitivity, _columns),
-        (shape.slots[2], frequencies.sampled, lambda device, theta: _angles(device, theta, shape.integrator)),
-        (shape.slots[3], frequencies.peak, _columns),
+    half_planes = [*frequencies.stability, *frequencies.fences]
+    cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in half_planes]).reshape(-1, 3).T
+    for count, columns in zip(
+        shape.slots,
+        (
+            _columns(device, frequencies.ratio),
+            _columns(device, frequencies.sensitivity),
+            cuts,
+            _columns(device, frequencies.peak),
+        ),
+        strict=True,
     ):
-        if count:
-            parts.append(columns(device, np.array([*chosen, *[chosen[0]] * (count - len(chosen))])).ravel(order="F"))
+        filling = np.repeat(columns[:, :1], count - columns.shape[1], axis=1)
+        parts.append(np.hstack((columns, filling)).ravel(order="F"))
     return np.concatenate(parts)
 
 
-def _columns(device: Device, omega: Floats) -> Floats:
+def _columns(device: Device, frequencies: Sequence[float] | Floats) -> Floats:
+    omega = np.asarray(frequencies, dtype=float)
     hold = hold_response(device, omega, FLOATS)
     return np.vstack((omega, hold.re, hold.im))
 
 
-def _angles(device: Device, theta: Floats, integrator: bool) -> Floats:
-    whole, fraction = whole_samples(device.delay, device.sample_time)
-    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
-    parts = return_difference(plant, theta, FLOATS, integrator=integrator)
-    rows = [parts.open.re, parts.open.im, parts.velocity.re, parts.velocity.im]
-    rows += [parts.position.re + 0 * theta, parts.position.im + 0 * theta]
-    return np.vstack(rows) / np.sqrt(parts.open.abs2())
-
-
-def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: float) -> Floats:
+def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: tuple[float, float]) -> Floats:
     stability = problem.stability
     levels = (
-        log(stability.safety_factor) + tightening,
-        -log(stability.max_sensitivity) + tightening,
-        log(SAMPLED_MARGIN),
+        log(stability.safety_factor) + tightening[0],
+        -log(stability.max_sensitivity) + tightening[1],
+        0.0,
         0.0,
     )
     lower = [

@@ -21,9 +21,7 @@ from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import HoldResponse, loop_response, sensitivity_abs2
-from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.sampled import ReturnDifference
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
 OPTIONS: dict[str, Any] = {
@@ -35,7 +33,7 @@ OPTIONS: dict[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.tol": 1e-9,
     "ipopt.nlp_scaling_method": "none",
-    "ipopt.max_iter": 200,
+    "ipopt.max_iter": 100,
     "ipopt.mu_init": 1e-3,
     "ipopt.mumps_pivot_order": 0,
 }
@@ -101,13 +99,12 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
         values[index] = scale[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
     gains, coupling = Gains(values[0], values[1]), Coupling(values[2], values[3], values[4])
 
-    column, weight, angle = ca.SX.sym("column", 3), ca.SX.sym("weight"), ca.SX.sym("angle", 6)
+    column, weight, cut = ca.SX.sym("column", 3), ca.SX.sym("weight"), ca.SX.sym("cut", 3)
     hold = HoldResponse(column[1], column[2])
     loop = loop_response(device, gains, column[0], hold, integrator=shape.integrator)
     Z_c = coupling_impedance(coupling, column[0])
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
-    parts = ReturnDifference(Pair(angle[0], angle[1]), Pair(angle[2], angle[3]), Pair(angle[4], angle[5]))
     return _AtOneFrequency(
         z,
         common,
@@ -116,14 +113,14 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
             "node": ca.vertcat(column, weight),
             "ratio": column,
             "sensitivity": column,
-            "sampled": angle,
+            "stability": cut,
             "peak": column,
         },
         values={
             "node": weight * error2,
             "ratio": ca.log(2 * loop.re_D * Z_c.re) - ca.log(modulus_excess(loop, SYMBOLS)),
             "sensitivity": -ca.log(sensitivity_abs2(loop)) / 2,
-            "sampled": ca.log(parts.closed(gains, integrator=shape.integrator).abs2()) / 2,
+            "stability": cut[0] + gains.velocity * cut[1] + gains.position * cut[2],
             "peak": epigraph - ca.log(error2) / 2,
         },
     )

@@ -131,7 +131,7 @@ def left_out(solved: Solved) -> list[str]:
             f"the limit is {problem.stability.max_sensitivity:g}"
         )
     if shape.slots[2] == 0:
-        found.append("sampled loop: stable wherever the frequency demands hold")
+        found.append("stability of the sampled loop: no step of the search left it")
     return found
 
 

@@ -23,7 +23,7 @@ class Solution:
     error : objective there
     converged : whether IPOPT says so; no evidence of anything
     iterations : number of IPOPT iterations
-    multipliers : of the used ratio, sensitivity, sampled and peak constraints, concatenated
+    multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
     """
 
     z: Floats

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from vctune.analysis.stability import Cut
 from vctune.design.variables import Coordinate
 from vctune.document.problem import Norm, Problem
 
 TERMS = ("admittance", "tracking", "coupling")
-DEMANDS = ("ratio", "sensitivity", "sampled", "peak")
+DEMANDS = ("ratio", "sensitivity", "stability", "peak")
 """Kinds of constraint, in the order of `Shape.slots`."""
 SLOTS = 24
 """Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
@@ -16,16 +17,28 @@ SLOTS = 24
 
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """Frequencies at which the demands are posed, rad/s (`sampled`: angles, rad)."""
+    """Frequencies at which the demands are posed, rad/s, and half planes that keep the gains stable.
+
+    Attributes
+    ----------
+    ratio, sensitivity, peak : frequencies of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
+    stability : tangents of the stability boundary
+    fences : half planes that only guide the search; none may hold the final design
+    """
 
     ratio: list[float] = field(default_factory=list)
     sensitivity: list[float] = field(default_factory=list)
-    sampled: list[float] = field(default_factory=list)
+    stability: list[Cut] = field(default_factory=list)
+    fences: list[Cut] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
 
     def sizes(self) -> tuple[int, int, int, int]:
-        """Return the number of frequencies of each kind."""
-        return len(self.ratio), len(self.sensitivity), len(self.sampled), len(self.peak)
+        """Return the number of demands of each kind."""
+        return len(self.ratio), len(self.sensitivity), len(self.stability) + len(self.fences), len(self.peak)
+
+    def copy(self) -> WorkingSet:
+        """Return a set that does not grow with this one."""
+        return WorkingSet([*self.ratio], [*self.sensitivity], [*self.stability], [*self.fences], [*self.peak])
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +52,7 @@ class Shape:
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
-    slots : numbers of ratio, sensitivity, sampled and peak constraints
+    slots : numbers of ratio, sensitivity, stability and peak constraints
     """
 
     free: tuple[tuple[int, bool], ...]

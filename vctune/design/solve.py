@@ -63,7 +63,7 @@ def _optima(scaled: Problem, seen: ScanResult, progress: Progress) -> list[Polis
     optima: list[Polished] = []
     for number, start in enumerate(seen.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
-        if start.error > WORTH_POLISHING * least:
+        if start.error > WORTH_POLISHING * least or not start.workable:
             continue
         progress(f"polishing start {number} of {len(seen.starts)}")
         polished = polish(scaled, start, seen, incumbent=least)
@@ -79,7 +79,7 @@ def _best_proved(
     doubtful: tuple[Polished, Judgement] | None = None
     for optimum in optima:
         for polished, judgement in _attempts(problem, scaled, seen, optimum):
-            if judgement.status is Status.CERTIFIED and judgement.certificate.shortfall is None:
+            if _meets_demands(problem, judgement):
                 return polished, judgement
             if judgement.status is Status.UNDECIDED and doubtful is None:
                 doubtful = polished, judgement
@@ -119,7 +119,16 @@ def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
         transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
     )
     least = solve(narrowed).judgement
-    return judge(problem, gains, least.coupling) if least is not None else judgement
+    if least is None:
+        return judgement
+    lighter = judge(problem, gains, least.coupling)
+    return lighter if _meets_demands(problem, lighter) else judgement
+
+
+def _meets_demands(problem: Problem, judgement: Judgement) -> bool:
+    """Return whether the design is certified with the safety factor that the problem asks for."""
+    certified = judgement.status is Status.CERTIFIED
+    return certified and judgement.certificate.factor >= problem.stability.safety_factor
 
 
 def physical(problem: Problem, values: Point) -> Point:

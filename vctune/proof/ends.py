@@ -45,6 +45,8 @@ def prove_low_end(device: Device, gains: Gains, coupling: Coupling, factor: floa
     """
     exact, law, virtual = device_ball(device), gains_ball(gains), coupling_ball(coupling)
     integrator, threshold = gains.position > 0, arb(repr(factor))
+    if gains.velocity == 0 and not integrator:  # no loop, R = 0
+        return below if device.damping > 0 else None
 
     def holds(omega: arb) -> bool:
         hold = hold_response(exact, omega, BALLS)

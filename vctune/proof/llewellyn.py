@@ -19,7 +19,7 @@ from vctune.proof.interval import Outcome, Verdict, prove_positive
 
 MARCH_BOXES = 2_000
 FINEST_STEP = 1e-8
-LOWEST_EDGE, HIGHEST_EDGE = 1e-9, 1e9
+LOWEST_EDGE, HIGHEST_EDGE = 1e-18, 1e18
 """How far below and above the requested band a proof that does not reach the end is carried, relative to its edge."""
 
 

@@ -1,0 +1,143 @@
+"""Stability of both loops on grids, and where it ends: estimates for the search, not proofs (DESIGN 1.7)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats, local_minima
+from vctune.model.arithmetic import FLOATS
+from vctune.model.loop import hold_response
+from vctune.model.quantities import Device, Gains
+from vctune.model.sampled import return_difference, sampled_plant, whole_samples
+
+ANGLES = 192
+CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
+
+Complex = NDArray[np.complex128]
+Curve = Callable[[Floats, Floats, Floats], Complex]
+"""F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
+
+
+def sampled_curve(device: Device, *, integrator: bool) -> Curve:
+    """Return the return difference of the sampled loop over that of the open loop."""
+    whole, fraction = whole_samples(device.delay, device.sample_time)
+    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
+
+    def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
+        parts = return_difference(plant, theta, FLOATS, integrator=integrator)
+        openness, velocity, position = (p.re + 1j * p.im for p in (parts.open, parts.velocity, parts.position))
+        return 1 + (K_v * velocity + K_p * position) / openness
+
+    return curve
+
+
+def model_curve(device: Device) -> Curve:
+    """Return D/Z_d of the frequency model."""
+
+    def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
+        omega = theta / device.sample_time
+        hold = hold_response(device, omega, FLOATS)
+        H = hold.re - 1j * omega * hold.im
+        return 1 + (K_v + K_p / (1j * omega)) * H / (device.damping + 1j * device.mass * omega)
+
+    return curve
+
+
+def angles() -> Floats:
+    """Return the grid on which the turns of a curve are counted: dense near 0 and near the Nyquist frequency."""
+    below, above = np.geomspace(1e-4, np.pi / 2, ANGLES), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES // 4)
+    return np.concatenate((below, above[1:], [np.pi]))
+
+
+def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
+    """Return whether the sampled loop makes no turn around 0; the gains end in an axis of length 1."""
+    whole, fraction = whole_samples(device.delay, device.sample_time)
+    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
+    integrator = bool(np.any(gains.position))
+    F = return_difference(plant, angles(), FLOATS, integrator=integrator).closed(gains, integrator=integrator)
+    turns = np.unwrap(np.arctan2(F.im, F.re), axis=-1)
+    return (np.abs(turns[..., -1] - turns[..., 0]) < np.pi / 2) & (F.re[..., -1] > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """open + K_v velocity + K_p position >= 0: a half plane that keeps the gains inside a boundary."""
+
+    open: float
+    velocity: float
+    position: float
+
+
+def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -> Cut | None:
+    """Return the tangent to the stability boundary between a stable and an unstable pair of gains.
+
+    On the boundary F(theta) = 0 for some theta; moving along it changes theta, so that its tangent is where
+    dF is parallel to dF/dtheta. Both the sampled loop and the frequency model are looked at.
+
+    Parameters
+    ----------
+    device : dimensionless
+    inside, outside : stable and unstable gains
+    level : distance kept from the tangent, as a share of F with the loop open
+    """
+    integrator = inside.position > 0 or outside.position > 0
+    for curve in (sampled_curve(device, integrator=integrator), model_curve(device)):
+        crossing = _crossing(curve, inside, outside)
+        if crossing is not None:
+            theta = _lowest(curve, crossing)
+            step = 1e-4 * theta
+            slope = _at(curve, theta + step, crossing) - _at(curve, theta - step, crossing)
+            return _cut(curve, theta, inside, 1j * slope / abs(slope), level)
+    return None
+
+
+def sensitivity_cut(device: Device, gains: Gains, level: float) -> Cut | None:
+    """Return the half plane that keeps |D/Z_d| above `level` where it is least, seen from stable gains."""
+    curve = model_curve(device)
+    theta = _lowest(curve, gains)
+    F = _at(curve, theta, gains)
+    return _cut(curve, theta, gains, F / abs(F), level)
+
+
+def _crossing(curve: Curve, inside: Gains, outside: Gains) -> Gains | None:
+    """Return the gains at which the number of turns first differs from that inside, or None."""
+    theta, low, high = angles(), 0.0, 1.0
+    for _ in range(CROSSING_ROUNDS):
+        t = np.linspace(low, high, CROSSING_POINTS)[:, None]
+        between = _between(inside, outside, t)
+        turns = np.unwrap(np.angle(curve(theta, between.velocity, between.position)), axis=-1)[:, -1]
+        differs = np.abs(turns - turns[0]) > np.pi / 2
+        if not differs.any():
+            return None
+        first = int(np.argmax(differs))
+        low, high = float(t[first - 1, 0]), float(t[first, 0])
+    return _between(inside, outside, (low + high) / 2)
+
+
+def _between(a: Gains, b: Gains, t: Floats | float) -> Gains:
+    return Gains(a.velocity + t * (b.velocity - a.velocity), a.position + t * (b.position - a.position))
+
+
+def _lowest(curve: Curve, gains: Gains) -> float:
+    """Return the angle at which |F| is least."""
+    K_v, K_p = np.array(gains.velocity), np.array(gains.position)
+    return float(local_minima(lambda theta: np.abs(curve(theta, K_v, K_p)), angles()).omega[0])
+
+
+def _at(curve: Curve, theta: float, gains: Gains) -> complex:
+    return complex(curve(np.array(theta), np.array(gains.velocity), np.array(gains.position)))
+
+
+def _cut(curve: Curve, theta: float, inside: Gains, normal: complex, level: float) -> Cut | None:
+    """Return Re(F(theta) conj(normal)) >= level, the normal pointing to the stable side."""
+    if (_at(curve, theta, inside) * normal.conjugate()).real < 0:
+        normal = -normal
+    openness = _at(curve, theta, Gains(0.0, 0.0)) * normal.conjugate()
+    velocity = _at(curve, theta, Gains(1.0, 0.0)) * normal.conjugate() - openness
+    position = _at(curve, theta, Gains(0.0, 1.0)) * normal.conjugate() - openness
+    cut = Cut(openness.real - level, velocity.real, position.real)
+    return cut if np.isfinite([cut.open, cut.velocity, cut.position]).all() else None

@@ -1,0 +1,218 @@
+"""The error and the demands over a grid of designs, the coupling in closed form (DESIGN 1.9).
+
+For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
+
+    b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
+
+and the error grows with b_c: designs are points (K_v, corner, tau_c, b_0), with corner = K_p/(b + K_v). Everything here
+is dimensionless (Z_0 = T = 1), on a fixed set of frequencies, and an estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.demands import response, sampled_span
+from vctune.analysis.extrema import Floats
+from vctune.analysis.stability import sampled_stable
+from vctune.document.problem import Problem, Range
+from vctune.model.arithmetic import FLOATS
+from vctune.model.llewellyn import required_resistance
+from vctune.model.loop import G_hh_abs2, sensitivity_abs2
+from vctune.model.quantities import Gains
+from vctune.model.transparency import log_quadrature
+
+COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 9}
+FREQUENCIES = 64
+PANELS = 3
+INADMISSIBLE = 1e6
+SENSITIVE, NEGATIVE, UNSTABLE = 1e3, 2e3, 3e3
+"""Ranks of violations: |S| too great, Re G_hh < 0, sampled loop unstable."""
+TIE = 1e-9
+LIMIT_ROUNDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """The grid's axes: K_v, corner of the integral action, tau_c, b_0."""
+
+    velocity: Floats
+    corner: Floats
+    time_constant: Floats
+    drag: Floats
+
+    def each(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the axes in order."""
+        return self.velocity, self.corner, self.time_constant, self.drag
+
+
+@dataclass(frozen=True, slots=True)
+class Loops:
+    """What the loops of a grid of (K_v, K_p) are worth before a coupling is chosen.
+
+    Attributes
+    ----------
+    required : R per frequency of the stability band, 0 where Re G_hh <= 0
+    deficit : how negative Re G_hh gets, relative; 0 for sound loops
+    sensitivity : greatest |S| up to Nyquist
+    stable : whether the sampled loop is stable
+    strength : log of the gains relative to the inertia: the weaker an unstable loop, the nearer to stability
+    error2 : share of e^2 that does not depend on the coupling, per node of the transparency band
+    """
+
+    required: Floats
+    deficit: Floats
+    sensitivity: Floats
+    stable: NDArray[np.bool_]
+    strength: Floats
+    error2: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """A scored grid over (K_v, corner, tau_c, b_0).
+
+    Attributes
+    ----------
+    score : transparency error, or `INADMISSIBLE` times 1 plus the rank and the size of the violation
+    damping : least b_c within the bounds
+    loops : the loops behind it
+    """
+
+    score: Floats
+    damping: Floats
+    loops: Loops
+
+
+def axes(problem: Problem, *, integral: bool) -> Axes:
+    """Return the coarse grid of a problem with or without an integrator."""
+    device, bounds = problem.device, problem.bounds
+    low, high = sampled_span(problem)
+    loop_impedance = device.mass / device.lag + device.damping
+    corner = np.array([0.0])
+    if integral and bounds.position.fixed:
+        corner = np.array([1 / device.lag])
+    elif integral:
+        corner = np.geomspace(1e-2 * problem.transparency.band.min, 2 / device.lag, COUNTS["position"])
+    shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high)
+    longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
+    tau_c = np.geomspace(shortest, longest, COUNTS["time_constant"]) if longest > shortest else np.array([shortest])
+    if bounds.mass.fixed and bounds.damping.fixed:
+        tau_c = np.array([bounds.mass.min / bounds.damping.min])
+    return Axes(
+        _towards_limit(problem, _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)),
+        corner,
+        tau_c,
+        _axis(bounds.drag, COUNTS["drag"], 1e-3),
+    )
+
+
+def _axis(bounds: Range, count: int, floor: float) -> Floats:
+    """Return a logarithmic grid over the bounds; a range from 0 starts with 0 and `floor`."""
+    if bounds.fixed:
+        return np.array([bounds.min])
+    if bounds.min > 0:
+        return np.clip(np.geomspace(bounds.min, bounds.max, count), bounds.min, bounds.max)
+    return np.concatenate(([0.0], np.geomspace(min(floor, bounds.max / 10), bounds.max, count - 1)))
+
+
+def _towards_limit(problem: Problem, K_v: Floats) -> Floats:
+    """Refine an axis of K_v towards the stability limit of the velocity loop alone, where good designs live."""
+    for _ in range(LIMIT_ROUNDS):
+        stable = sampled_stable(problem.device, Gains(K_v[:, None], np.array([0.0])))
+        if stable.all() or not stable.any():
+            return K_v
+        last = int(np.argmin(stable)) - 1
+        if last < 0:
+            return K_v
+        K_v = np.sort(np.append(K_v, K_v[last] + (K_v[last + 1] - K_v[last]) * np.array([0.5, 0.75])))
+    return K_v
+
+
+def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
+    """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator."""
+    bounds = problem.bounds.position
+    K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
+    return np.where(corner > 0, K_p, 0.0)
+
+
+def scored(problem: Problem, at: Axes) -> Grid:
+    """Score every design of a grid."""
+    K_v, corner = np.meshgrid(at.velocity, at.corner, indexing="ij")
+    loops = _loops(problem, Gains(K_v, position_gain(problem, K_v, corner)))
+    damping, excess = _least_damping(problem, loops.required, at)
+    rank = _rank(problem, loops)[:, :, None, None]
+    violation = np.where(rank > 0, rank, excess)
+    error = _error(problem, loops, damping, at)
+    if problem.transparency.weights.coupling == 0:  # prefer the least coupling among equals
+        span = np.log(damping.max() / damping.min()) + 1.0
+        error = error * (1 + TIE * np.log(damping / damping.min()) / span)
+    return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, loops)
+
+
+def _omega(problem: Problem) -> Floats:
+    low, high = sampled_span(problem)
+    return np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
+
+
+def _loops(problem: Problem, gains: Gains) -> Loops:
+    device, limit = problem.device, problem.stability.max_sensitivity
+    spread = Gains(gains.velocity[..., None], gains.position[..., None])
+    band = response(device, spread, _omega(problem))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        required = np.where(band.re_D > 0, required_resistance(band, FLOATS), 0.0)
+    scale = device.damping + gains.velocity + gains.position * device.lag
+    deficit = np.maximum(-band.re_D, 0).max(axis=-1) / np.maximum(scale, 1e-300)
+    count = int(FREQUENCIES * min(max(limit / 2, 1.0), 4.0))
+    below_nyquist = np.geomspace(1e-3 * problem.nyquist, problem.nyquist, count)
+    sensitivity = np.sqrt(sensitivity_abs2(response(device, spread, below_nyquist)).max(axis=-1))
+    nodes, _ = _nodes(problem)
+    loop, weights = response(device, spread, nodes), problem.transparency.weights
+    error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
+    strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
+    return Loops(required, deficit, sensitivity, sampled_stable(device, spread), strength, error2)
+
+
+def _nodes(problem: Problem) -> tuple[Floats, Floats]:
+    band = problem.transparency.band
+    return log_quadrature(band.min, band.max, PANELS)
+
+
+def _rank(problem: Problem, loops: Loops) -> Floats:
+    """Return 0 for loops in order, else the rank of what is wrong plus how much."""
+    too_sensitive = np.log(np.maximum(loops.sensitivity / problem.stability.max_sensitivity, 1.0))
+    rank = np.where(too_sensitive > 0, SENSITIVE + too_sensitive, 0.0)
+    rank = np.where(loops.deficit > 0, NEGATIVE + loops.deficit, rank)
+    return np.where(loops.stable, rank, UNSTABLE + loops.strength)
+
+
+def _least_damping(problem: Problem, required: Floats, at: Axes) -> tuple[Floats, Floats]:
+    """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
+    bounds, omega, tau_c = problem.bounds, _omega(problem), at.time_constant[:, None]
+    b_c = np.empty((*required.shape[:2], tau_c.size, at.drag.size))
+    for k, drag in enumerate(at.drag):
+        demand = np.maximum(problem.stability.safety_factor * required - drag, 0.0)
+        for i, tau in enumerate(at.time_constant):
+            b_c[:, :, i, k] = (demand * (1 + 1 / (omega * tau) ** 2)).max(axis=-1)
+    b_c = np.maximum(b_c, np.maximum(bounds.damping.min, bounds.mass.min / tau_c))
+    most = np.minimum(bounds.damping.max, bounds.mass.max / tau_c)
+    slack = 1 + 1e-9
+    return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
+
+
+def _error(problem: Problem, loops: Loops, damping: Floats, at: Axes) -> Floats:
+    """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
+    nodes, averages = _nodes(problem)
+    x = nodes * at.time_constant[:, None]
+    u, v = x * x / (1 + x * x), x / (1 + x * x)
+    weight = problem.transparency.weights.coupling**2
+    if problem.transparency.norm == "rms":
+        mean_u, mean_2 = (u @ averages)[:, None], ((u * u + v * v) @ averages)[:, None]
+        Z_c2 = at.drag**2 + 2 * at.drag * damping * mean_u + damping**2 * mean_2
+        return np.sqrt((loops.error2 @ averages)[:, :, None, None] + weight * Z_c2)
+    b_c = damping[..., None]
+    Z_c2 = (at.drag[:, None] + b_c * u[:, None, :]) ** 2 + (b_c * v[:, None, :]) ** 2
+    return np.sqrt((loops.error2[:, :, None, None, :] + weight * Z_c2).max(axis=-1))
