@@ -343,3 +343,58 @@ def test_every_problem_of_the_gallery(path):
         assert S <= 2 * (1 + 1e-9)
         assert radius < 1
         assert solved.judgement.transparency.error == pytest.approx(error, rel=1e-5)
+
+
+BASINS = {
+    # the least error that an independent search with its own formulas found, or that a later one of ours improved on
+    "A19": 0.32024,
+    "A38": 4.4289,
+    "A47": 12.896,
+    "A172": 1052.6,
+    "B92": 8.126e-05,
+    "C144_1.5": 39.60,
+    "r25": 0.549780,
+    "r50": 0.584188,
+}
+
+
+@pytest.mark.parametrize("name", BASINS)
+def test_basins_that_a_scan_can_miss(name):
+    """Thin feasible sets next to instability, couplings that cost nothing, free drag, fixed couplings."""
+    problem = read_problem(ROOT / "tests/basins" / f"{name}.toml").problem
+    solved = solve(problem)
+    assert solved.status is Status.CERTIFIED
+    assert solved.judgement.transparency.error <= BASINS[name] * 1.003
+    assert_admissible(problem, solved.judgement)
+
+
+def test_certified_means_with_the_safety_factor():
+    """A coupling that is fixed by its bounds after the gains were rounded must not eat the safety factor."""
+    problem = read_problem(ROOT / "tests/basins/W1014.toml").problem
+    judgement = solve(problem).judgement
+    assert judgement.min_ratio >= problem.stability.safety_factor
+    assert judgement.certificate.factor == problem.stability.safety_factor
+
+
+@pytest.mark.parametrize("damping", [2.0, 0.0])
+def test_no_loop_at_all(damping):
+    """K_v = K_p = 0: R = 0, so that any coupling will do, if the device does not drift."""
+    text = f"[device]\nmass = 0.4\ndamping = {damping}\nsample_time = 1e-3\n[gains]\nvelocity = 0.0\nposition = 0.0\n"
+    solved = solve(parse(text + "[coupling]\ndamping = 10.0\nmass = 1.0\n"))
+    assert solved.status is (Status.CERTIFIED if damping > 0 else Status.VIOLATED)
+    assert solved.judgement.min_ratio == inf or damping == 0
+    if damping > 0:
+        assert solved.judgement.certificate.proved_band == (0.0, solved.problem.nyquist)
+
+
+def test_an_undamped_device_on_a_spring_is_violated():
+    text = UNDAMPED + "[gains]\nvelocity = 0.0\nposition = 100.0\n[coupling]\ndamping = 10.0\nmass = 1.0\n"
+    assert solve(parse(text)).status is Status.VIOLATED
+
+
+@pytest.mark.parametrize("factor", [1e-15, 1e15])
+def test_a_common_factor_of_the_weights_changes_nothing(factor):
+    weights = f"[transparency]\nweights = {{ admittance = {factor}, tracking = {factor}, coupling = {factor} }}\n"
+    here, there = solve(parse(DEVICE)).judgement, solve(parse(DEVICE + weights)).judgement
+    assert there.gains == here.gains
+    assert there.transparency.error == pytest.approx(here.transparency.error * factor, rel=1e-12)

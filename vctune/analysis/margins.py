@@ -61,7 +61,7 @@ def _grid(device: Device, gains: Gains) -> Floats:
     rate = 1 / device.sample_time
     stiff = device.damping + gains.velocity
     corners = [rate, stiff / device.mass, device.damping / device.mass, (gains.position / device.mass) ** 0.5]
-    corners += [gains.position / stiff, gains.position / device.damping if device.damping > 0 else 0.0]
+    corners += [gains.position / loss for loss in (stiff, device.damping) if loss > 0]
     low = min(corner for corner in corners if corner > 0)
     high = 2 * pi * rate * (1 - 1e-9) if device.hold == "zoh" else max(corners) * 1e3
     return frequency_grid(min(low * 1e-3, high * 1e-3), high, MARGIN_POINTS_PER_DECADE)

@@ -6,17 +6,25 @@ This module imports nothing heavy before it is ready to be interrupted.
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 
 def run() -> None:
     """Run the command line and leave the process with one of `vctune.exits.ExitCode`."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115
+        getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         from vctune.cli.main import execute
 
         code = execute()
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         sys.stderr.write("interrupted\n")
         sys.stderr.flush()
         os._exit(130)  # CPython may remember the interrupt and die by the signal instead of exiting with a code
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)

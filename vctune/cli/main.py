@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from contextlib import suppress
 
 import click
@@ -22,11 +20,11 @@ EPILOG = (
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
+    from vctune.cli.output import emit
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import versions
 
-    for name, number in versions(ipopt_version()).items():
-        click.echo(f"{name} {number}")
+    emit("\n".join(f"{name} {number}" for name, number in versions(ipopt_version()).items()))
     context.exit()
 
 
@@ -51,7 +49,6 @@ def execute() -> int:
     """Run the command line and return one of `ExitCode`; only KeyboardInterrupt passes."""
     try:
         code = main(standalone_mode=False)
-        sys.stdout.flush()
     except InputError as error:
         code = _complain(str(error), ExitCode.BAD_INPUT)
     except click.ClickException as error:
@@ -59,9 +56,8 @@ def execute() -> int:
         code = ExitCode.BAD_INPUT
     except click.Abort:
         raise KeyboardInterrupt from None
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = ExitCode.BAD_INPUT
+    except SystemExit:  # click's way out when the reader of --help or --version has gone away
+        code = ExitCode.OK
     except OSError as error:
         code = _complain(f"{error.filename or 'output'}: {error.strerror}", ExitCode.BAD_INPUT)
     except Exception as error:  # the last line of defence: a fault of ours, said without a traceback

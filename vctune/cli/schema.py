@@ -10,6 +10,7 @@ def schema() -> None:
     """Print the JSON Schema of the problem file, for completion in editors."""
     import json
 
+    from vctune.cli.output import emit
     from vctune.document.schema import json_schema
 
-    click.echo(json.dumps(json_schema(), indent=2))
+    emit(json.dumps(json_schema(), indent=2))

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from vctune.document.reading import ProblemFile
+    from vctune.model.quantities import Coupling, Gains
 
 
 @click.command()
 @click.argument("problem", type=click.Path(path_type=Path))
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for DIR/NAME/."
+    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json.")
@@ -22,37 +27,73 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     """
     import json
 
+    from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
-    from vctune.document.files import folder_name, make_folder, write_text
-    from vctune.document.gains import gains_text
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
-    folder = out / folder_name(file.problem.name)
-    make_folder(folder)
+    folder = _folder(file, problem, out)
 
-    from vctune.design import solve as solving
     from vctune.design.judge import EXIT_CODES
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
+    from vctune.design.solve import solve as solve_problem
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solving.solve(file.problem, progress)
+        solved = solve_problem(file.problem, progress)
     record = design_record(file, solved, ipopt_version())
     text = json.dumps(record, indent=2, allow_nan=False)
-    if solved.judgement is not None:
+    judgement = solved.judgement
+    _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+    if as_json:
+        emit(text)
+    elif not quiet:
+        from vctune.cli.table import print_design
+
+        with reader_may_leave():
+            print_design(record, folder)
+    return EXIT_CODES[solved.status]
+
+
+def _folder(file: ProblemFile, problem: Path, out: Path) -> Path:
+    """Return the folder of the design, made and writable, after making sure that nobody else's work is in it."""
+    import json
+
+    from vctune.document.errors import InputError, Mistake
+    from vctune.document.files import folder_name, make_folder
+
+    folder = out / folder_name(file.problem.name)
+    make_folder(folder)
+    if problem.resolve() in ((folder / name).resolve() for name in ("gains.toml", "design.json")):
+        raise InputError(str(problem), [Mistake("", "would be overwritten by its own design; choose another --out")])
+    try:
+        owner = json.loads((folder / "design.json").read_text())["problem"]["name"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return folder
+    if owner != file.problem.name:
+        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or --out"
+        raise InputError(str(folder), [Mistake("", message)])
+    return folder
+
+
+def _write(
+    folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
+) -> None:
+    """Write design.json, and gains.toml with it; without a design older gains are set aside, not left beside it."""
+    from vctune.document.files import write_together
+    from vctune.document.gains import gains_text
+
+    texts = {folder / "design.json": text + "\n"}
+    if design is not None:
         origin = {
             "problem": file.problem.name,
             "sha256": file.sha256,
             "vctune": record["versions"]["vctune"],
             "verdict": record["certificate"]["verdict"],
         }
-        write_text(folder / "gains.toml", gains_text(solved.judgement.gains, solved.judgement.coupling, origin))
-    write_text(folder / "design.json", text + "\n")
-    if as_json:
-        click.echo(text)
-    elif not quiet:
-        from vctune.cli.table import print_design
-
-        print_design(record, folder)
-    return EXIT_CODES[solved.status]
+        texts = {folder / "gains.toml": gains_text(*design, origin), **texts}
+    write_together(texts)
+    stale = folder / "gains.toml"
+    if design is None and stale.exists():
+        stale.replace(folder / "gains.previous.toml")
+        click.echo(f"{stale}: gains of an earlier run, renamed to gains.previous.toml", err=True)

@@ -9,14 +9,18 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from vctune.document.errors import printable
+
+LEAST_WIDTH = 80
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
 def print_design(record: dict[str, Any], folder: Path) -> None:
     """Print the object of design.json (DESIGN 2.3) and where the files are."""
     console = Console(highlight=False)
+    console.width = max(console.width, LEAST_WIDTH)
     status = record["status"]
-    name = escape(record["problem"]["name"])
+    name = escape(printable(record["problem"]["name"]))
     console.print(f"[bold]{name}[/bold]: [bold {COLOURS[status]}]{status}[/]")
     if record["reason"]:
         console.print(escape(record["reason"]), soft_wrap=True)

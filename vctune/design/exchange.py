@@ -6,7 +6,7 @@ stable, because the demands on single frequencies are also met by unstable loops
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from time import perf_counter
 
@@ -88,54 +88,89 @@ def polish(
     tightening : relative sharpening of the demands
     witnesses : frequencies that a proof has refuted, to begin with
     """
-    began = perf_counter()
-    integrator = start.gains.position > 0
-    free = coordinates(problem, integrator=integrator)
     reference = _pulled_in(problem, start)
     if reference is None:
         return None
-    warm, radius, panels = reference, RADIUS, PANELS
     frequencies = _first_frequencies(problem, start, seen)
     if witnesses is not None:
         _join(problem, frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
-    rounds: list[Round] = []
+    search = _Search(start, perf_counter(), tightening, incumbent, frequencies, reference, reference)
+    while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
+        _step(problem, search)
+    return search.best
+
+
+@dataclass(slots=True)
+class _Search:
+    """Where a polish stands.
+
+    Attributes
+    ----------
+    reference : the last point with sound loops, centre of the box
+    warm : where IPOPT starts
+    radius : half the box's width in log coordinates
+    """
+
+    start: Start
+    began: float
+    tightening: float
+    incumbent: float
+    frequencies: WorkingSet
+    reference: Point
+    warm: Point
+    radius: float = RADIUS
+    panels: int = PANELS
+    rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
-    while len(rounds) < ROUNDS and radius >= LEAST_RADIUS:
-        shape = shape_of(problem, free, frequencies, panels, integrator=integrator)
-        box = _box(free, reference, radius)
-        sharper = max([tightening, *(amount for after, amount in PATIENCE if len(rounds) >= after)])
-        solution = solve(problem, shape, free, warm, box, frequencies, (tightening, sharper))
-        values = _values(free, solution.z, reference)
-        demands = _check(problem, values, tightening)
-        seconds, size = perf_counter() - began, sum(frequencies.sizes())
-        rounds.append(Round(seconds, demands.violation, solution.error, size, solution.iterations))
-        if not _stable(problem, design_of(values)[0]):
-            if not _guard(problem, frequencies, design_of(reference)[0], design_of(values)[0]):
-                radius /= 2
-            warm = reference
-            continue
-        warm = reference = values if demands.positive else reference
-        if demands.excess > FAR:
-            _fence(problem, frequencies, design_of(values)[0])
-        settled = solution.converged and not _at_box(free, solution.z, box)
-        if settled and solution.error > incumbent:
-            break
-        admissible = demands.positive and demands.violation == 0
-        if admissible:
-            error = transparency_error(problem, *design_of(values)).error
-            if best is None or error < best.error:
-                best = Polished(start, values, error, shape, frequencies.copy(), solution, rounds)
-            if settled and _leans(frequencies, solution):
-                frequencies.fences.clear()
-            elif settled and not _rough(problem, solution, error, panels):
-                break
-            elif settled:
-                panels *= 2
-        if _join(problem, frequencies, demands) or (admissible and solution.converged):
-            radius = min(radius * GROWTH, RADIUS)
-        else:
-            radius /= 2
-    return best
+    finished: bool = False
+
+
+def _step(problem: Problem, search: _Search) -> None:
+    """Solve one NLP, see what its answer is worth, and prepare the next."""
+    frequencies, integrator = search.frequencies, search.start.gains.position > 0
+    free = coordinates(problem, integrator=integrator)
+    shape = shape_of(problem, free, frequencies, search.panels, integrator=integrator)
+    box = _box(free, search.reference, search.radius)
+    sharper = max([search.tightening, *(amount for after, amount in PATIENCE if len(search.rounds) >= after)])
+    solution = solve(problem, shape, free, search.warm, box, frequencies, (search.tightening, sharper))
+    values = _values(free, solution.z, search.reference)
+    demands = _check(problem, values, search.tightening)
+    seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
+    search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution.iterations))
+    gains = design_of(values)[0]
+    if not _stable(problem, gains):
+        if not _guard(problem, frequencies, design_of(search.reference)[0], gains):
+            search.radius /= 2
+        search.warm = search.reference
+        return
+    if demands.positive:
+        search.reference = values
+    search.warm = search.reference
+    if demands.excess > FAR:
+        _fence(problem, frequencies, gains)
+    settled = solution.converged and not _at_box(free, solution.z, box)
+    search.finished = settled and solution.error > search.incumbent
+    admissible = demands.positive and demands.violation == 0
+    if admissible and not search.finished:
+        found = Polished(search.start, values, inf, shape, frequencies.copy(), solution, search.rounds)
+        _keep(problem, search, found, settled=settled)
+    progress = _join(problem, frequencies, demands) or (admissible and solution.converged)
+    search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
+
+
+def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) -> None:
+    """Keep an admissible design if it is the best so far; finish if nothing artificial holds it."""
+    error = transparency_error(problem, *design_of(found.values)).error
+    if search.best is None or error < search.best.error:
+        search.best = replace(found, error=error)
+    if not settled:
+        return
+    if _leans(search.frequencies, found.solution):
+        search.frequencies.fences.clear()
+    elif _rough(problem, found.solution, error, search.panels):
+        search.panels *= 2
+    else:
+        search.finished = True
 
 
 def _leans(frequencies: WorkingSet, solution: Solution) -> bool:

@@ -67,12 +67,14 @@ def _impossible_at_infinity(problem: Problem) -> str | None:
     need = 2 * device.mass * K_v / (b * device.sample_time) if b > 0 else inf
     if K_v == 0 or need <= most:
         return None
-    remedy = (
-        f"raise coupling.damping.max to {need:.4g}" if b > 0 else "add device damping: without it no coupling does it"
-    )
+    if b == 0:
+        return (
+            "omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), which no coupling has for a device without damping; "
+            "lower stability.band_hz[1] to a finite edge, or add device damping"
+        )
     return (
         f"omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), at least {need:.4g} N s/m, but the bounds allow "
-        f"{most:.4g} N s/m; lower stability.band_hz[1] to a finite edge, or {remedy}"
+        f"{most:.4g} N s/m; lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need:.4g}"
     )
 
 
@@ -99,6 +101,8 @@ def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult) -> Infeasi
 
 def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> str:
     device, stability = problem.device, problem.stability
+    if gains.velocity == 0 and gains.position == 0 and device.damping == 0:
+        return "without a loop and without damping the device drifts; allow a higher gains.velocity"
     radius = spectral_radius(device, gains)
     if radius >= 1:
         return (

@@ -8,12 +8,12 @@ from math import inf, log
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.interrupt import interrupt_deferred
 from vctune.design.nlp import compiled
 from vctune.design.result import Solution
 from vctune.design.shape import TERMS, Shape, WorkingSet
 from vctune.design.variables import Coordinate, Point
 from vctune.document.problem import Problem
+from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
 from vctune.model.quantities import Device

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
 
+import numpy as np
+
 from vctune.analysis.demands import (
     TransparencyError,
     ratio_minima,
@@ -80,6 +82,7 @@ class Judgement:
         return STATUS_OF[self.certificate.verdict]
 
 
+@np.errstate(all="ignore")
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
     """Judge given gains against a problem's demands.
 

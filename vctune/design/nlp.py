@@ -15,8 +15,8 @@ from typing import Any
 
 import casadi as ca
 
-from vctune.design.interrupt import interrupt_deferred
 from vctune.design.shape import DEMANDS, TERMS, Shape
+from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess

@@ -97,7 +97,7 @@ def warnings(problem: Problem, judgement: Judgement) -> list[str]:
         )
     elif judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
-            if judgement.worst == edge:
+            if judgement.worst == edge and 0 < edge < inf:
                 found.append(
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
                     "outside the proved band a passive hand or environment can make it oscillate"

@@ -34,6 +34,11 @@ class Start:
     error: float
 
     @property
+    def admissible(self) -> bool:
+        """Whether the point met every demand at the scan's frequencies."""
+        return self.error < INADMISSIBLE
+
+    @property
     def workable(self) -> bool:
         """Whether its loop is stable with Re G_hh > 0, so that the optimiser's formulas are defined there."""
         return self.error < INADMISSIBLE * NEGATIVE
@@ -78,7 +83,7 @@ def scan(problem: Problem) -> ScanResult:
 
 
 def _candidates(problem: Problem, score: Floats) -> list[tuple[int, ...]]:
-    """Return the local minima of a grid; where the coupling costs nothing, only over the loops, with the best coupling."""
+    """Return the local minima of a grid; where the coupling costs nothing, over the loops only."""
     if problem.transparency.weights.coupling > 0:
         return _local_minima(score)
     flat = score.reshape(*score.shape[:2], -1)

@@ -7,6 +7,8 @@ from dataclasses import replace
 from math import inf
 from time import perf_counter
 
+import numpy as np
+
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
@@ -23,11 +25,14 @@ from vctune.proof.interval import Outcome, Verdict
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
 PROOF_ROUNDS = 4
+LONG_SHOTS = 2
+"""How many starts are polished when none is admissible."""
 SHARPENING = 10.0
 
 Progress = Callable[[str], None]
 
 
+@np.errstate(all="ignore")
 def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
@@ -44,7 +49,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
     if theorem is not None:
         return Solved(problem, None, None, 0, theorem, None, {})
     progress("scanning")
-    scaled = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
+    scaled = _dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
     optima = _optima(scaled, seen, progress)
@@ -58,12 +63,22 @@ def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
     return Solved(problem, judgement, best, len(optima), infeasibility, seen, seconds)
 
 
+def _dimensionless(problem: Problem) -> Problem:
+    """Return the problem with Z_0 = T = 1 and the greatest weight 1."""
+    scaled = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
+    weights = scaled.transparency.weights
+    most = max(weights.admittance, weights.tracking, weights.coupling)
+    relative = Terms(weights.admittance / most, weights.tracking / most, weights.coupling / most)
+    return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
+
+
 def _optima(scaled: Problem, seen: ScanResult, progress: Progress) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first."""
     optima: list[Polished] = []
     for number, start in enumerate(seen.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
-        if start.error > WORTH_POLISHING * least or not start.workable:
+        hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
+        if start.error > WORTH_POLISHING * least or hopeless:
             continue
         progress(f"polishing start {number} of {len(seen.starts)}")
         polished = polish(scaled, start, seen, incumbent=least)

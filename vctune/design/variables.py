@@ -52,7 +52,7 @@ class Coordinate:
 
     def to_x(self, z: float) -> float:
         """Return the variable at z."""
-        return self.scale * expm1(z) if self.scale > 0 else exp(z)
+        return max(self.scale * expm1(z), 0.0) if self.scale > 0 else exp(z)
 
 
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 
@@ -21,6 +22,11 @@ class Mistake:
     line: int | None = None
 
 
+def printable(text: str) -> str:
+    """Return a text with its control characters escaped, so that it stays one line and cannot steer a terminal."""
+    return re.sub(r"[\x00-\x1f\x7f-\x9f]", lambda found: f"\\x{ord(found[0]):02x}", text)
+
+
 class InputError(Exception):
     """A file or an option cannot be used; `mistakes` lists everything that is wrong with it."""
 
@@ -34,4 +40,4 @@ class InputError(Exception):
 
     def _line(self, mistake: Mistake) -> str:
         place = self.source if mistake.line is None else f"{self.source}:{mistake.line}"
-        return ": ".join(part for part in (place, mistake.key, mistake.message) if part)
+        return printable(": ".join(part for part in (place, mistake.key, mistake.message) if part))

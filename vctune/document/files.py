@@ -8,31 +8,41 @@ import tempfile
 from pathlib import Path
 
 from vctune.document.errors import InputError, Mistake
+from vctune.interrupt import interrupt_deferred
+
+MAX_NAME_BYTES = 100
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a text file, replacing an older one only when the new one is complete.
+def write_together(texts: dict[Path, str]) -> None:
+    """Write text files that belong together, replacing older ones only when all the new ones are complete.
+
+    Ctrl-C waits until they are in place.
 
     Raises
     ------
     InputError
-        If the place cannot be written; an older file is then untouched.
+        If a place cannot be written; the older files are then untouched.
     """
-    temporary: str | None = None
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
-        os.replace(temporary, path)
-        temporary = None
-    except OSError as error:
-        raise _unwritable(path, error) from None
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+    with interrupt_deferred():
+        temporary: dict[Path, str] = {}
+        path = Path()
+        try:
+            for path, text in texts.items():
+                if path.is_dir():
+                    raise IsADirectoryError(21, "Is a directory")
+                handle, temporary[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+                with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                    file.write(text)
+                    file.flush()
+                    os.fsync(file.fileno())
+                os.chmod(temporary[path], 0o666 & ~_umask())
+            for path in texts:
+                os.replace(temporary.pop(path), path)
+        except OSError as error:
+            raise _unwritable(path, error) from None
+        finally:
+            for name in temporary.values():
+                Path(name).unlink(missing_ok=True)
 
 
 def make_folder(path: Path) -> None:
@@ -47,13 +57,17 @@ def make_folder(path: Path) -> None:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
+    except UnicodeError:
+        message = "cannot be written in this locale's file names; set a UTF-8 locale or another name"
+        raise InputError(str(path), [Mistake("", message)]) from None
     except OSError as error:
         raise _unwritable(path, error) from None
 
 
 def folder_name(name: str) -> str:
     """Return a design's name as the name of one folder: without separators, control characters or leading dots."""
-    return re.sub(r'[\x00-\x1f\x7f/\\:*?"<>|]', "_", name).strip().lstrip(".")[:100] or "design"
+    plain = re.sub(r'[\x00-\x1f\x7f/\\:*?"<>|]', "_", name).encode()[:MAX_NAME_BYTES].decode(errors="ignore")
+    return plain.strip().lstrip(".").rstrip(". ") or "design"
 
 
 def _umask() -> int:

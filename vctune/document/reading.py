@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from hashlib import sha256
-from math import inf, isfinite, pi
+from math import inf, isfinite, isnan, pi
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +20,10 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
 from vctune.document.schema import ProblemDocument
 
-MAX_DELAY_SAMPLES = 1000
+MAX_DELAY_SAMPLES = 200
+MAX_DECADES = 12
+MAX_MISTAKES = 25
+LONG = 60
 VARIABLES = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 
 
@@ -44,7 +49,8 @@ def read_problem(path: Path) -> ProblemFile:
         Listing every mistake, each with line, dotted key, value and remedy.
     """
     text = toml.read_text(path)
-    return ProblemFile(parse_problem(text, str(path), path.stem), text)
+    name = path.stem.encode("utf-8", "replace").decode()
+    return ProblemFile(parse_problem(text, str(path), name), text)
 
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
@@ -57,7 +63,9 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
         faults = [_fault(raw, details) for details in error.errors(include_url=False)]
     faults += _contradictions(raw)
     if document is None or faults:
-        raise InputError(source, sorted(_located(faults, text), key=lambda mistake: mistake.line or 0))
+        mistakes = _located(faults[:MAX_MISTAKES], text)
+        more = [Mistake("", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
+        raise InputError(source, [*sorted(mistakes, key=lambda mistake: mistake.line or 0), *more])
     problem = resolve(document, default_name)
     if problem.stability.band.min >= problem.stability.band.max:
         raise InputError(source, _located([_empty_default_band(problem)], text))
@@ -68,13 +76,14 @@ Fault = tuple[tuple[str | int, ...], str]
 
 
 def _located(faults: list[Fault], text: str) -> list[Mistake]:
-    return [Mistake(_dotted(path), message, _line(text, path)) for path, message in faults]
+    lines = toml.Lines(text)
+    return [Mistake(_dotted(path), message, _line(lines, path)) for path, message in faults]
 
 
-def _line(text: str, path: tuple[str | int, ...]) -> int | None:
+def _line(lines: toml.Lines, path: tuple[str | int, ...]) -> int:
     """Return the line of a key, or of the nearest table that should have held it."""
     while path:
-        line = toml.locate(text, path)
+        line = lines.locate(path)
         if line is not None:
             return line
         path = path[:-1]
@@ -84,15 +93,20 @@ def _line(text: str, path: tuple[str | int, ...]) -> int | None:
 def _dotted(path: tuple[str | int, ...]) -> str:
     dotted = ""
     for step in path:
-        dotted += f"[{step}]" if isinstance(step, int) else f".{step}" if dotted else step
-    return dotted
+        name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
+        dotted += f"[{name}]" if isinstance(step, int) else f".{name}" if dotted else str(name)
+    return _short(dotted)
 
 
 def _fault(raw: dict[str, Any], details: Any) -> Fault:
-    path = tuple(step for step in details["loc"] if step not in ("number", "range"))
+    path = tuple(step for step in details["loc"] if step not in ("<number>", "<range>"))
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         return path, f"unknown key{_suggestion(path)}"
+    if isinstance(value, float) and isnan(value):
+        return path, "nan is not a number; write a number"
+    if kind == "value_error":
+        return path, str(context["error"])
     if kind == "missing":
         return path, f"is missing; {_documentation(path)}"
     messages: dict[str, Callable[[], str]] = {
@@ -111,8 +125,15 @@ def _fault(raw: dict[str, Any], details: Any) -> Fault:
 
 
 def _show(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    except ValueError:  # an integer of thousands of digits
+        return "this integer"
+    return _short(text)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONG else text[: LONG - 3] + "..."
 
 
 def _or_range(path: tuple[str | int, ...]) -> str:
@@ -185,9 +206,13 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
     for table in ("transparency", "stability"):
         path = (table, "band_hz")
         low, high = _number(raw, *path, 0), _number(raw, *path, 1)
-        endless = _is_infinite(raw, table)
+        endless = _is_infinite(raw, table, 1)
         if low is not None and high is not None and low >= high:
             yield path, f"the lower edge {low:g} Hz is not below the upper edge {high:g} Hz; a band needs a width"
+        if _is_infinite(raw, table, 0):
+            yield path, "the lower edge is infinite; use a finite one"
+        if low and high and high > low * 10.0**MAX_DECADES > 0:
+            yield path, f"from {low:g} to {high:g} Hz are more than {MAX_DECADES} decades; narrow it"
         if high is not None and sample_time and sample_time > 0 and high > 0.5 / sample_time * (1 + 1e-12):
             nyquist = 0.5 / sample_time
             yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
@@ -197,9 +222,9 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
                     yield path, f'{edge} needs hold = "lag" and delay = 0; use a finite, positive edge'
 
 
-def _is_infinite(raw: dict[str, Any], table: str) -> bool:
+def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
     try:
-        return bool(raw[table]["band_hz"][1] == inf)
+        return bool(raw[table]["band_hz"][edge] == inf)
     except (KeyError, IndexError, TypeError):
         return False
 
@@ -216,7 +241,7 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
         samples = delay / sample_time
         yield (
             ("device", "delay"),
-            f"{delay:g} s is {samples:.3g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
+            f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
         )
 
 

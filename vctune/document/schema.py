@@ -7,13 +7,20 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
-LEAST, MOST = 1e-30, 1e30
+LEAST, MOST = 1e-20, 1e20
+
+
+def _zero_or_sizeable(value: float) -> float:
+    if 0 < value < LEAST:
+        raise ValueError(f"{value:g} is too small: must be 0 or at least {LEAST:g}")
+    return value
+
 
 Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
-NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST)]
-Edge = Annotated[float, Field(strict=True, ge=0)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
+Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
 Text = Annotated[str, Field(strict=True)]
 
 
@@ -36,17 +43,14 @@ class NotNegativeRange(_Table):
 
 
 def _form(value: Any) -> str:
-    return "range" if isinstance(value, dict | _Table) else "number"
+    return "<range>" if isinstance(value, dict | _Table) else "<number>"
 
 
 PositiveVariable = Annotated[
-    Annotated[Positive, Tag("number")] | Annotated[PositiveRange, Tag("range")], Discriminator(_form)
-]
-MassVariable = Annotated[
-    Annotated[NotNegative, Tag("number")] | Annotated[PositiveRange, Tag("range")], Discriminator(_form)
+    Annotated[Positive, Tag("<number>")] | Annotated[PositiveRange, Tag("<range>")], Discriminator(_form)
 ]
 Variable = Annotated[
-    Annotated[NotNegative, Tag("number")] | Annotated[NotNegativeRange, Tag("range")], Discriminator(_form)
+    Annotated[NotNegative, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
 ]
 
 
@@ -60,7 +64,7 @@ class DeviceTable(_Table):
         "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
     )
     delay: NotNegative = Field(
-        0.0, description="Delay from sampling to actuation beyond the hold, s; at most 1000 sample times."
+        0.0, description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times."
     )
 
 
@@ -79,7 +83,7 @@ class CouplingTable(_Table):
     """The virtual coupling Z_c = drag + damping and mass in series."""
 
     damping: PositiveVariable | None = Field(None, description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }.")
-    mass: MassVariable | None = Field(
+    mass: PositiveVariable | None = Field(
         None,
         description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f) and f the middle of the "
         "transparency band on a log scale.",

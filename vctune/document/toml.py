@@ -11,7 +11,7 @@ from typing import Any
 
 from vctune.document.errors import InputError, Mistake
 
-MAX_BYTES = 1_000_000
+MAX_BYTES = 100_000
 
 KeyPath = Sequence[str | int]
 
@@ -36,7 +36,7 @@ def read_text(path: Path) -> str:
     if len(data) > MAX_BYTES:
         raise InputError(str(path), [Mistake("", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")])
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
@@ -58,46 +58,54 @@ def parse(text: str, source: str) -> dict[str, Any]:
         line = int(found[1]) if found and found[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
         raise InputError(source, [Mistake("", f"not valid TOML: {message[:200]}", line)]) from None
-    except (RecursionError, ValueError) as error:
-        raise InputError(source, [Mistake("", f"not valid TOML: {str(error)[:200] or 'nested too deeply'}")]) from None
+    except RecursionError:
+        raise InputError(source, [Mistake("", "not valid TOML: nested too deeply")]) from None
+    except ValueError:
+        raise InputError(source, [Mistake("", "not valid TOML: a number has thousands of digits")]) from None
 
 
-def locate(text: str, path: KeyPath) -> int | None:
-    """Return the line on which the key at `path` starts, or None if the text does not have it.
+class Lines:
+    """Where the keys of a TOML text are.
 
-    The last line of the longest parsable beginning that lacks the key is the line before it. Whether a beginning
-    has the key grows with its length, so a bisection finds the place in a few parses.
+    tomllib gives no positions, but parses beginnings of the text: the last line of the longest parsable beginning
+    that lacks a key is the line before it. Whether a beginning has a key grows with its length, so a bisection finds
+    the place in a few parses, which are remembered for the next key.
     """
-    lines = [line + "\n" for line in text.split("\n")]
-    without, having = 0, len(lines)
-    if not _has(lines, having, path):
-        return None
-    while (probe := _parsable_between(lines, without, having)) is not None:
-        if _has(lines, probe, path):
-            having = probe
-        else:
-            without = probe
-    return without + 1
 
+    def __init__(self, text: str) -> None:
+        self._lines = [line + "\n" for line in text.split("\n")]
+        self._parsed: dict[int, dict[str, Any] | None] = {}
 
-def _parsed(lines: list[str], count: int) -> dict[str, Any] | None:
-    try:
-        return tomllib.loads("".join(lines[:count]))
-    except (ValueError, RecursionError):
-        return None
+    def locate(self, path: KeyPath) -> int | None:
+        """Return the line on which the key at `path` starts, or None if the text does not have it."""
+        without, having = 0, len(self._lines)
+        if not self._has(having, path):
+            return None
+        while (probe := self._parsable_between(without, having)) is not None:
+            if self._has(probe, path):
+                having = probe
+            else:
+                without = probe
+        return without + 1
 
+    def _beginning(self, count: int) -> dict[str, Any] | None:
+        if count not in self._parsed:
+            try:
+                self._parsed[count] = tomllib.loads("".join(self._lines[:count]))
+            except (ValueError, RecursionError):
+                self._parsed[count] = None
+        return self._parsed[count]
 
-def _has(lines: list[str], count: int, path: KeyPath) -> bool:
-    node: Any = _parsed(lines, count)
-    for step in path:
-        try:
-            node = node[step]
-        except (KeyError, IndexError, TypeError):
-            return False
-    return True
+    def _has(self, count: int, path: KeyPath) -> bool:
+        node: Any = self._beginning(count)
+        for step in path:
+            try:
+                node = node[step]
+            except (KeyError, IndexError, TypeError):
+                return False
+        return True
 
-
-def _parsable_between(lines: list[str], without: int, having: int) -> int | None:
-    middle = (without + having) // 2
-    outwards = chain(range(middle, having), range(middle - 1, without, -1))
-    return next((n for n in outwards if n > without and _parsed(lines, n) is not None), None)
+    def _parsable_between(self, without: int, having: int) -> int | None:
+        middle = (without + having) // 2
+        outwards = chain(range(middle, having), range(middle - 1, without, -1))
+        return next((n for n in outwards if n > without and self._beginning(n) is not None), None)

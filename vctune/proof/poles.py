@@ -22,6 +22,8 @@ from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.winding import turned_angle
 
 ISOLATED_DEGREE = 40
+ROOT_TOLERANCE = 1e-16
+"""Radius of the enclosures of poles; without it they are only kept apart."""
 
 
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
@@ -82,7 +84,7 @@ def spectral_radius(device: Device, gains: Gains) -> float:
         coefficients = characteristic_polynomial(_plant(device), law, integrator=integrator)
         if len(coefficients) <= ISOLATED_DEGREE:
             try:
-                return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots())
+                return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))
             except ValueError:  # a multiple pole cannot be isolated
                 pass
         return float(np.abs(np.roots([float(c) for c in coefficients])).max())

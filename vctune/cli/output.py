@@ -1,0 +1,24 @@
+"""Data for stdout. A reader that has gone away is no failure of the command."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """Print in this block; when the pipe is closed from the other end the rest is dropped."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def emit(text: str) -> None:
+    """Print a text to stdout."""
+    with reader_may_leave():
+        sys.stdout.write(text + "\n")
