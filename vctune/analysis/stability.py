@@ -15,6 +15,7 @@ from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import return_difference, sampled_plant, whole_samples
 
 ANGLES = 192
+TOO_CLOSE = 0.1
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 
 Complex = NDArray[np.complex128]
@@ -63,6 +64,21 @@ def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
     return (np.abs(turns[..., -1] - turns[..., 0]) < np.pi / 2) & (F.re[..., -1] > 0)
 
 
+def clearly_stable(device: Device, gains: Gains) -> bool | None:
+    """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell."""
+    if gains.velocity == 0 and gains.position == 0:
+        return None
+    theta, integrator = angles(), gains.position > 0
+    stable = True
+    for curve in (sampled_curve(device, integrator=integrator), model_curve(device)):
+        F = curve(theta, np.array(gains.velocity), np.array(gains.position))
+        turns = np.unwrap(np.angle(F))
+        if np.abs(F).min() < TOO_CLOSE or np.abs(np.diff(turns)).max() > 1:
+            return None
+        stable &= bool(abs(turns[-1] - np.angle(F[-1])) < 1 and F[-1].real > 0)
+    return stable
+
+
 @dataclass(frozen=True, slots=True)
 class Cut:
     """open + K_v velocity + K_p position >= 0: a half plane that keeps the gains inside a boundary."""
@@ -93,14 +109,6 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
             slope = _at(curve, theta + step, crossing) - _at(curve, theta - step, crossing)
             return _cut(curve, theta, inside, 1j * slope / abs(slope), level)
     return None
-
-
-def sensitivity_cut(device: Device, gains: Gains, level: float) -> Cut | None:
-    """Return the half plane that keeps |D/Z_d| above `level` where it is least, seen from stable gains."""
-    curve = model_curve(device)
-    theta = _lowest(curve, gains)
-    F = _at(curve, theta, gains)
-    return _cut(curve, theta, gains, F / abs(F), level)
 
 
 def _crossing(curve: Curve, inside: Gains, outside: Gains) -> Gains | None:

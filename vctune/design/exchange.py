@@ -22,7 +22,7 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, frequency_grid, local_minima
-from vctune.analysis.stability import sensitivity_cut, stability_cut
+from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.ipopt import solve
 from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult, Start
@@ -43,17 +43,10 @@ PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6)
 STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
 MAX_CUTS = 24
-FAR = 0.1
-FENCE = 0.9
-"""A half plane is added where |S| exceeds its limit by the share `FAR`, at `FENCE` times the least |D/Z_d|."""
-BRACKET = 0.3
+FOLLOWED = 0.8
 PANELS = 4
 MAX_PANELS = 256
 QUADRATURE_TOLERANCE = 1e-7
-PATIENCE = ((15, 1e-5), (20, 1e-4), (25, 1e-3), (30, 1e-2), (35, 5e-2))
-"""After so many rounds the NLP's |S| demand is sharpened by so much, so that what it misses between its frequencies
-stays admissible: on a flat ridge the peak of |S| wanders without end."""
-LEANING = 1e-6
 
 
 @dataclass(slots=True)
@@ -64,7 +57,7 @@ class _Demands:
     sensitivity: list[float] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
     violation: float = 0.0
-    excess: float = 0.0
+    near_peak: float | None = None
     positive: bool = True
 
 
@@ -93,7 +86,8 @@ def polish(
         return None
     frequencies = _first_frequencies(problem, start, seen)
     if witnesses is not None:
-        _join(problem, frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
+        _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
+    _follow(frequencies, _check(problem, reference, tightening))
     search = _Search(start, perf_counter(), tightening, incumbent, frequencies, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
@@ -131,8 +125,7 @@ def _step(problem: Problem, search: _Search) -> None:
     free = coordinates(problem, integrator=integrator)
     shape = shape_of(problem, free, frequencies, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
-    sharper = max([search.tightening, *(amount for after, amount in PATIENCE if len(search.rounds) >= after)])
-    solution = solve(problem, shape, free, search.warm, box, frequencies, (search.tightening, sharper))
+    solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
     demands = _check(problem, values, search.tightening)
     seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
@@ -145,38 +138,27 @@ def _step(problem: Problem, search: _Search) -> None:
         return
     if demands.positive:
         search.reference = values
+    _follow(frequencies, demands)
     search.warm = search.reference
-    if demands.excess > FAR:
-        _fence(problem, frequencies, gains)
     settled = solution.converged and not _at_box(free, solution.z, box)
     search.finished = settled and solution.error > search.incumbent
     admissible = demands.positive and demands.violation == 0
     if admissible and not search.finished:
         found = Polished(search.start, values, inf, shape, frequencies.copy(), solution, search.rounds)
         _keep(problem, search, found, settled=settled)
-    progress = _join(problem, frequencies, demands) or (admissible and solution.converged)
+    progress = _join(frequencies, demands) or (admissible and solution.converged)
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
 def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) -> None:
-    """Keep an admissible design if it is the best so far; finish if nothing artificial holds it."""
+    """Keep an admissible design if it is the best so far; finish if it is a local optimum."""
     error = transparency_error(problem, *design_of(found.values)).error
     if search.best is None or error < search.best.error:
         search.best = replace(found, error=error)
-    if not settled:
-        return
-    if _leans(search.frequencies, found.solution):
-        search.frequencies.fences.clear()
-    elif _rough(problem, found.solution, error, search.panels):
+    if settled and _rough(problem, found.solution, error, search.panels):
         search.panels *= 2
-    else:
+    elif settled:
         search.finished = True
-
-
-def _leans(frequencies: WorkingSet, solution: Solution) -> bool:
-    """Return whether a half plane that no demand asks for holds the design."""
-    first = sum(frequencies.sizes()[:2]) + len(frequencies.stability)
-    return bool(np.any(solution.multipliers[first : first + len(frequencies.fences)] > LEANING))
 
 
 def _pulled_in(problem: Problem, start: Start) -> Point | None:
@@ -250,7 +232,8 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
-    found.excess = float(over[0])
+    if -peaks.value[0] > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
+        found.near_peak = float(peaks.omega[0])
     found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
     if problem.transparency.norm == "peak":
         _check_peak(problem, gains, coupling, found, tightening)
@@ -273,6 +256,10 @@ def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Dema
 
 
 def _stable(problem: Problem, gains: Gains) -> bool:
+    """Return whether both loops are stable; close to the boundary by proof, where an estimate would not do."""
+    estimate = clearly_stable(problem.device, gains)
+    if estimate is not None:
+        return estimate
     return all(
         prove(problem.device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles)
     )
@@ -287,31 +274,22 @@ def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Ga
     return True
 
 
-def _fence(problem: Problem, frequencies: WorkingSet, gains: Gains) -> None:
-    """Where |S| is far above its limit, which is next to instability, keep the NLP off by a half plane as well."""
-    cut = sensitivity_cut(problem.device, gains, FENCE / problem.stability.max_sensitivity)
-    if cut is not None and len(frequencies.fences) < MAX_CUTS:
-        frequencies.fences.append(cut)
+def _follow(frequencies: WorkingSet, demands: _Demands) -> None:
+    """Let the NLP follow the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
+    frequencies.moving[:] = [] if demands.near_peak is None else [demands.near_peak]
 
 
-def _join(problem: Problem, frequencies: WorkingSet, demands: _Demands) -> bool:
+def _join(frequencies: WorkingSet, demands: _Demands) -> bool:
     """Add failing frequencies to the working set; return whether any was new."""
-    band = problem.transparency.band
     added = [
-        _extend(frequencies.ratio, demands.ratio, sampled_span(problem)),
-        _extend(frequencies.sensitivity, demands.sensitivity, (0.0, problem.nyquist)),
-        _extend(frequencies.peak, demands.peak, (band.min, band.max)),
+        _extend(frequencies.ratio, demands.ratio),
+        _extend(frequencies.sensitivity, demands.sensitivity),
+        _extend(frequencies.peak, demands.peak),
     ]
     return any(added)
 
 
-def _extend(known: list[float], candidates: list[float], span: tuple[float, float]) -> bool:
-    """Add new frequencies; one that has drifted from a known neighbour is bracketed by a point beyond it."""
+def _extend(known: list[float], candidates: list[float]) -> bool:
     new = [w for w in candidates if all(abs(w - k) > 1e-7 * k for k in known)]
-    beyond = []
-    for w in new:
-        drift = min((w - k for k in known), key=abs, default=0.0)
-        if abs(drift) < BRACKET * w:
-            beyond.append(min(max(w + drift / 2, span[0]), span[1]))
-    known.extend(new + beyond)
+    known.extend(new)
     return bool(new)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, log
+from math import inf, log, pi
 
 import numpy as np
 
@@ -19,6 +19,9 @@ from vctune.model.loop import hold_response
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 
+REACH = 0.5
+"""How far the NLP may follow a peak of |S|, in log frequency."""
+
 
 def solve(
     problem: Problem,
@@ -27,7 +30,7 @@ def solve(
     start: Point,
     box: tuple[Floats, Floats],
     frequencies: WorkingSet,
-    tightening: tuple[float, float],
+    tightening: float,
 ) -> Solution:
     """Solve the NLP of a dimensionless problem on the given frequencies.
 
@@ -35,19 +38,21 @@ def solve(
     ----------
     start : the five numbers to start from; those that are not free stay
     box : bounds of the coordinates
-    tightening : relative amounts by which the demands on ratio and |S| are sharpened
+    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
 
     Ctrl-C waits for IPOPT's answer.
     """
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
+    y = [log(omega) for omega in frequencies.moving]
+    low, high, guess = [*low, *(at - REACH for at in y)], [*high, *(min(at + REACH, log(pi)) for at in y)], [*guess, *y]
     if shape.norm == "peak":
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
-    demands = _demands(problem, shape, frequencies, tightening)
+    demands, most = _demands(problem, shape, frequencies, tightening)
     parameters = _parameters(problem, shape, free, start, frequencies)
     with interrupt_deferred():
         solver = compiled(shape)
-        result = solver(x0=guess, p=parameters, lbx=low, ubx=high, lbg=demands, ubg=inf)
+        result = solver(x0=guess, p=parameters, lbx=low, ubx=high, lbg=demands, ubg=most)
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
     return Solution(
@@ -66,14 +71,13 @@ def _parameters(
     scales = np.zeros(5)
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale
-    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS)]
+    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS), device.delay]
     parts = [np.array(common)]
     if shape.norm == "rms":
         band = problem.transparency.band
         nodes, averages = log_quadrature(band.min, band.max, shape.panels)
         parts.append(np.vstack((_columns(device, nodes), averages)).ravel(order="F"))
-    half_planes = [*frequencies.stability, *frequencies.fences]
-    cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in half_planes]).reshape(-1, 3).T
+    cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in frequencies.stability]).reshape(-1, 3).T
     for count, columns in zip(
         shape.slots,
         (
@@ -84,7 +88,8 @@ def _parameters(
         ),
         strict=True,
     ):
-        filling = np.repeat(columns[:, :1], count - columns.shape[1], axis=1)
+        last = columns[:, -1:] if columns.shape[1] else np.zeros((columns.shape[0], 1))
+        filling = np.repeat(last, count - columns.shape[1], axis=1)
         parts.append(np.hstack((columns, filling)).ravel(order="F"))
     return np.concatenate(parts)
 
@@ -95,11 +100,11 @@ def _columns(device: Device, frequencies: Sequence[float] | Floats) -> Floats:
     return np.vstack((omega, hold.re, hold.im))
 
 
-def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: tuple[float, float]) -> Floats:
+def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: float) -> tuple[Floats, Floats]:
     stability = problem.stability
     levels = (
-        log(stability.safety_factor) + tightening[0],
-        -log(stability.max_sensitivity) + tightening[1],
+        log(stability.safety_factor) + tightening,
+        -log(stability.max_sensitivity) + tightening,
         0.0,
         0.0,
     )
@@ -107,4 +112,6 @@ def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening
         np.where(np.arange(count) < used, level, -inf)
         for count, used, level in zip(shape.slots, frequencies.sizes(), levels, strict=True)
     ]
-    return np.concatenate(lower)
+    followed = np.tile([levels[1], 0.0], shape.moving)
+    upper = np.concatenate((np.full(sum(shape.slots), inf), np.tile([inf, 0.0], shape.moving)))
+    return np.concatenate((*lower, followed)), upper

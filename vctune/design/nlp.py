@@ -20,7 +20,7 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
-from vctune.model.loop import HoldResponse, loop_response, sensitivity_abs2
+from vctune.model.loop import HoldResponse, hold_response, loop_response, sensitivity_abs2
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
@@ -40,7 +40,11 @@ OPTIONS: dict[str, Any] = {
 
 
 class _SymbolArithmetic:
-    """CasADi symbols. No transcendental function is needed: frequencies enter as numbers."""
+    """CasADi symbols."""
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(ca.SX(x).is_zero())
 
     sqrt = staticmethod(ca.sqrt)
     exp = staticmethod(ca.exp)
@@ -49,9 +53,15 @@ class _SymbolArithmetic:
 
     @staticmethod
     def sinc(x: Number) -> Number:
-        raise NotImplementedError
+        return ca.sin(x) / x
 
-    decay_mean = decay_ramp = sinc
+    @staticmethod
+    def decay_mean(x: Number) -> Number:
+        return (1 - ca.exp(-x)) / x
+
+    @staticmethod
+    def decay_ramp(x: Number) -> Number:
+        return (x - 1 + ca.exp(-x)) / (x * x)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
@@ -91,8 +101,8 @@ class _AtOneFrequency:
 
 
 def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
-    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", 15), ca.SX.sym("t")
-    device = Device(common[0], common[1], 1.0, 0.0, "zoh")
+    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", 16), ca.SX.sym("t")
+    device = Device(common[0], common[1], 1.0, common[15] if shape.delayed else 0.0, shape.hold)
     scale, fixed, weights = common[2:7], common[7:12], dict(zip(TERMS, ca.vertsplit(common[12:15]), strict=True))
     values = ca.vertsplit(fixed)
     for k, (index, from_zero) in enumerate(shape.free):
@@ -105,6 +115,10 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     Z_c = coupling_impedance(coupling, column[0])
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
+    y = ca.SX.sym("y")
+    omega = ca.exp(y)
+    followed = loop_response(device, gains, omega, hold_response(device, omega, SYMBOLS), integrator=shape.integrator)
+    log_peak = ca.log(sensitivity_abs2(followed)) / 2
     return _AtOneFrequency(
         z,
         common,
@@ -115,6 +129,7 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
             "sensitivity": column,
             "stability": cut,
             "peak": column,
+            "moving": y,
         },
         values={
             "node": weight * error2,
@@ -122,6 +137,7 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
             "sensitivity": -ca.log(sensitivity_abs2(loop)) / 2,
             "stability": cut[0] + gains.velocity * cut[1] + gains.position * cut[2],
             "peak": epigraph - ca.log(error2) / 2,
+            "moving": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
 
@@ -132,6 +148,7 @@ def compiled(shape: Shape) -> ca.Function:
     one = _at_one_frequency(shape)
     z, common = ca.MX.sym("z", one.z.numel()), ca.MX.sym("common", one.common.numel())
     epigraph = ca.MX.sym("t") if shape.norm == "peak" else ca.MX(0)
+    y = ca.MX.sym("y", shape.moving)
     parameters: list[ca.MX] = [common]
 
     def at_each(kind: str, count: int) -> ca.MX:
@@ -142,9 +159,12 @@ def compiled(shape: Shape) -> ca.Function:
         return value.map(count)(z, common, epigraph, columns).T
 
     if shape.norm == "rms":
-        objective, unknowns = ca.log(ca.sum1(at_each("node", PANEL_NODES * shape.panels))) / 2, z
+        objective, unknowns = ca.log(ca.sum1(at_each("node", PANEL_NODES * shape.panels))) / 2, ca.vertcat(z, y)
     else:
-        objective, unknowns = epigraph, ca.vertcat(z, epigraph)
+        objective, unknowns = epigraph, ca.vertcat(z, y, epigraph)
     demands = [at_each(kind, count) for kind, count in zip(DEMANDS, shape.slots, strict=True) if count]
+    if shape.moving:
+        follow = ca.Function("moving", [one.z, one.common, one.inputs["moving"]], [one.values["moving"]])
+        demands.append(ca.vec(follow.map(shape.moving)(z, common, y.T)))
     nlp = {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}
     return ca.nlpsol("design", "ipopt", nlp, OPTIONS)

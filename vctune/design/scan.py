@@ -15,6 +15,7 @@ from vctune.model.quantities import Coupling, Gains
 ZOOMS, ZOOM_POINTS = 4, 5
 STARTS = 8
 CLOSE = 0.02
+AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
 PROMISING = 3.0
 """A local minimum of the coarse grid is refined if its error is at most this many times the least."""
 
@@ -80,6 +81,19 @@ def scan(problem: Problem) -> ScanResult:
                 found.append(_zoom(problem, coarse, index))
     found.sort(key=lambda start: start.error)
     return ScanResult(_distinct(found)[:STARTS], peak)
+
+
+def rescan(problem: Problem, gains: Gains) -> Start | None:
+    """Scan around polished gains, with every coupling: the best design of another coupling may be a basin away."""
+    integral = gains.position > 0
+    coarse = axes(problem, integral=integral)
+    bounds = problem.bounds
+    K_v = np.unique(np.clip(gains.velocity * AROUND["velocity"], bounds.velocity.min, bounds.velocity.max))
+    corner = gains.position / (problem.device.damping + gains.velocity) * (AROUND["corner"] if integral else np.ones(1))
+    fine = Axes(K_v, corner, coarse.time_constant, coarse.drag)
+    grid = scored(problem, fine)
+    at = tuple(int(i) for i in np.unravel_index(int(np.argmin(grid.score)), grid.score.shape))
+    return _zoom(problem, fine, at) if grid.score[at] < INADMISSIBLE else None
 
 
 def _candidates(problem: Problem, score: Floats) -> list[tuple[int, ...]]:

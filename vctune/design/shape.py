@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 from vctune.analysis.stability import Cut
 from vctune.design.variables import Coordinate
 from vctune.document.problem import Norm, Problem
+from vctune.model.quantities import Hold
 
 TERMS = ("admittance", "tracking", "coupling")
 DEMANDS = ("ratio", "sensitivity", "stability", "peak")
 """Kinds of constraint, in the order of `Shape.slots`."""
-SLOTS = 24
-"""Slots for frequencies come in multiples of this; unused ones are switched off by open bounds."""
+SLOTS = (24, 48, 12, 24)
+"""Slots of each kind come in multiples of this, so that few solvers are compiled; open bounds switch off the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,22 +24,23 @@ class WorkingSet:
     ----------
     ratio, sensitivity, peak : frequencies of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
     stability : tangents of the stability boundary
-    fences : half planes that only guide the search; none may hold the final design
+    moving : where |S| peaks near its limit: the NLP follows the peak, whose frequency is a variable of its own
     """
 
     ratio: list[float] = field(default_factory=list)
     sensitivity: list[float] = field(default_factory=list)
     stability: list[Cut] = field(default_factory=list)
-    fences: list[Cut] = field(default_factory=list)
     peak: list[float] = field(default_factory=list)
+    moving: list[float] = field(default_factory=list)
 
     def sizes(self) -> tuple[int, int, int, int]:
         """Return the number of demands of each kind."""
-        return len(self.ratio), len(self.sensitivity), len(self.stability) + len(self.fences), len(self.peak)
+        return len(self.ratio), len(self.sensitivity), len(self.stability), len(self.peak)
 
     def copy(self) -> WorkingSet:
         """Return a set that does not grow with this one."""
-        return WorkingSet([*self.ratio], [*self.sensitivity], [*self.stability], [*self.fences], [*self.peak])
+        parts = (self.ratio, self.sensitivity, self.stability, self.peak, self.moving)
+        return WorkingSet(*([*part] for part in parts))
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +55,8 @@ class Shape:
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
     slots : numbers of ratio, sensitivity, stability and peak constraints
+    moving : number of peaks of |S| that are followed
+    hold, delayed : what the response at a variable frequency is made of; only looked at when a peak is followed
     """
 
     free: tuple[tuple[int, bool], ...]
@@ -61,6 +65,9 @@ class Shape:
     norm: Norm
     panels: int
     slots: tuple[int, int, int, int]
+    moving: int
+    hold: Hold
+    delayed: bool
 
 
 def shape_of(
@@ -68,16 +75,25 @@ def shape_of(
 ) -> Shape:
     """Return the shape of the NLP for a problem and a set of frequencies; what cannot act is not in it."""
     weights = problem.transparency.weights
+    slots = [-(-used // step) * step for used, step in zip(frequencies.sizes(), SLOTS, strict=True)]
+    if slots[1] > 0:  # where |S| can bind the stability boundary is near
+        slots[2] = max(slots[2], SLOTS[2])
     return Shape(
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
         norm=problem.transparency.norm,
         panels=panels if problem.transparency.norm == "rms" else 0,
-        slots=tuple(-(-size // SLOTS) * SLOTS for size in frequencies.sizes()),  # type: ignore[arg-type]
+        slots=(slots[0], slots[1], slots[2], slots[3]),
+        moving=len(frequencies.moving),
+        hold=problem.device.hold if frequencies.moving else "zoh",
+        delayed=problem.device.delay > 0 if frequencies.moving else False,
     )
 
 
 def size(shape: Shape) -> dict[str, int]:
     """Return the number of variables and constraints of an NLP."""
-    return {"variables": len(shape.free) + (shape.norm == "peak"), "constraints": sum(shape.slots)}
+    return {
+        "variables": len(shape.free) + shape.moving + (shape.norm == "peak"),
+        "constraints": sum(shape.slots) + 2 * shape.moving,
+    }

@@ -14,7 +14,7 @@ from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import rounded
-from vctune.design.scan import ScanResult, scan
+from vctune.design.scan import ScanResult, rescan, scan
 from vctune.design.shape import WorkingSet
 from vctune.design.variables import Point, design_of
 from vctune.document.problem import Problem, Range
@@ -24,6 +24,8 @@ from vctune.proof.interval import Outcome, Verdict
 
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
+WORTH_ANOTHER = 0.99
+"""A scan around the best optimum starts another polish if its error is at most this share of the best."""
 PROOF_ROUNDS = 4
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
@@ -84,6 +86,13 @@ def _optima(scaled: Problem, seen: ScanResult, progress: Progress) -> list[Polis
         polished = polish(scaled, start, seen, incumbent=least)
         if polished is not None:
             optima.append(polished)
+    optima.sort(key=lambda optimum: optimum.error)
+    if optima:
+        nearby = rescan(scaled, design_of(optima[0].values)[0])
+        if nearby is not None and nearby.error < WORTH_ANOTHER * optima[0].error:
+            progress("polishing once more")
+            better = polish(scaled, nearby, seen, incumbent=optima[0].error)
+            optima = [better, *optima] if better is not None else optima
     return sorted(optima, key=lambda optimum: optimum.error)
 
 

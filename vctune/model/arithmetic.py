@@ -18,6 +18,9 @@ Number = Any
 class Arithmetic(Protocol):
     """Elementary functions of one kind of number."""
 
+    def is_zero(self, x: Number) -> bool:
+        """Return whether a number is 0 for certain, so that what it multiplies can be left out."""
+
     def sqrt(self, x: Number) -> Number: ...
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
@@ -37,6 +40,10 @@ class Arithmetic(Protocol):
 
 class _FloatArithmetic:
     """Double precision, elementwise over NumPy arrays."""
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(np.all(x == 0))
 
     sqrt = staticmethod(np.sqrt)
     exp = staticmethod(np.exp)

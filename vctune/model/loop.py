@@ -38,7 +38,7 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> HoldRespons
         phase = omega * device.lag
         return HoldResponse(reach * ops.cos(phase), device.lag * reach * ops.sinc(phase))
     lagging = 1 + (omega * half) * (omega * half)
-    if device.delay == 0:
+    if ops.is_zero(device.delay):
         return HoldResponse(1 / lagging, half / lagging)
     phase = omega * device.delay
     cos, sinc = ops.cos(phase), ops.sinc(phase)

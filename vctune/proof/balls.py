@@ -17,6 +17,10 @@ class _BallArithmetic:
     """Balls, and power series of balls for derivatives."""
 
     @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(x == 0)
+
+    @staticmethod
     def sqrt(x: Number) -> Number:
         return x.sqrt()
 
