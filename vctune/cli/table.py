@@ -19,18 +19,20 @@ def print_design(record: dict[str, Any], folder: Path) -> None:
     """Print the object of design.json (DESIGN 2.3) and where the files are."""
     console = Console(highlight=False)
     console.width = max(console.width, LEAST_WIDTH)
-    status = record["status"]
-    name = escape(printable(record["problem"]["name"]))
-    console.print(f"[bold]{name}[/bold]: [bold {COLOURS[status]}]{status}[/]")
-    if record["reason"]:
-        console.print(escape(record["reason"]), soft_wrap=True)
-    if record["gains"] is not None:
-        console.print(_table(record))
-    for warning in record["warnings"]:
-        console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
-    for line in record["left_out"]:
-        console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
-    console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    with console.capture() as page:  # written in one piece, whole or not at all
+        status = record["status"]
+        name = escape(printable(record["problem"]["name"]))
+        console.print(f"[bold]{name}[/bold]: [bold {COLOURS[status]}]{status}[/]")
+        if record["reason"]:
+            console.print(escape(record["reason"]), soft_wrap=True)
+        if record["gains"] is not None:
+            console.print(_table(record))
+        for warning in record["warnings"]:
+            console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
+        for line in record["left_out"]:
+            console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
+        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    console.file.write(page.get())
 
 
 def _table(record: dict[str, Any]) -> Table:
