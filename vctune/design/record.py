@@ -130,7 +130,7 @@ def left_out(solved: Solved) -> list[str]:
             f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
             f"the limit is {problem.stability.max_sensitivity:g}"
         )
-    if shape.slots[2] == 0:
+    if not solved.polished.frequencies.stability:
         found.append("stability of the sampled loop: no step of the search left it")
     return found
 
@@ -144,7 +144,8 @@ def _solver(solved: Solved) -> dict[str, Any]:
         "converged": polished.solution.converged,
         "starts": len(solved.seen.starts),
         "optima": solved.optima,
-        **size(polished.shape),
+        "variables": size(polished.shape),
+        "constraints": sum(polished.frequencies.sizes()) + 2 * polished.shape.moving,
         "frequencies": dict(zip(DEMANDS, polished.frequencies.sizes(), strict=True)),
         "rounds": [
             {

@@ -91,9 +91,6 @@ def shape_of(
     )
 
 
-def size(shape: Shape) -> dict[str, int]:
-    """Return the number of variables and constraints of an NLP."""
-    return {
-        "variables": len(shape.free) + shape.moving + (shape.norm == "peak"),
-        "constraints": sum(shape.slots) + 2 * shape.moving,
-    }
+def size(shape: Shape) -> int:
+    """Return the number of variables of an NLP: free gains, followed peaks, epigraph."""
+    return len(shape.free) + shape.moving + (shape.norm == "peak")
