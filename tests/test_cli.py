@@ -17,12 +17,14 @@ from conftest import ROOT
 
 from vctune.exits import ExitCode
 
+SOLVE = "solve device.toml --no-report"
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 
 
-def run(*arguments, cwd, env=None, **options):
+def run(*arguments, cwd, env=None, report=False, **options):
+    brief = ["--no-report"] if arguments[0] == "solve" and not report else []
     return subprocess.run(
-        [sys.executable, "-m", "vctune", *map(str, arguments)],
+        [sys.executable, "-m", "vctune", *map(str, arguments), *brief],
         cwd=cwd, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **(env or {})}, **options,
     )  # fmt: skip
 
@@ -42,11 +44,12 @@ def device(tmp_path) -> Path:
 
 
 def test_solve_writes_its_files_and_prints_a_table(device, tmp_path):
-    done = run("solve", device, cwd=tmp_path)
+    done = run("solve", device, cwd=tmp_path, report=True)
     assert done.returncode == ExitCode.OK
     assert done.stderr == ""
     folder = tmp_path / "results" / "device"
-    assert {path.name for path in folder.iterdir()} == {"gains.toml", "design.json"}
+    written = {path.name for path in folder.iterdir()}
+    assert {"gains.toml", "design.json", "report.html", "llewellyn.png", "nyquist.svg"} <= written
     for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "left out: coupling.drag"):
         assert part in done.stdout
     design, gains = strict((folder / "design.json").read_text()), tomllib.loads((folder / "gains.toml").read_text())
@@ -137,7 +140,11 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); from vctune.cli import run; run()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", limited, "solve", str(device)], cwd=tmp_path, capture_output=True, text=True, check=False
+        [sys.executable, "-c", limited, "solve", str(device), "--no-report"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == ExitCode.BAD_INPUT
     assert "cannot be written" in done.stderr
@@ -159,12 +166,13 @@ def test_ctrl_c(tmp_path, delay):
     out, err = process.communicate(timeout=60)
     left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
     if process.returncode == ExitCode.OK:
-        assert left == ["design.json", "gains.toml"]
+        assert "report.html" in left
     else:
         assert process.returncode == ExitCode.INTERRUPTED
         assert out == "" or "written to" in out
         assert "Traceback" not in err
-        assert left in ([], ["design.json", "gains.toml"])
+        assert [name for name in left if name in ("design.json", "gains.toml")] in ([], ["design.json", "gains.toml"])
+        assert not any(name.startswith(".") for name in left)
 
 
 def test_interrupt_in_compiled_code_is_delivered_after_it():
@@ -245,7 +253,10 @@ def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
     assert (tmp_path / "results/device/gains.previous.toml").read_text() == before
 
 
-@pytest.mark.parametrize("command", ["schema", "solve device.toml", "solve device.toml --json", "--version", "--help"])
+@pytest.mark.parametrize(
+    "command",
+    ["schema", "solve device.toml --no-report", "solve device.toml --no-report --json", "--version", "--help"],
+)
 @pytest.mark.parametrize("plumbing", ["| true", ">&-", "2>&-"])
 def test_readers_may_leave(device, tmp_path, command, plumbing):
     shell = f"{sys.executable} -m vctune {command} {plumbing}; exit ${{PIPESTATUS[0]}}"

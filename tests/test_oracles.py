@@ -11,8 +11,10 @@ import skrf
 from oracles import Case, coupling, loop
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
-from vctune.analysis.margins import loop_margins
+from vctune.analysis.margins import encirclements, loop_margins
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.interval import Verdict
+from vctune.proof.poles import prove_model_poles
 
 LOOPS = [
     Case(0.4, 2.0, 1e-3, 0.0, "lag", 150.0, 6000.0),
@@ -66,3 +68,14 @@ def test_rollett_factor_agrees_with_scikit_rf(case):
     ours = [rollett_factor_at(device, gains, virtual, w) for w in omega]
     assert ours == pytest.approx(K, rel=1e-8)
     assert np.array_equal(np.array(ours) >= 1, stability_ratio(device, gains, virtual, omega) >= 1) or case.K_p > 1e5
+
+
+@pytest.mark.parametrize(
+    "case", [*LOOPS, Case(0.4, 2.0, 1e-3, 0.0, "lag", 10.0, 5e4), Case(0.4, 0.0, 1e-3, 5e-3, "zoh", 300.0, 0.0)]
+)
+def test_encirclements_are_the_unstable_poles(case):
+    """Z = N + P with P = 0: N = 0 exactly where no pole of the frequency model lies to the right."""
+    device, gains = quantities(case)
+    stable = prove_model_poles(device, gains).verdict is Verdict.PROVED
+    assert (encirclements(device, gains) == 0) == stable
+    assert encirclements(device, gains) >= 0

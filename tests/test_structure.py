@@ -8,7 +8,7 @@ import sys
 
 from conftest import ROOT
 
-FLOORS = ["model", "exits", "document", "proof", "analysis", "design", "cli"]
+FLOORS = ["model", "exits", "interrupt", "document", "proof", "analysis", "design", "report", "cli"]
 """A room imports only from itself and from what stands before it."""
 PACKAGE = ROOT / "vctune"
 
@@ -45,7 +45,14 @@ def test_the_proof_knows_no_optimiser_and_no_estimate():
 
 
 def test_heavy_libraries_stay_in_their_rooms():
-    homes = {"casadi": "design/nlp.py", "pydantic": "document", "flint": "proof", "click": "cli", "rich": "cli"}
+    homes = {
+        "casadi": "design/nlp.py",
+        "pydantic": "document",
+        "flint": "proof",
+        "click": "cli",
+        "rich": "cli",
+        "matplotlib": "report",
+    }
     for library, home in homes.items():
         for path in PACKAGE.rglob("*.py"):
             if any(name.split(".")[0] == library for name in imports(path)):

@@ -57,6 +57,20 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
     )
 
 
+def encirclements(device: Device, gains: Gains) -> int:
+    """Return N, how often L goes clockwise around -1, the path indented to the right of poles at s = 0.
+
+    The argument of 1 + L turns by a quarter for each such pole when nothing is encircled.
+    """
+    if gains.velocity == 0 and gains.position == 0:
+        return 0
+    loop = response(device, gains, _grid(device, gains))
+    real = 1 + re_conj_product(loop.C, loop.Z_d) / loop.Z_d.abs2()
+    turns = np.unwrap(np.arctan2(_cross(loop.C.im, loop.C.re, loop.Z_d.im, loop.Z_d.re) / loop.Z_d.abs2(), real))
+    poles_at_zero = int(gains.position > 0) + int(device.damping == 0)
+    return -round(float(turns[-1] - turns[0] - poles_at_zero * pi / 2) / pi)
+
+
 def _grid(device: Device, gains: Gains) -> Floats:
     rate = 1 / device.sample_time
     stiff = device.damping + gains.velocity

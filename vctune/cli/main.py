@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import click
 
+from vctune.cli.report import report
 from vctune.cli.schema import schema
 from vctune.cli.solve import solve
 from vctune.document.errors import InputError
@@ -42,6 +43,7 @@ def main() -> None:
 
 
 main.add_command(solve)
+main.add_command(report)
 main.add_command(schema)
 
 

@@ -45,6 +45,10 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     text = json.dumps(record, indent=2, allow_nan=False)
     judgement = solved.judgement
     _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+    if not no_report:
+        from vctune.report.report import write_report
+
+        write_report(record, folder)
     if as_json:
         emit(text)
     elif not quiet:

@@ -129,7 +129,7 @@ def _step(problem: Problem, search: _Search) -> None:
     values = _values(free, solution.z, search.reference)
     demands = _check(problem, values, search.tightening)
     seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
-    search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution.iterations))
+    search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution))
     gains = design_of(values)[0]
     if not _stable(problem, gains):
         if not _guard(problem, frequencies, design_of(search.reference)[0], gains):

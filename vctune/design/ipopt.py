@@ -55,12 +55,15 @@ def solve(
         result = solver(x0=guess, p=parameters, lbx=low, ubx=high, lbg=demands, ubg=most)
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
+        history = stats.get("iterations", {})
     return Solution(
         z=z[: len(free)],
         error=float(np.exp(error[0])),
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
         iterations=int(stats["iter_count"]),
         multipliers=np.abs(multipliers[demands > -inf]),
+        primal=[float(value) for value in history.get("inf_pr", [])],
+        dual=[float(value) for value in history.get("inf_du", [])],
     )
 
 

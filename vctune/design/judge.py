@@ -15,7 +15,7 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.analysis.margins import Margins, loop_margins
+from vctune.analysis.margins import Margins, encirclements, loop_margins
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -60,6 +60,7 @@ class Judgement:
     rollett_factor : Rollett's K there; None at an end of the axis
     peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
     margins : of the velocity loop
+    encirclements : N, of -1 by the velocity loop, clockwise; P = 0, so that Z = N
     spectral_radius : of the sampled loop
     certificate : what is proved
     """
@@ -73,6 +74,7 @@ class Judgement:
     peak_sensitivity: float
     worst_sensitivity: float
     margins: Margins
+    encirclements: int
     spectral_radius: float
     certificate: Certificate
 
@@ -105,6 +107,7 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
         peak_sensitivity=float(-sensitivity.value[0]),
         worst_sensitivity=float(sensitivity.omega[0]),
         margins=loop_margins(problem.device, gains),
+        encirclements=encirclements(problem.device, gains),
         spectral_radius=spectral_radius(problem.device, gains),
         certificate=certificate,
     )

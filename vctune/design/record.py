@@ -12,13 +12,14 @@ from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.shape import DEMANDS, size
 from vctune.design.variables import KEYS, Point, point, ranges
+from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 
-SCHEMA = "vctune/design/1"
+ACTIVE = 1e-5
 HARDLY_TRACKING = 0.9
 """A mean or greatest |1 - G_he| above which the velocity loop is said to be hardly used."""
 
@@ -35,7 +36,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     judgement, problem = solved.judgement, solved.problem
     record: dict[str, Any] = {
         "schema": SCHEMA,
-        "problem": {"name": problem.name, "sha256": file.sha256},
+        "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
         "reason": solved.infeasibility.reason if solved.infeasibility else None,
         "gains": None,
@@ -43,6 +44,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "transparency": None,
         "certificate": None,
         "inner_loop": None,
+        "active": active(solved),
         "at_bound": [],
         "left_out": left_out(solved),
         "warnings": [],
@@ -110,6 +112,29 @@ def warnings(problem: Problem, judgement: Judgement) -> list[str]:
     return found
 
 
+def active(solved: Solved) -> list[dict[str, Any]]:
+    """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
+
+    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
+    """
+    if solved.polished is None:
+        return []
+    posed, multipliers = solved.polished.frequencies, [float(m) for m in solved.polished.solution.multipliers]
+    rate = 1 / (2 * pi * solved.problem.device.sample_time)
+    places: list[tuple[str, float | None]] = [("Re Z_c >= safety_factor R", omega * rate) for omega in posed.ratio]
+    places += [("|S| <= max_sensitivity", omega * rate) for omega in posed.sensitivity]
+    places += [("stability of the sampled loop", None) for _ in posed.stability]
+    places += [("greatest error", omega * rate) for omega in posed.peak]
+    for omega in posed.moving:
+        places += [("|S| <= max_sensitivity", omega * rate), ("", None)]
+    held = [
+        {"demand": demand, "hz": hz, "multiplier": multiplier}
+        for (demand, hz), multiplier in zip(places, multipliers, strict=True)
+        if demand and multiplier > ACTIVE
+    ]
+    return sorted(held, key=lambda row: -float(row["multiplier"]))
+
+
 def left_out(solved: Solved) -> list[str]:
     """Return what is not in the NLP, each with the reason."""
     problem = solved.problem
@@ -153,7 +178,9 @@ def _solver(solved: Solved) -> dict[str, Any]:
                 "violation": r.violation,
                 "error": r.error,
                 "frequencies": r.frequencies,
-                "iterations": r.iterations,
+                "iterations": r.solution.iterations,
+                "primal": r.solution.primal,
+                "dual": r.solution.dual,
             }
             for r in polished.rounds
         ],
@@ -196,6 +223,11 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "gain_margin_db": 20 * log10(margins.gain),
             "phase_margin_deg": degrees(margins.phase),
             "delay_margin_s": margins.delay,
+            "nyquist": {
+                "N": judgement.encirclements,
+                "P": 0,
+                "Z": 0 if poles[0] is Verdict.PROVED else None,
+            },
         },
     }
 

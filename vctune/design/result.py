@@ -23,6 +23,7 @@ class Solution:
     error : objective there
     converged : whether IPOPT says so; no evidence of anything
     iterations : number of IPOPT iterations
+    primal, dual : infeasibilities per iteration
     multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
     """
 
@@ -31,6 +32,8 @@ class Solution:
     converged: bool
     iterations: int
     multipliers: Floats
+    primal: list[float]
+    dual: list[float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,14 +46,14 @@ class Round:
     violation : greatest relative violation of a demand anywhere, at the NLP's answer
     error : the NLP's objective
     frequencies : how many frequencies it knew
-    iterations : of IPOPT
+    solution : where IPOPT stopped
     """
 
     seconds: float
     violation: float
     error: float
     frequencies: int
-    iterations: int
+    solution: Solution
 
 
 @dataclass(frozen=True, slots=True)

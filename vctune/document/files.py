@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from vctune.document.errors import InputError, Mistake
@@ -13,8 +14,8 @@ from vctune.interrupt import interrupt_deferred
 MAX_NAME_BYTES = 100
 
 
-def write_together(texts: dict[Path, str]) -> None:
-    """Write text files that belong together, replacing older ones only when all the new ones are complete.
+def write_together(files: Mapping[Path, str | bytes]) -> None:
+    """Write files that belong together, replacing older ones only when all the new ones are complete.
 
     Ctrl-C waits until they are in place.
 
@@ -27,16 +28,16 @@ def write_together(texts: dict[Path, str]) -> None:
         temporary: dict[Path, str] = {}
         path = Path()
         try:
-            for path, text in texts.items():
+            for path, content in files.items():
                 if path.is_dir():
                     raise IsADirectoryError(21, "Is a directory")
                 handle, temporary[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-                with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                    file.write(text)
+                with os.fdopen(handle, "wb") as file:
+                    file.write(content.encode() if isinstance(content, str) else content)
                     file.flush()
                     os.fsync(file.fileno())
                 os.chmod(temporary[path], 0o666 & ~_umask())
-            for path in texts:
+            for path in files:
                 os.replace(temporary.pop(path), path)
         except OSError as error:
             raise _unwritable(path, error) from None

@@ -1,0 +1,31 @@
+"""results/ is what the code says today: numbers are compared, not bytes or seconds."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from conftest import ROOT
+
+from vctune.design.solve import solve
+from vctune.document.reading import read_problem
+
+PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_gallery_is_as_new_as_the_code(path):
+    folder = ROOT / "results" / path.stem
+    record = json.loads((folder / "design.json").read_text())
+    solved = solve(read_problem(path).problem)
+    assert record["problem"]["text"] == path.read_text()
+    assert record["status"] == solved.status.value
+    assert (folder / "report.html").exists()
+    if solved.judgement is not None:
+        assert record["transparency"]["error"] == pytest.approx(solved.judgement.transparency.error, rel=1e-5)
+        assert record["gains"]["velocity"] == pytest.approx(solved.judgement.gains.velocity, rel=1e-3)
+
+
+def test_gallery_holds_nothing_else():
+    folders = {path.name for path in (ROOT / "results").iterdir() if path.is_dir()}
+    assert folders == {path.stem for path in PROBLEMS}

@@ -1,0 +1,169 @@
+"""The report: every verdict renders, the same bytes again, nothing from outside, readable in a real browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from vctune.design.record import design_record
+from vctune.design.solve import solve
+from vctune.document.reading import ProblemFile, parse_problem
+from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
+from vctune.report.report import write_report
+
+DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
+LAG = 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+CHROMIUM = shutil.which("chromium")
+CASES = {
+    "certified": DEVICE,
+    "violated": DEVICE + FIXED.format(50.0),
+    "infeasible": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n",
+    "one-variable-fixed": DEVICE + "[coupling]\nmass = 0.3\n",
+    "weights-zero": DEVICE + "[transparency]\nweights = { admittance = 0.0, coupling = 0.0 }\n",
+    "whole-axis": DEVICE + LAG,
+    "undamped": DEVICE.replace("2.0", "0.0"),
+    "no-loop": DEVICE + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n",
+    "odd-name": 'name = "a b \'c\' \\"d\\" <script>alert(1)</script> Größe 大"\n' + DEVICE,
+}
+
+
+def recorded(text):
+    problem = parse_problem(text, "test.toml", "test")
+    return design_record(ProblemFile(problem, text), solve(problem))
+
+
+def made(record, folder):
+    folder.mkdir(exist_ok=True)
+    write_report(record, folder)
+    return (folder / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def records():
+    return {name: recorded(text) for name, text in CASES.items()}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_report_of_every_verdict(records, tmp_path, name):
+    """Renders without a warning (warnings are errors here), under 1 MB, escaped, embedding its own record."""
+    record = records[name]
+    html = made(record, tmp_path / "report")
+    assert len(html.encode()) < 1_000_000
+    assert f'<span class="{record["status"]}">' in html
+    assert "<script>alert" not in html
+    assert not re.search(r'(src|href)="(?!#|data:)', html)
+    embedded = re.search(r'<script type="application/json" id="design">(.*?)</script>', html, re.DOTALL)[1]
+    assert json.loads(embedded) == record
+    drawn = {path.stem for path in (tmp_path / "report").glob("*.svg")}
+    assert ("llewellyn" in drawn) == (record["gains"] is not None)
+    assert ("convergence" in drawn) == bool(record["solver"])
+    assert drawn == {path.stem for path in (tmp_path / "report").glob("*.png")}
+
+
+def test_the_same_design_gives_the_same_bytes(records, tmp_path):
+    for folder in ("a", "b"):
+        made(json.loads(json.dumps(records["certified"])), tmp_path / folder)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_undecided_renders_too(records, tmp_path):
+    record = json.loads(json.dumps(records["certified"]))
+    record["status"] = record["certificate"]["verdict"] = "undecided"
+    record["certificate"]["proved_band_hz"] = None
+    assert '<span class="undecided">' in made(record, tmp_path / "report")
+
+
+def test_active_demands_have_their_prices(records):
+    """d log(error)/d log(demand): compare with solving again for a demand that is eased by 0.1 %."""
+    record = records["certified"]
+    assert [row["demand"] for row in record["active"]] == sorted(
+        (row["demand"] for row in record["active"]),
+        key=lambda demand: -max(r["multiplier"] for r in record["active"] if r["demand"] == demand),
+    )
+    eased = recorded(DEVICE + f"[stability]\nsafety_factor = {1.05 * 0.999}\n")
+    price = sum(row["multiplier"] for row in record["active"] if row["demand"].startswith("Re Z_c"))
+    saved = np.log(record["transparency"]["error"] / eased["transparency"]["error"]) / 1e-3
+    assert price == pytest.approx(saved, rel=0.02)
+
+
+def test_curves_agree_with_the_certificate():
+    problem = parse_problem(DEVICE, "x", "x")
+    judgement = solve(problem).judgement
+    gains, coupling = judgement.gains, judgement.coupling
+    curves = llewellyn(problem, gains, coupling)
+    inside = (curves.hz >= 0.5) & (curves.hz <= 100)
+    assert np.nanmin(curves.ratio[inside]) >= judgement.min_ratio * (1 - 1e-9)
+    assert curves.ratio[inside] == pytest.approx((curves.coupling / curves.required)[inside])
+    assert judgement.encirclements == 0
+    assert np.abs(1 + nyquist(problem, gains).L).min() >= 0.5 * (1 - 1e-9)
+    terms = transparency(problem, gains, coupling)
+    assert terms.error**2 == pytest.approx(terms.admittance**2 + terms.tracking**2 + terms.coupling**2)
+    hz, felt = handle_impedance(problem, gains, coupling)
+    free, rigid = felt["free"][0], felt["rigid"][0]
+    assert rigid == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert np.all(free[hz < 30] < rigid[hz < 30])
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_in_a_browser(records, tmp_path, scheme):
+    """No console error, no request beyond the file, figures visible, text readable on its ground."""
+    from playwright.sync_api import sync_playwright
+
+    made(records["certified"], tmp_path / "report")
+    said, asked = [], []
+    with sync_playwright() as driver:
+        options = ["--no-sandbox", "--disable-background-networking"]
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=options)
+        page = browser.new_page(color_scheme=scheme, viewport={"width": 1000, "height": 800})
+        page.on("console", lambda message: said.append(message.text))
+        page.on("pageerror", lambda error: said.append(str(error)))
+        page.on("request", lambda request: asked.append(request.url))
+        page.goto((tmp_path / "report/report.html").as_uri())
+        boxes = [figure.bounding_box() for figure in page.query_selector_all("svg")]
+        colours = page.evaluate(
+            "() => { const b = getComputedStyle(document.body); const t = document.querySelector('svg text, svg path');"
+            " return [b.color, b.backgroundColor, getComputedStyle(document.querySelector('svg')).color]; }"
+        )
+        browser.close()
+    assert said == []
+    assert len(asked) == 1
+    assert len(boxes) == 5
+    assert all(box["width"] > 500 and box["height"] > 200 for box in boxes)
+    ink, ground, figure_ink = (luminance(colour) for colour in colours)
+    assert figure_ink == ink
+    assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 7
+    assert (ground > ink) == (scheme == "light")
+
+
+def luminance(colour):
+    channels = [int(part) / 255 for part in re.findall(r"\d+", colour)[:3]]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def test_report_command(tmp_path):
+    def run(*arguments):
+        command = [sys.executable, "-m", "vctune", *map(str, arguments)]
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+
+    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet").returncode == 0
+    folder = tmp_path / "results/fixed-gains"
+    before = (folder / "report.html").read_bytes()
+    assert run("report", folder / "design.json", "--out", "again").returncode == 0
+    assert (tmp_path / "again/report.html").read_bytes() == before
+    faults = {"none.json": "cannot be read", "bad.json": "is not JSON", "other.json": "is not vctune/design/1"}
+    for bad, text in faults.items():
+        (tmp_path / "bad.json").write_text("{")
+        (tmp_path / "other.json").write_text("{}")
+        done = run("report", bad)
+        assert done.returncode == 2 and text in done.stderr

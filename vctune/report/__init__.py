@@ -1,0 +1,1 @@
+"""A design as one page: numbers to curves, curves to figures, figures to a page. Nothing here solves or proves."""

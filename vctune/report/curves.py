@@ -1,0 +1,125 @@
+"""The curves behind the figures, from a problem and a design (paper eqs. 10, 11, 17; DESIGN 1.2 to 1.8)."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from math import pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
+from vctune.analysis.extrema import Floats
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import coupling_impedance
+from vctune.model.llewellyn import required_resistance
+from vctune.model.loop import LoopResponse
+from vctune.model.pair import Pair
+from vctune.model.quantities import Coupling, Gains
+
+Complex = NDArray[np.complex128]
+POINTS = 400
+ENVIRONMENTS = ("free", "14 N s/m", "200 N/m", "rigid")
+SPRING, DAMPER = 200.0, 14.0
+"""The paper's two environments, sect. 5, N/m and N s/m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Llewellyn:
+    """Re Z_c, the required R (nan where Re G_hh <= 0) and their ratio over hz."""
+
+    hz: Floats
+    coupling: Floats
+    required: Floats
+    ratio: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Nyquist:
+    """The velocity loop L = C/Z_d over hz up to the Nyquist frequency."""
+
+    hz: Floats
+    L: Complex
+
+
+@dataclass(frozen=True, slots=True)
+class Transparency:
+    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and e over hz."""
+
+    hz: Floats
+    admittance: Floats
+    tracking: Floats
+    coupling: Floats
+    error: Floats
+
+
+def frequencies(problem: Problem) -> Floats:
+    """Return the page's frequency axis, Hz: both bands and a decade around, up to Nyquist."""
+    bands = (problem.transparency.band, problem.stability.band)
+    nyquist = problem.nyquist / (2 * pi)
+    low = min(band.min for band in bands if band.min > 0) / (2 * pi)
+    high = max(band.max for band in bands if np.isfinite(band.max)) / (2 * pi)
+    return np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
+
+
+def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
+    """Return the curves of DESIGN 1.4."""
+    hz = frequencies(problem)
+    omega = 2 * pi * hz
+    loop = response(problem.device, gains, omega)
+    with np.errstate(all="ignore"):
+        required = np.where(loop.re_D > 0, required_resistance(loop, FLOATS), np.nan)
+        ratio = stability_ratio(problem.device, gains, coupling, omega)
+    return Llewellyn(
+        hz, coupling_impedance(coupling, omega).re + 0 * omega, required, np.where(loop.re_D > 0, ratio, np.nan)
+    )
+
+
+def nyquist(problem: Problem, gains: Gains) -> Nyquist:
+    """Return L on a fine logarithmic axis."""
+    top = problem.nyquist / (2 * pi)
+    hz = np.geomspace(top * 1e-5, top, 4 * POINTS)
+    loop = response(problem.device, gains, 2 * pi * hz)
+    return Nyquist(hz, _complex(loop.C) / _complex(loop.Z_d))
+
+
+def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transparency:
+    """Return the three terms of DESIGN 1.8 and their weighted sum."""
+    hz = frequencies(problem)
+    omega = 2 * pi * hz
+    squares = error_terms(problem, gains, coupling, omega)
+    error = np.sqrt(weighted_square(problem.transparency.weights, squares)) + 0 * omega
+    admittance, tracking, share = (np.sqrt(part) + 0 * omega for part in astuple(squares))
+    return Transparency(hz, admittance, tracking, share, error)
+
+
+def handle_impedance(
+    problem: Problem, gains: Gains, coupling: Coupling
+) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
+    """Return hz and, for each of `ENVIRONMENTS`, the impedance felt at the handle and the ideal one, N s/m.
+
+    With f_e = Z_e v_e the handle's admittance is G_hh + G_he/(Z_c + Z_e); the ideal handle feels Z_e.
+    """
+    hz = frequencies(problem)
+    s = 2j * pi * hz
+    loop = response(problem.device, gains, 2 * pi * hz)
+    G_hh = _scale(loop) / _complex(loop.D)
+    G_he = _complex(loop.C) / _complex(loop.D)
+    Z_c = _complex(coupling_impedance(coupling, 2 * pi * hz))
+    environments = (0 * s, DAMPER + 0 * s, SPRING / s, None)
+    felt = {}
+    with np.errstate(all="ignore"):
+        for name, Z_e in zip(ENVIRONMENTS, environments, strict=True):
+            admittance = G_hh + (G_he / (Z_c + Z_e) if Z_e is not None else 0)
+            ideal = np.abs(Z_e) if Z_e is not None else np.full(hz.size, np.inf)
+            felt[name] = (1 / np.abs(admittance), ideal)
+    return hz, felt
+
+
+def _complex(pair: Pair) -> Complex:
+    return pair.re + 1j * pair.im
+
+
+def _scale(loop: LoopResponse) -> Floats:
+    return np.sqrt(loop.scale2)

@@ -1,0 +1,122 @@
+"""The page: figures and numbers of design.json in one self-contained HTML file."""
+
+from __future__ import annotations
+
+import json
+import re
+from io import BytesIO
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from vctune.document.problem import Problem
+from vctune.report.figures import INK
+
+READINGS = {
+    "llewellyn": (
+        "Absolute stability",
+        "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "
+        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved.",
+    ),
+    "nyquist": (
+        "Velocity loop",
+        "The loop must pass -1 without encircling it and stay out of the circle around it: |S| then keeps its limit.",
+    ),
+    "transparency": (
+        "Transparency",
+        "All four should be small in the shaded band: the free handle should yield, follow the environment, and the "
+        "coupling should not be felt. Grey: the same loop without a coupling, and the device without any loop.",
+    ),
+    "impedance": (
+        "What the hand feels",
+        "Each full line should lie on its dashed ideal; between the lines for a free and for a rigid environment lies "
+        "everything that the device can render (its Z-width).",
+    ),
+    "convergence": (
+        "Convergence",
+        "Error against run time of this very solve: each round of IPOPT, on the left, poses the demands at more "
+        "frequencies, until, on the right, none is violated anywhere.",
+    ),
+}
+
+
+def page(record: dict[str, Any], problem: Problem, drawn: dict[str, str]) -> str:
+    """Return the HTML of a design.
+
+    Parameters
+    ----------
+    record : the object of design.json, which the page embeds
+    problem : the problem that the record's text states
+    drawn : figures as SVG, by name
+    """
+    environment = Environment(
+        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    shown = [
+        {"title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)} for name, text in drawn.items()
+    ]
+    embedded = json.dumps(record, indent=1, allow_nan=False).replace("<", "\\u003c")
+    template = environment.get_template("page.html.j2")
+    return template.render(record=record, problem=problem, figures=shown, numbers=_numbers(record), embedded=embedded)
+
+
+def inline(text: str) -> str:
+    """Return an SVG file as an element that takes its ink from the page's text colour."""
+    text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    return text.replace(INK, "currentColor")
+
+
+def svg(figure: Figure, name: str) -> str:
+    """Return a figure as SVG, the same bytes for the same figure."""
+    stream = BytesIO()
+    with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
+    return stream.getvalue().decode()
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG on white, the same bytes for the same figure."""
+    stream = BytesIO()
+    figure.savefig(stream, format="png", dpi=120, facecolor="white", metadata={"Software": None})
+    return stream.getvalue()
+
+
+def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
+    if record["gains"] is None:
+        return []
+    gains, coupling, error = record["gains"], record["coupling"], record["transparency"]
+    proof, loop = record["certificate"], record["inner_loop"]
+    rows = [
+        ("velocity gain K_v", gains["velocity"], "N s/m", 8),
+        ("position gain K_p", gains["position"], "N/m", 8),
+        ("coupling damping b_c", coupling["damping"], "N s/m", 8),
+        ("coupling mass m_c", coupling["mass"], "kg", 8),
+        ("coupling drag b_0", coupling["drag"], "N s/m", 8),
+        ("transparency error", error["error"], "", 5),
+        ("least Re Z_c / R", proof["min_ratio"], _at(proof["worst_hz"]), 6),
+        ("Rollett's K there", proof["rollett_k"], "", 6),
+        ("proved from", proof["proved_band_hz"][0] if proof["proved_band_hz"] else None, "Hz", 6),
+        ("proved to", proof["proved_band_hz"][1] if proof["proved_band_hz"] else None, "Hz", 6),
+        ("peak |S|", loop["peak_sensitivity"], _at(loop["peak_sensitivity_hz"]), 5),
+        ("spectral radius, sampled", loop["spectral_radius"], "", 6),
+        ("gain margin", loop["gain_margin_db"], "dB", 5),
+        ("phase margin", loop["phase_margin_deg"], "deg", 5),
+        ("delay margin", loop["delay_margin_s"], "s", 5),
+    ]
+    count = loop["nyquist"]
+    rows.append(
+        (
+            "Z = N + P, poles to the right",
+            count["Z"],
+            f"N = {count['N']} encirclements of -1, P = 0 in the open loop",
+            1,
+        )
+    )
+    return [(label, "none" if value is None else f"{value:.{digits}g}", unit) for label, value, unit, digits in rows]
+
+
+def _at(hz: float | None) -> str:
+    return "" if hz is None else f"at {hz:.5g} Hz"

@@ -1,0 +1,33 @@
+"""From a design's record to its report: report.html, figures as SVG and PNG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from vctune.document.files import write_together
+from vctune.document.reading import parse_problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.report.figures import Design, figures
+from vctune.report.page import page, png, svg
+
+
+def write_report(record: dict[str, Any], folder: Path) -> None:
+    """Write report.html and the figures of a design; needs nothing but its record.
+
+    Raises
+    ------
+    InputError
+        If the record's problem cannot be read or the folder cannot be written.
+    """
+    problem = parse_problem(record["problem"]["text"], record["problem"]["name"], record["problem"]["name"])
+    drawn: dict[str, Figure] = {}
+    if record["gains"] is not None:
+        drawn = figures(Design(problem, Gains(**record["gains"]), Coupling(**record["coupling"]), record))
+    vector = {name: svg(figure, name) for name, figure in drawn.items()}
+    files: dict[Path, str | bytes] = {folder / "report.html": page(record, problem, vector)}
+    files |= {folder / f"{name}.svg": text for name, text in vector.items()}
+    files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
+    write_together(files)
