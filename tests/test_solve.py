@@ -53,7 +53,7 @@ def recomputed(problem, gains, virtual):
         return case.mass * s + case.damping, C, coupling(case, s)
 
     band = problem.stability.band
-    Z_d, C, Z_c = at(np.geomspace(band.min, band.max, GRID))
+    Z_d, C, Z_c = at(np.geomspace(band.min or band.max * 1e-6, band.max, GRID))
     q = C / (Z_d + C)
     im_q = (C * Z_d.conj()).imag / abs(Z_d + C) ** 2
     excess = np.where(q.real > 0, im_q**2 / (abs(q) + q.real), abs(q) - q.real)
@@ -355,6 +355,10 @@ BASINS = {
     "C144_1.5": 39.60,
     "r25": 0.549780,
     "r50": 0.584188,
+    "r5064": 0.441406,
+    "r5065": 4.15021,
+    "z7": 0.20524,
+    "z25": 0.32158,
 }
 
 

@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import click
 
+from vctune.cli.check import check
 from vctune.cli.report import report
 from vctune.cli.schema import schema
 from vctune.cli.solve import solve
@@ -43,6 +44,7 @@ def main() -> None:
 
 
 main.add_command(solve)
+main.add_command(check)
 main.add_command(report)
 main.add_command(schema)
 

@@ -37,6 +37,8 @@ TIGHTENING = 1e-6
 ROUNDS = 40
 RADIUS = 2.0
 GROWTH = 2.0
+NEAR_SIDE = 1e-2
+"""Distance at which a point counts as on a side of the box: where the error is flat IPOPT stays off by its barrier."""
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
 PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6)
@@ -205,7 +207,7 @@ def _box(free: tuple[Coordinate, ...], reference: Point, radius: float) -> tuple
 def _at_box(free: tuple[Coordinate, ...], z: Floats, box: tuple[Floats, Floats]) -> bool:
     """Return whether the point lies on a side of the box that is not a bound of the problem."""
     return any(
-        (z[k] - box[0][k] < 1e-6 and box[0][k] > c.low) or (box[1][k] - z[k] < 1e-6 and box[1][k] < c.high)
+        (z[k] - box[0][k] < NEAR_SIDE and box[0][k] > c.low) or (box[1][k] - z[k] < NEAR_SIDE and box[1][k] < c.high)
         for k, c in enumerate(free)
     )
 

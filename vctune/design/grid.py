@@ -25,7 +25,7 @@ from vctune.model.loop import G_hh_abs2, sensitivity_abs2
 from vctune.model.quantities import Gains
 from vctune.model.transparency import log_quadrature
 
-COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 9}
+COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 FREQUENCIES = 64
 PANELS = 3
 INADMISSIBLE = 1e6
@@ -97,7 +97,7 @@ def axes(problem: Problem, *, integral: bool) -> Axes:
         corner = np.array([1 / device.lag])
     elif integral:
         corner = np.geomspace(1e-2 * problem.transparency.band.min, 2 / device.lag, COUNTS["position"])
-    shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high)
+    shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
     longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
     tau_c = np.geomspace(shortest, longest, COUNTS["time_constant"]) if longest > shortest else np.array([shortest])
     if bounds.mass.fixed and bounds.damping.fixed:

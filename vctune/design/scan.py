@@ -65,8 +65,7 @@ def scan(problem: Problem) -> ScanResult:
     K_p = 0 is scanned by itself: the integrator's absence changes the low-frequency demands. Minima of the rest that
     lie at its lowest K_p belong to that basin and are left to it.
     """
-    position = problem.bounds.position
-    faces = [integral for integral in (False, True) if (position.max > 0 if integral else position.min == 0)]
+    faces = _faces(problem)
     found: list[Start] = []
     peak = 0.0
     for integral in faces:
@@ -81,6 +80,16 @@ def scan(problem: Problem) -> ScanResult:
                 found.append(_zoom(problem, coarse, index))
     found.sort(key=lambda start: start.error)
     return ScanResult(_distinct(found)[:STARTS], peak)
+
+
+def _faces(problem: Problem) -> list[bool]:
+    """Return whether to search without and with an integrator, as far as the bounds and DESIGN 1.6 allow.
+
+    With damping and without drag no K_p > 0 is admissible on a band from 0.
+    """
+    position, barred = problem.bounds.position, problem.stability.band.min == 0 and problem.device.damping > 0
+    faces = [False] if position.min == 0 else []
+    return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 
 
 def rescan(problem: Problem, gains: Gains) -> Start | None:

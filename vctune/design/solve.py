@@ -24,7 +24,7 @@ from vctune.proof.interval import Outcome, Verdict
 
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
-WORTH_ANOTHER = 0.99
+WORTH_ANOTHER = 0.9995
 """A scan around the best optimum starts another polish if its error is at most this share of the best."""
 PROOF_ROUNDS = 4
 LONG_SHOTS = 2
@@ -58,6 +58,10 @@ def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
+    if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
+        tried = [optimum.start for optimum in optima]
+        optima = _optima(scaled, replace(seen, starts=[s for s in seen.starts if s not in tried]), progress, worth=inf)
+        best, judgement = _best_proved(problem, scaled, seen, optima)
     if judgement is not None and problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(problem, judgement)
     infeasibility = nearest_miss(problem, scaled, seen) if judgement is None else None
@@ -74,16 +78,16 @@ def _dimensionless(problem: Problem) -> Problem:
     return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
 
 
-def _optima(scaled: Problem, seen: ScanResult, progress: Progress) -> list[Polished]:
+def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first."""
     optima: list[Polished] = []
     for number, start in enumerate(seen.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
-        if start.error > WORTH_POLISHING * least or hopeless:
+        if start.error > worth * least or hopeless:
             continue
         progress(f"polishing start {number} of {len(seen.starts)}")
-        polished = polish(scaled, start, seen, incumbent=least)
+        polished = polish(scaled, start, seen, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
     optima.sort(key=lambda optimum: optimum.error)

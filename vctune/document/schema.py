@@ -143,6 +143,29 @@ class ProblemDocument(_Table):
     stability: StabilityTable = Field(default_factory=StabilityTable)
 
 
+class FixedGainsTable(_Table):
+    """Gains of a gains file."""
+
+    velocity: NotNegative = Field(description="K_v, N s/m.")
+    position: NotNegative = Field(description="K_p, N/m.")
+
+
+class FixedCouplingTable(_Table):
+    """Coupling of a gains file."""
+
+    damping: Positive = Field(description="b_c, N s/m.")
+    mass: Positive = Field(description="m_c, kg.")
+    drag: NotNegative = Field(0.0, description="b_0, N s/m.")
+
+
+class GainsDocument(_Table):
+    """A vctune gains file: a design as plain numbers, and where it comes from."""
+
+    gains: FixedGainsTable
+    coupling: FixedCouplingTable
+    design: dict[str, Text] = Field(default_factory=dict)
+
+
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the problem file."""
     schema = ProblemDocument.model_json_schema()

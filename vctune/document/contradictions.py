@@ -1,0 +1,82 @@
+"""What can be wrong in a problem file between values that are each right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf, isfinite
+from typing import Any
+
+from vctune.document.validation import Fault
+
+MAX_DELAY_SAMPLES = 200
+MAX_DECADES = 12
+VARIABLES = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
+
+
+def contradictions(raw: dict[str, Any]) -> list[Fault]:
+    """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
+    return [*_empty_ranges(raw), *_impossible_bands(raw), *_impossible_numbers(raw)]
+
+
+def _number(raw: dict[str, Any], *path: str | int) -> float | None:
+    node: Any = raw
+    for step in path:
+        try:
+            node = node[step]
+        except (KeyError, IndexError, TypeError):
+            return None
+    return float(node) if isinstance(node, int | float) and not isinstance(node, bool) and abs(node) < 1e300 else None
+
+
+def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
+    for key in VARIABLES:
+        path = tuple(key.split("."))
+        low, high = _number(raw, *path, "min"), _number(raw, *path, "max")
+        if low is not None and high is not None and low > high:
+            yield path, f"min = {low:g} is above max = {high:g}; swap them"
+
+
+def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
+    sample_time, delay = _number(raw, "device", "sample_time"), _number(raw, "device", "delay") or 0.0
+    to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
+    to_infinity = to_infinity and delay == 0
+    for table in ("transparency", "stability"):
+        path = (table, "band_hz")
+        low, high = _number(raw, *path, 0), _number(raw, *path, 1)
+        endless = _is_infinite(raw, table, 1)
+        if low is not None and high is not None and low >= high:
+            yield path, f"the lower edge {low:g} Hz is not below the upper edge {high:g} Hz; a band needs a width"
+        if _is_infinite(raw, table, 0):
+            yield path, "the lower edge is infinite; use a finite one"
+        if low and high and high > low * 10.0**MAX_DECADES > 0:
+            yield path, f"from {low:g} to {high:g} Hz are more than {MAX_DECADES} decades; narrow it"
+        if high is not None and sample_time and sample_time > 0 and high > 0.5 / sample_time * (1 + 1e-12):
+            nyquist = 0.5 / sample_time
+            yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
+        if table == "stability" and not to_infinity:
+            for edge, there in (("the lower edge 0", low == 0), ("the upper edge inf", endless)):
+                if there:
+                    yield path, f'{edge} needs hold = "lag" and delay = 0; use a finite, positive edge'
+
+
+def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
+    try:
+        return bool(raw[table]["band_hz"][edge] == inf)
+    except (KeyError, IndexError, TypeError):
+        return False
+
+
+def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
+    factor = _number(raw, "stability", "safety_factor")
+    if factor is not None and isfinite(factor) and 0 < factor < 1:
+        yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"
+    weights = [_number(raw, "transparency", "weights", term) for term in ("admittance", "tracking", "coupling")]
+    if all(weight == 0 for weight in weights):
+        yield ("transparency", "weights"), "all three are 0: nothing is left to optimise; give one a positive weight"
+    sample_time, delay = _number(raw, "device", "sample_time"), _number(raw, "device", "delay")
+    if sample_time and delay and delay > MAX_DELAY_SAMPLES * sample_time > 0:
+        samples = delay / sample_time
+        yield (
+            ("device", "delay"),
+            f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
+        )

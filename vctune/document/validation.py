@@ -1,0 +1,154 @@
+"""From a TOML text to a valid document, or to everything that is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from difflib import get_close_matches
+from math import isnan
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from vctune.document import toml
+from vctune.document.errors import InputError, Mistake
+
+MAX_MISTAKES = 25
+LONG = 60
+
+KeyPath = tuple[str | int, ...]
+Fault = tuple[KeyPath, str]
+
+
+"""Path of a key and what is wrong with it."""
+Check = Callable[[dict[str, Any]], list[Fault]]
+"""Finds what is wrong between values that are each right, in whatever part of a document is valid."""
+Document = TypeVar("Document", bound=BaseModel)
+
+
+def validated(model: type[Document], text: str, source: str, check: Check) -> Document:
+    """Return the document that a TOML text states.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake in the order of the lines, each with dotted key, value and remedy.
+    """
+    raw = toml.parse(text, source)
+    document, faults = None, []
+    try:
+        document = model.model_validate(raw)
+    except ValidationError as error:
+        faults = [_fault(model, details) for details in error.errors(include_url=False)]
+    faults += check(raw)
+    if document is None or faults:
+        raise refusal(faults, text, source)
+    return document
+
+
+def refusal(faults: list[Fault], text: str, source: str) -> InputError:
+    """Return the error that lists faults with their lines, the first `MAX_MISTAKES` of them."""
+    lines = toml.Lines(text)
+    shown = [Mistake(dotted(path), message, _line(lines, path)) for path, message in faults[:MAX_MISTAKES]]
+    more = [Mistake("", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
+    return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
+
+
+def _line(lines: toml.Lines, path: KeyPath) -> int:
+    """Return the line of a key, or of the nearest table that should have held it."""
+    while path:
+        line = lines.locate(path)
+        if line is not None:
+            return line
+        path = path[:-1]
+    return 1
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a key as it is written: tables joined by dots, elements of lists in brackets."""
+    text = ""
+    for step in path:
+        name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
+        text += f"[{name}]" if isinstance(step, int) else f".{name}" if text else str(name)
+    return _short(text)
+
+
+def _fault(model: type[BaseModel], details: Any) -> Fault:
+    path = tuple(step for step in details["loc"] if step not in ("<number>", "<range>"))
+    value, context, kind = details["input"], details.get("ctx", {}), details["type"]
+    if kind == "extra_forbidden":
+        return path, f"unknown key{_suggestion(model, path)}"
+    if isinstance(value, float) and isnan(value):
+        return path, "nan is not a number; write a number"
+    if kind == "value_error":
+        return path, str(context["error"])
+    if kind == "missing":
+        return path, f"is missing; {_documentation(model, path)}"
+    messages: dict[str, Callable[[], str]] = {
+        "greater_than_equal": lambda: f"{_show(value)} is too small: must be at least {context['ge']:g}",
+        "less_than_equal": lambda: f"{_show(value)} is out of range: must be at most {context['le']:g}",
+        "float_type": lambda: f"{_show(value)} is not a number; write a number{_or_range(model, path)}",
+        "string_type": lambda: f"{_show(value)} is not a text; put it in quotes",
+        "literal_error": lambda: f"{_show(value)} is not one of {context['expected']}",
+        "model_type": lambda: f"{_show(value)} is not a table",
+        "tuple_type": lambda: f"{_show(value)} is not a pair of numbers [lower, upper]",
+        "too_long": lambda: f"{_show(value)} has more than two numbers; write [lower, upper]",
+        "string_too_short": lambda: "is empty; leave it out to use the file's name",
+        "string_too_long": lambda: f"{_show(value)} is too long: at most {context['max_length']}",
+    }
+    return path, messages[kind]() if kind in messages else f"{_show(value)}: {details['msg']}"
+
+
+def _show(value: Any) -> str:
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    except ValueError:  # an integer of thousands of digits
+        return "this integer"
+    return _short(text)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONG else text[: LONG - 3] + "..."
+
+
+def _or_range(model: type[BaseModel], path: KeyPath) -> str:
+    table = _table_at(model, path[:-1])
+    field = table.model_fields.get(str(path[-1])) if table else None
+    return " or { min = ..., max = ... }" if field and "Range" in str(field.annotation) else ""
+
+
+def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
+    table = model
+    for step in path:
+        field = table.model_fields.get(step) if isinstance(step, str) else None
+        annotation = field.annotation if field else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return None
+        table = annotation
+    return table
+
+
+def _suggestion(model: type[BaseModel], path: KeyPath) -> str:
+    table = _table_at(model, path[:-1])
+    known = list(table.model_fields) if table else ["min", "max"]
+    meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
+    if meant:
+        return f"; did you mean {meant[0]}?"
+    owner = next((name for name, field in _tables(model) if path[-1] in field), None)
+    return f"; it belongs in [{owner}]" if owner else f"; known here: {', '.join(known)}"
+
+
+def _tables(model: type[BaseModel]) -> Iterator[tuple[str, set[str]]]:
+    for name in model.model_fields:
+        table = _table_at(model, (name,))
+        if table:
+            yield name, set(table.model_fields)
+
+
+def _documentation(model: type[BaseModel], path: KeyPath) -> str:
+    table = _table_at(model, path[:-1])
+    if table is None or not isinstance(path[-1], str):
+        return "write two numbers [lower, upper]" if isinstance(path[-1], int) else "both min and max are needed"
+    text = table.model_fields[path[-1]].description or (_table_at(model, path) or table).__doc__ or ""
+    return f"it is required: {text}"
