@@ -13,7 +13,7 @@ from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Device, Gains
 
-BISECTIONS = 60
+BISECTIONS = 40
 MARGIN_POINTS_PER_DECADE = 100
 
 

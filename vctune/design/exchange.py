@@ -140,13 +140,14 @@ def _step(problem: Problem, search: _Search) -> None:
         return
     if demands.positive:
         search.reference = values
+    posed = frequencies.copy()
     _follow(frequencies, demands)
     search.warm = search.reference
     settled = solution.converged and not _at_box(free, solution.z, box)
     search.finished = settled and solution.error > search.incumbent
     admissible = demands.positive and demands.violation == 0
     if admissible and not search.finished:
-        found = Polished(search.start, values, inf, shape, frequencies.copy(), solution, search.rounds)
+        found = Polished(search.start, values, inf, shape, posed, solution, search.rounds)
         _keep(problem, search, found, settled=settled)
     progress = _join(frequencies, demands) or (admissible and solution.converged)
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2

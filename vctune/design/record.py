@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, isfinite, log10, pi
 from typing import Any
@@ -49,7 +50,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "left_out": left_out(solved),
         "warnings": [],
         "solver": _solver(solved),
-        "versions": versions(ipopt),
+        "versions": dict(versions(ipopt)),
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
     if judgement is not None:
@@ -60,6 +61,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     return finite
 
 
+@cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
     """Return the versions that determine a result; IPOPT's is None where it took no part."""
     return {
