@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 
-@click.command()
+@click.command(short_help="Print the JSON Schema of the problem file.")
 def schema() -> None:
     """Print the JSON Schema of the problem file, for completion in editors."""
     import json

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from vctune.model.quantities import Coupling, Gains
 
 
-@click.command()
+@click.command(short_help="Find the most transparent gains and prove them stable.")
 @click.argument("problem", type=click.Path(path_type=Path))
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
@@ -41,14 +41,15 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file.problem, progress)
-    record = design_record(file, solved, ipopt_version())
-    text = json.dumps(record, indent=2, allow_nan=False)
-    judgement = solved.judgement
-    _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
-    if not no_report:
-        from vctune.report.report import write_report
+        record = design_record(file, solved, ipopt_version())
+        text = json.dumps(record, indent=2, allow_nan=False)
+        judgement = solved.judgement
+        _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+        if not no_report:
+            progress("drawing the report")
+            from vctune.report.report import write_report
 
-        write_report(record, folder)
+            write_report(record, folder)
     if as_json:
         emit(text)
     elif not quiet:
