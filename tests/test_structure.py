@@ -8,7 +8,7 @@ import sys
 
 from conftest import ROOT
 
-FLOORS = ["model", "exits", "interrupt", "document", "proof", "analysis", "design", "report", "cli"]
+FLOORS = ["version", "model", "exits", "interrupt", "document", "proof", "analysis", "design", "report", "cli"]
 """A room imports only from itself and from what stands before it."""
 PACKAGE = ROOT / "vctune"
 

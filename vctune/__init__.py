@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from vctune.version import __version__
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
@@ -23,7 +25,6 @@ if TYPE_CHECKING:
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
 
-__version__ = "0.1.0"
 
 _HOME = {
     "Certificate": "proof.certificate",

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import Any
 from xml.etree import ElementTree
 
-import vctune
 from vctune.design.check import Checked
 from vctune.document.errors import printable
 from vctune.exits import ExitCode
+from vctune.version import __version__
 
 WORDS = {
     ExitCode.OK: "passed",
@@ -114,7 +114,7 @@ def sarif(checks: list[Checked]) -> str:
     ]
     driver = {
         "name": "vctune",
-        "version": vctune.__version__,
+        "version": __version__,
         "rules": [{"id": rule, "shortDescription": {"text": text}} for rule, _, text in rules.values()],
     }
     log = {

@@ -7,7 +7,6 @@ from importlib.metadata import version
 from math import degrees, inf, isfinite, log10, pi
 from typing import Any
 
-import vctune
 from vctune.design.judge import Judgement
 from vctune.design.result import Solved
 from vctune.design.rounding import near
@@ -19,6 +18,7 @@ from vctune.document.reading import ProblemFile
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
+from vctune.version import __version__
 
 ACTIVE = 1e-5
 HARDLY_TRACKING = 0.9
@@ -65,7 +65,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 def versions(ipopt: str | None) -> dict[str, str | None]:
     """Return the versions that determine a result; IPOPT's is None where it took no part."""
     return {
-        "vctune": vctune.__version__,
+        "vctune": __version__,
         "casadi": version("casadi"),
         "ipopt": ipopt,
         "numpy": version("numpy"),
