@@ -75,6 +75,14 @@ def test_the_same_design_gives_the_same_bytes(records, tmp_path):
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
+def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/mine.png").write_text("not vctune's")
+    made(records["certified"], tmp_path / "report")
+    made(records["infeasible"], tmp_path / "report")
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png"}
+
+
 def test_undecided_renders_too(records, tmp_path):
     record = json.loads(json.dumps(records["certified"]))
     record["status"] = record["certificate"]["verdict"] = "undecided"

@@ -11,11 +11,11 @@ from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.figures import Design, figures
-from vctune.report.page import page, png, svg
+from vctune.report.page import READINGS, page, png, svg
 
 
 def write_report(record: dict[str, Any], folder: Path) -> None:
-    """Write report.html and the figures of a design; needs nothing but its record.
+    """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
 
     Raises
     ------
@@ -31,3 +31,6 @@ def write_report(record: dict[str, Any], folder: Path) -> None:
     files |= {folder / f"{name}.svg": text for name, text in vector.items()}
     files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
     write_together(files)
+    for name in set(READINGS) - set(drawn):  # figures of an earlier design that this one does not have
+        for suffix in ("svg", "png"):
+            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
