@@ -16,11 +16,12 @@ from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.balls import PRECISION
+from vctune.proof.balls import BALLS, PRECISION, design_ball
 from vctune.proof.certificate import Claim, certify, prove_sensitivity
+from vctune.proof.claims import Design, conditions_margin
 from vctune.proof.ends import prove_high_end, prove_low_end
 from vctune.proof.interval import Verdict, prove_positive
-from vctune.proof.llewellyn import Design, conditions_margin, prove_conditions, widest_band
+from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.winding import turned_angle
 
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
@@ -208,4 +209,5 @@ def test_turned_angle_counts_turns(turns, radius):
 def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
     with ctx.workprec(PRECISION):
-        assert float(conditions_margin(design, 1.0)(arb(2.0))) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))
+        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS, integrator=False)
+        assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))

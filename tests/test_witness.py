@@ -12,8 +12,8 @@ from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Claim, certify
+from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
-from vctune.proof.llewellyn import Design
 
 PAIRS = 1000
 

@@ -21,8 +21,8 @@ from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Certificate, certify
+from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
-from vctune.proof.llewellyn import Design
 from vctune.proof.poles import spectral_radius
 
 

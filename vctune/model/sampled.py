@@ -127,6 +127,12 @@ def return_difference(
     return ReturnDifference(decay * difference, velocity * difference, position)
 
 
+def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
+    """Return (1 - e^{-j theta})/theta, regular at theta = 0: what the integrator adds to F, divided by theta."""
+    half = theta / 2
+    return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))
+
+
 def characteristic_polynomial(plant: SampledPlant, gains: Gains, *, integrator: bool) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first."""
     delay = [*plant.velocity] if plant.fractional else [plant.velocity[0]]

@@ -8,6 +8,7 @@ from flint import arb, arb_series
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.claims import Design
 
 PRECISION = 128
 """Working precision, bits."""
@@ -84,3 +85,8 @@ def gains_ball(gains: Gains) -> Gains:
 def coupling_ball(coupling: Coupling) -> Coupling:
     """Return the coupling with its decimals enclosed."""
     return Coupling(ball(coupling.damping), ball(coupling.mass), ball(coupling.drag))
+
+
+def design_ball(design: Design) -> Design:
+    """Return the design with its decimals enclosed."""
+    return Design(device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling))

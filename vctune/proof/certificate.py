@@ -9,10 +9,10 @@ from math import pi
 from flint import ctx
 
 from vctune.model.arithmetic import Number
-from vctune.model.loop import hold_response, loop_response
 from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.claims import Design, sensitivity_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
-from vctune.proof.llewellyn import Design, prove_conditions, widest_band
+from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
 
@@ -89,7 +89,6 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     integrator, limit = design.gains.position > 0, ball(max_sensitivity)
 
     def margin(omega: Number) -> Number:
-        loop = loop_response(device, law, omega, hold_response(device, omega, BALLS), integrator=integrator)
-        return limit * limit * loop.D.abs2() - loop.Z_d.abs2()
+        return sensitivity_margin(device, law, omega, limit, BALLS, integrator=integrator)
 
     return prove_positive(margin, 0.0, pi / design.device.sample_time * (1 + 1e-15))

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from math import inf, nextafter, sqrt
+from math import inf, sqrt
 
 from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import modulus_excess
-from vctune.model.loop import hold_response, loop_response
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.balls import BALLS, coupling_ball, device_ball, gains_ball
+from vctune.proof.balls import BALLS, design_ball
+from vctune.proof.claims import Design, conditions_margin, outwards
 from vctune.proof.ends import high_end_verdict, low_end_verdict, prove_high_end, prove_low_end
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 
@@ -23,31 +21,12 @@ LOWEST_EDGE, HIGHEST_EDGE = 1e-18, 1e18
 """How far below and above the requested band a proof that does not reach the end is carried, relative to its edge."""
 
 
-@dataclass(frozen=True, slots=True)
-class Design:
-    """What is judged: a device with its gains and its coupling."""
-
-    device: Device
-    gains: Gains
-    coupling: Coupling
-
-
-def conditions_margin(design: Design, factor: float) -> Callable[[Number], Number]:
-    """Return 2 Re D Re Z_c - factor N as a function of omega > 0, (N s/m)^2.
-
-    N = |C||D| - Re(C conj D) >= 0 and Re Z_c > 0, so that where it is positive Re G_hh > 0 and ratio >= factor. Without
-    a loop C = N = 0.
-    """
-    device, law, virtual = device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling)
-    integrator, threshold = design.gains.position > 0, arb(repr(factor))
+def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
+    """Return `conditions_margin` of a design's decimals as a function of omega; without a loop C = N = 0."""
+    exact, integrator, threshold = design_ball(design), design.gains.position > 0, arb(repr(factor))
     if design.gains.velocity == 0 and not integrator:
-        return lambda omega: 2 * device.damping * coupling_impedance(virtual, omega).re
-
-    def margin(omega: Number) -> Number:
-        loop = loop_response(device, law, omega, hold_response(device, omega, BALLS), integrator=integrator)
-        return 2 * loop.re_D * coupling_impedance(virtual, omega).re - threshold * modulus_excess(loop, BALLS)
-
-    return margin
+        return lambda omega: 2 * exact.device.damping * coupling_impedance(exact.coupling, omega).re
+    return lambda omega: conditions_margin(exact, omega, threshold, BALLS, integrator=integrator)
 
 
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
@@ -55,9 +34,10 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
     Finite edges are widened by the rounding of 2 pi f.
     """
-    margin = conditions_margin(design, factor)
-    start = _outwards(low, 0.0) if low > 0 else _low_start(design, factor, high)
-    stop = _outwards(high, inf) if high < inf else _high_start(design, factor, low)
+    margin = _margin(design, factor)
+    wider = outwards((low, high))
+    start = wider[0] if low > 0 else _low_start(design, factor, high)
+    stop = wider[1] if high < inf else _high_start(design, factor, low)
     if start is None:
         return _end_failure(low_end_verdict(*_parts(design)), margin, min(high, 1.0), 0.25)
     if stop is None:
@@ -67,12 +47,6 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
 def _parts(design: Design) -> tuple[Device, Gains, Coupling]:
     return design.device, design.gains, design.coupling
-
-
-def _outwards(edge: float, towards: float) -> float:
-    for _ in range(4):
-        edge = nextafter(edge, towards)
-    return edge
 
 
 def _low_start(design: Design, factor: float, high: float) -> float | None:
@@ -99,7 +73,7 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
     Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
     without delay, whose model is good for a proof to inf.
     """
-    margin = conditions_margin(design, 1.0)
+    margin = _margin(design, 1.0)
     return _lowest(design, margin, low), _highest(design, margin, high)
 
 

@@ -1,0 +1,150 @@
+"""Ball arithmetic on arrays: every result encloses the true value, and agrees with Arb about every design."""
+
+from __future__ import annotations
+
+import operator
+from math import pi
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import mp, mpf
+
+from vctune.document.reading import read_gains, read_problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.batch import Demands, certified
+from vctune.proof.cells import Cells, all_pairs, sift
+from vctune.proof.certificate import certify
+from vctune.proof.claims import Design
+from vctune.proof.enclosures import Enclosure, between, decimal
+from vctune.proof.interval import Verdict
+from vctune.proof.jets import ENCLOSURES, Jet, variables
+
+numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
+radii = st.floats(0, 10, allow_subnormal=False)
+places = st.floats(-1, 1)
+BINARY = [operator.add, operator.sub, operator.mul, operator.truediv]
+
+
+def contains(enclosure, exact):
+    return bool(not np.isfinite(enclosure.rad) or abs(mpf(float(enclosure.mid)) - exact) <= mpf(float(enclosure.rad)))
+
+
+def inside(mid, rad, place):
+    return mpf(mid) + mpf(rad) * mpf(place)
+
+
+@pytest.mark.parametrize("operation", BINARY)
+@np.errstate(all="ignore")
+@given(numbers, radii, places, numbers, radii, places)
+def test_arithmetic_encloses(operation, a, ra, pa, b, rb, pb):
+    with mp.workdps(60):
+        x, y = inside(a, ra, pa), inside(b, rb, pb)
+        if operation is operator.truediv and 0 in (x, y, b):
+            return
+        left, right = Enclosure(np.array(a), np.array(ra)), Enclosure(np.array(b), np.array(rb))
+        assert contains(operation(left, right), operation(x, y))
+        assert contains(operation(left, b), operation(x, mpf(b)))
+        assert contains(operation(b, left), operation(mpf(b), x))
+
+
+@given(numbers, radii, places)
+def test_square_encloses_and_is_nowhere_negative(a, rad, place):
+    x = Enclosure(np.array(a), np.array(rad))
+    with mp.workdps(60):
+        assert contains(x * x, inside(a, rad, place) ** 2)
+    assert not (x * x).negative()
+    assert (x * x).mid >= (x * x).rad * (1 - 1e-12) - 1e-290
+
+
+FUNCTIONS = {
+    "sqrt": (mp.sqrt, 0.0),
+    "exp": (mp.exp, -700.0),
+    "sin": (mp.sin, -1e6),
+    "cos": (mp.cos, -1e6),
+    "sinc": (mp.sinc, 0.0),
+    "decay_mean": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
+    "decay_ramp": (lambda x: (x + mp.expm1(-x)) / x**2 if x else mpf(0.5), 0.0),
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_enclose(name):
+    exact, least = FUNCTIONS[name]
+    rng = np.random.default_rng(1)
+    mid = np.concatenate([10.0 ** rng.uniform(-12, 2.5, 300), [0.0]]) * (rng.choice([-1, 1], 301) if least < 0 else 1)
+    rad = np.minimum(10.0 ** rng.uniform(-18, 0, mid.size) * np.abs(mid), np.where(least < 0, np.inf, mid))
+    image = getattr(ENCLOSURES, name)(Enclosure(mid, rad))
+    with mp.workdps(60):
+        for place in (-1.0, -0.3, 0.0, 0.7, 1.0):
+            for i in range(mid.size):
+                x = inside(mid[i], rad[i], place)
+                assert contains(image.taken(i), exact(x)), (mid[i], rad[i])
+
+
+@given(st.floats(1e-6, 3.0), st.floats(0.1, 10.0), places, places)
+def test_jets_enclose_derivatives(a, b, pa, pb):
+    """Every slope against the exact derivative at a point of the box."""
+
+    def f(x, y, ops):
+        return ops.sinc(x) * y / (1 + ops.sqrt(x * x + y * y)) - ops.sin(x * y) * ops.cos(y) * (2 - x)
+
+    box = [Enclosure(np.array(a), np.array(1e-3 * a)), Enclosure(np.array(b), np.array(1e-3 * b))]
+    jet = f(*variables(box, [True, True]), ENCLOSURES)
+    with mp.workdps(40):
+        at = [inside(a, 1e-3 * a, pa), inside(b, 1e-3 * b, pb)]
+        assert contains(jet.value, f(*at, mp))
+        for order, slope in zip(((1, 0), (0, 1)), jet.slopes, strict=True):
+            assert contains(slope, mp.diff(lambda x, y: f(x, y, mp), tuple(at), order)), order
+
+
+@np.errstate(all="ignore")
+def test_what_is_not_a_number_proves_nothing():
+    unknown = 1 / Enclosure(np.array([0.5, -1.0]), np.array([1.0, 1.0]))
+    beyond = Enclosure(np.array([1e300])) * Enclosure(np.array([1e300]))
+    for x in (unknown, unknown * unknown, unknown + 1.0, beyond, beyond - beyond):
+        assert not x.positive().any() and not x.negative().any()
+
+
+@pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "desktop", "fixed-gains"])
+@pytest.mark.parametrize("spread", [0.01, 0.3, 2.0])
+def test_arrays_prove_what_arb_proves(name, spread):
+    """Random designs around a good one: never proved against Arb, and nothing of a usual kind left open."""
+    problem = read_problem(ROOT / f"problems/{name}.toml").problem
+    file = read_gains(ROOT / f"results/{name}/gains.toml")
+    best = [file.gains.velocity, file.gains.position, file.coupling.damping, file.coupling.mass, file.coupling.drag]
+    values = np.array(best)[:, None] * np.exp(np.random.default_rng(2).normal(0, spread, (5, 60)))
+    values[1, ::5] = 0.0
+    band, limit = (problem.stability.band.min, problem.stability.band.max), problem.stability.max_sensitivity
+    proved = certified(Demands(problem.device, band, 1.0, limit), Cells(values, values))
+    for found, v in zip(proved, values.T.tolist(), strict=True):
+        verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
+        assert found == (verdict is Verdict.PROVED)
+
+
+def test_a_claim_over_a_cell_holds_at_each_of_its_points():
+    """(x - K_v)^2 + 0.01 > K_p on a band: proved where K_p < 0.01 throughout, not where a corner fails."""
+    low, high = np.zeros((5, 4)), np.ones((5, 4))
+    low[0], high[0] = 2.0, 2.0 + np.array([0.5, 0.5, 1e-3, 1e-3])
+    low[1], high[1] = 0.0, np.array([0.009, 0.011, 0.0099, 0.0101])
+    low[2:] = high[2:] = 1.0
+    cells = Cells(low, high)
+
+    def margin(x, v):
+        away = x - v[0]
+        return away * away + 0.01 - v[1]
+
+    left = sift(margin, cells, all_pairs(4, 1.0, 4.0, 1.2), 20)
+    assert set(left.open.cell.tolist()) == {1, 3}
+    assert np.isnan(left.witness[[0, 2]]).all()
+
+
+def test_enclosed_decimals():
+    with mp.workdps(30):
+        for text in ("0.4", "1e-20", "6.02e19", "0.1"):
+            assert contains(decimal(float(text)), mpf(text))
+            assert contains(between(0.0, float(text)), mpf(text))
+    assert isinstance(Enclosure(1.0) * Jet(Enclosure(2.0), (None,)), Jet)
+    assert ENCLOSURES.is_zero(decimal(0.0)) and not ENCLOSURES.is_zero(decimal(pi))

@@ -1,0 +1,123 @@
+"""Ball arithmetic on NumPy arrays in double precision: many boxes at once, every rounding enclosed.
+
+An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
+correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
+itself. What overflows or divides by 0 gets a radius that is not a finite number, of which nothing can be proved.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+UNIT = 2.0**-52
+TINY = 1e-300
+"""More than what underflow can take from a sum of products."""
+SWELL = 1 + 2.0**-49
+"""Covers the rounding of a radius, a sum of a few positive terms."""
+
+
+def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
+    """Return mid, itself rounded, with a radius yet to be swollen."""
+    return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
+
+
+class Enclosure:
+    """All real numbers within `rad` of `mid`, elementwise."""
+
+    __slots__ = ("mid", "rad")
+    __array_ufunc__ = None
+
+    def __init__(self, mid: Any, rad: Any = 0.0) -> None:
+        self.mid = mid
+        self.rad = rad
+
+    def __add__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return _enclosed(self.mid + other.mid, self.rad + other.rad)
+        return _enclosed(self.mid + other, self.rad) if _exact(other) else NotImplemented
+
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.mid, self.rad)
+
+    def __sub__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return _enclosed(self.mid - other.mid, self.rad + other.rad)
+        return _enclosed(self.mid - other, self.rad) if _exact(other) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Enclosure:
+        return _enclosed(other - self.mid, self.rad) if _exact(other) else NotImplemented
+
+    def __mul__(self, other: Any) -> Enclosure:
+        if other is self:
+            return self._square()
+        if isinstance(other, Enclosure):
+            rad = np.abs(self.mid) * other.rad + self.rad * (np.abs(other.mid) + other.rad)
+            return _enclosed(self.mid * other.mid, rad)
+        return _enclosed(self.mid * other, self.rad * np.abs(other)) if _exact(other) else NotImplemented
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def _square(self) -> Enclosure:
+        """Return the square, which is nowhere negative."""
+        size = np.abs(self.mid)
+        low, high = np.maximum(size - self.rad, 0.0) ** 2, (size + self.rad) ** 2
+        return Enclosure(0.5 * (high + low), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
+
+    def __truediv__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return self * other.reciprocal()
+        return _enclosed(self.mid / other, self.rad / np.abs(other)) if _exact(other) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Enclosure:
+        return self.reciprocal() * other if _exact(other) else NotImplemented
+
+    def reciprocal(self) -> Enclosure:
+        """Return 1/x; nothing is known of it where x may be 0."""
+        gap = np.abs(self.mid) - self.rad
+        product = np.where(gap > 0, gap, np.nan) * (np.abs(self.mid) + self.rad)
+        mid = self.mid / product
+        return Enclosure(mid, (self.rad / product + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
+
+    def sqrt(self) -> Enclosure:
+        """Return the square root of a number that cannot be negative, whatever its enclosure says."""
+        low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
+        high = np.sqrt(self.mid + self.rad)
+        return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
+
+    def positive(self) -> Flags:
+        """Return where every number enclosed is > 0."""
+        return np.asarray(self.mid > self.rad)
+
+    def negative(self) -> Flags:
+        """Return where every number enclosed is < 0."""
+        return np.asarray(self.mid < -np.asarray(self.rad))
+
+    def taken(self, at: Any) -> Enclosure:
+        """Return some of the elements."""
+        return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
+
+
+def _exact(x: Any) -> bool:
+    return isinstance(x, int | float | np.ndarray)
+
+
+def between(low: Any, high: Any) -> Enclosure:
+    """Return an enclosure of the intervals [low, high]."""
+    mid = 0.5 * (low + high)
+    return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
+
+
+def decimal(x: Any) -> Enclosure:
+    """Return an enclosure of the decimals that floats are written as: 0.4 means 2/5."""
+    return Enclosure(x, UNIT * np.abs(x))
+
+
+def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
+    """Return yes where the condition holds and no elsewhere."""
+    return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -1,0 +1,187 @@
+"""Enclosures with their derivatives, and the elementary functions of both: the arithmetic of proofs on arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import zip_longest
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.arithmetic import FLOATS, Arithmetic, Number
+from vctune.proof.enclosures import UNIT, Enclosure, between, selected
+
+LIBRARY = 8 * UNIT
+"""Bound on the error of NumPy's sin, cos and exp, relative to 1 or to the value."""
+DECAY = 1e-13
+"""Bound on the relative error of `FLOATS.decay_mean` and `FLOATS.decay_ramp`."""
+SMALL = 0.5
+"""Below it the derivative of sinc is enclosed by its series."""
+
+Slopes = tuple[Enclosure | None, ...]
+
+
+class Jet:
+    """A number that depends on several variables: an enclosure of its values and of each derivative.
+
+    Attributes
+    ----------
+    value : enclosure over the box
+    slopes : enclosures of the derivatives over the box; None where the number does not depend on the variable
+    """
+
+    __slots__ = ("slopes", "value")
+    __array_ufunc__ = None
+
+    def __init__(self, value: Enclosure, slopes: Slopes) -> None:
+        self.value = value
+        self.slopes = slopes
+
+    def __add__(self, other: Any) -> Jet:
+        if isinstance(other, Jet):
+            return Jet(self.value + other.value, _sums(self.slopes, other.slopes))
+        return Jet(self.value + other, self.slopes)
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.value, tuple(None if slope is None else -slope for slope in self.slopes))
+
+    def __sub__(self, other: Any) -> Jet:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Jet:
+        return -self + other
+
+    def __mul__(self, other: Any) -> Jet:
+        if other is self:
+            return self.mapped(self.value * self.value, 2 * self.value)
+        if isinstance(other, Jet):
+            slopes = _sums(_scaled(self.slopes, other.value), _scaled(other.slopes, self.value))
+            return Jet(self.value * other.value, slopes)
+        return self.mapped(self.value * other, other)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __truediv__(self, other: Any) -> Jet:
+        return self * _reciprocal(other) if isinstance(other, Jet) else self * (1 / other)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        return _reciprocal(self) * other
+
+    def mapped(self, value: Enclosure, derivative: Any) -> Jet:
+        """Return f of this number from its values and its derivative (the chain rule)."""
+        return Jet(value, _scaled(self.slopes, derivative))
+
+
+def variables(values: Sequence[Enclosure], moving: Sequence[bool]) -> list[Enclosure | Jet]:
+    """Return the variables as jets, each with slope 1 in itself; those that do not move stay plain."""
+    order = {index: place for place, index in enumerate(i for i, moves in enumerate(moving) if moves)}
+    one = Enclosure(1.0)
+
+    def jet(index: int, value: Enclosure) -> Jet:
+        return Jet(value, tuple(one if place == order[index] else None for place in range(len(order))))
+
+    return [jet(i, value) if moving[i] else value for i, value in enumerate(values)]
+
+
+def _scaled(slopes: Slopes, factor: Any) -> Slopes:
+    return tuple(None if slope is None else slope * factor for slope in slopes)
+
+
+def _sums(left: Slopes, right: Slopes) -> Slopes:
+    return tuple(a if b is None else b if a is None else a + b for a, b in zip_longest(left, right))
+
+
+def _reciprocal(x: Jet) -> Jet:
+    inverse = x.value.reciprocal()
+    return x.mapped(inverse, -(inverse * inverse))
+
+
+def _sin(x: Enclosure) -> Enclosure:
+    return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+
+
+def _cos(x: Enclosure) -> Enclosure:
+    return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+
+
+def _sinc(x: Enclosure) -> Enclosure:
+    """Return sin(x)/x, whose derivative is at most |x|/3 and at most 1/2."""
+    slope = np.minimum((np.abs(x.mid) + x.rad) / 3, 0.5)
+    return Enclosure(FLOATS.sinc(x.mid), slope * x.rad * (1 + 4 * UNIT) + 3 * LIBRARY)
+
+
+def _sinc_slope(x: Enclosure) -> Enclosure:
+    """Return (cos x - sinc x)/x; for small x it is -x/3 (1 - t x^2/10) with t between 0 and 1."""
+    direct = (_cos(x) - _sinc(x)) / x
+    small = np.asarray(np.abs(x.mid) + x.rad < SMALL)
+    series = (x / -3) * (1 - (x * x) * Enclosure(0.05, 0.05 + UNIT))
+    return selected(small, series, direct)
+
+
+class _EnclosureArithmetic:
+    """Enclosures, and jets of enclosures for derivatives."""
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return isinstance(x, Enclosure) and bool(np.all(x.mid == 0) and np.all(x.rad == 0))
+
+    @staticmethod
+    def sqrt(x: Number) -> Number:
+        if isinstance(x, Enclosure):
+            return x.sqrt()
+        root = x.value.sqrt()
+        return x.mapped(root, 0.5 / root)
+
+    @staticmethod
+    def exp(x: Number) -> Number:
+        if isinstance(x, Jet):
+            value = ENCLOSURES.exp(x.value)
+            return x.mapped(value, value)
+        mid = np.exp(x.mid)
+        return Enclosure(mid, mid * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY))
+
+    @staticmethod
+    def sin(x: Number) -> Number:
+        return x.mapped(_sin(x.value), _cos(x.value)) if isinstance(x, Jet) else _sin(x)
+
+    @staticmethod
+    def cos(x: Number) -> Number:
+        return x.mapped(_cos(x.value), -_sin(x.value)) if isinstance(x, Jet) else _cos(x)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return x.mapped(_sinc(x.value), _sinc_slope(x.value)) if isinstance(x, Jet) else _sinc(x)
+
+    @staticmethod
+    def decay_mean(x: Number) -> Number:
+        return _falling(FLOATS.decay_mean, x)
+
+    @staticmethod
+    def decay_ramp(x: Number) -> Number:
+        return _falling(FLOATS.decay_ramp, x)
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        sure = (x.value if isinstance(x, Jet) else x).positive()
+        return yes() if sure.all() else _chosen(sure, yes(), no())
+
+
+ENCLOSURES: Arithmetic = _EnclosureArithmetic()
+
+
+def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
+    """Return a positive function that falls for x >= 0 from its values at the ends."""
+    low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
+    return between(f(np.asarray(high)) * (1 - DECAY), f(np.asarray(low)) * (1 + DECAY))
+
+
+def _chosen(where: NDArray[np.bool_], yes: Number, no: Number) -> Number:
+    if not isinstance(yes, Jet):
+        return selected(where, yes, no)
+    zero = Enclosure(0.0)
+    slopes = tuple(
+        None if a is None and b is None else selected(where, zero if a is None else a, zero if b is None else b)
+        for a, b in zip_longest(yes.slopes, no.slopes)
+    )
+    return Jet(selected(where, yes.value, no.value), slopes)
