@@ -23,6 +23,8 @@ Integers = NDArray[np.intp]
 
 CHUNK = 4096
 """Pairs evaluated together: their arrays stay in the processor's cache."""
+BLUR = 2.0
+"""A pair is not halved when the cell's size contributes this much more to its uncertainty than the interval's."""
 
 Values = Sequence[Number]
 """K_v, K_p, b_c, m_c, b_0."""
@@ -43,6 +45,11 @@ class Cells:
     def taken(self, at: Integers | Flags) -> Cells:
         """Return some of the cells."""
         return Cells(self.low[:, at], self.high[:, at])
+
+    def centres(self) -> Cells:
+        """Return the middle of each cell."""
+        middle = 0.5 * (self.low + self.high)
+        return Cells(middle, middle)
 
     def values(self) -> list[Enclosure]:
         """Return the five numbers enclosed, their edges as the decimals that they are written as."""
@@ -171,7 +178,7 @@ def located(values: list[Enclosure], pairs: Pairs) -> tuple[Enclosure, Values]:
 def _by_mean_value(margin: Margin, omega: Enclosure, values: Values, moving: list[bool]) -> Flags:
     image, reach, middle = mean_value(margin, omega, values, [True, *moving])
     proved = image.positive()
-    blurred = np.broadcast_to(sum(reach[1:], np.zeros(1)) > 2 * reach[0], proved.shape)
+    blurred = np.broadcast_to(sum(reach[1:], np.zeros(1)) > BLUR * reach[0], proved.shape)
     return np.stack((proved, blurred & ~proved, middle.negative()))
 
 
@@ -204,3 +211,16 @@ def mean_value(
     ]
     spread = Enclosure(middle.mid, (middle.rad + sum(reach)) * SWELL)
     return selected(spread.rad < direct.value.rad, spread, direct.value), reach, middle
+
+
+def image_at(f: Margin, cells: Cells, omega: Floats) -> Enclosure:
+    """Return what f takes over each cell at one frequency of its own; omega has the shape (number of cells,)."""
+    values, moving = cells.values(), [False, *cells.moving()]
+
+    def part(pairs: Pairs) -> Floats:
+        image = mean_value(f, *located(values, pairs), moving)[0]
+        return np.stack(np.broadcast_arrays(image.mid, image.rad))
+
+    with np.errstate(all="ignore"):
+        mid, rad = in_chunks(part, Pairs(np.arange(len(cells)), omega, omega))
+    return Enclosure(mid, rad)

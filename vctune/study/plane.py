@@ -1,0 +1,103 @@
+"""The plane of two design variables in which a region lies, and its division into squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.variables import KEYS, Coordinate, coordinates, ranges
+from vctune.document.problem import Problem, Range
+from vctune.proof.cells import Cells
+
+Squares = NDArray[np.intp]
+"""Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).
+
+A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K_p = 0 and nothing integrates.
+"""
+
+POSITION = KEYS.index("gains.position")
+DIGITS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Two variables with the edges of their finest cells.
+
+    Attributes
+    ----------
+    axes : indices of the variables x and y in `vctune.design.variables.KEYS`
+    edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
+    others : ranges of all five variables
+    """
+
+    axes: tuple[int, int]
+    edges: tuple[Floats, Floats]
+    others: tuple[Range, ...]
+
+    def start(self, count: int) -> Squares:
+        """Return the plane in `count` by `count` squares, and in as many pieces the line K_p = 0 if it is there."""
+        side = len(self.edges[0]) - 1
+        marks = np.arange(0, side, side // count)
+        i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
+        squares = np.stack((i, i + side // count, j, j + side // count))
+        for place, axis in enumerate(self.axes):
+            if axis == POSITION and self.others[axis].min == 0:
+                line = np.zeros((4, count), np.intp)
+                line[2 * (1 - place)], line[2 * (1 - place) + 1] = marks, marks + side // count
+                squares = np.concatenate((squares, line), axis=1)
+        return squares
+
+    def cells(self, squares: Squares) -> Cells:
+        """Return the cells, the other variables at the full width of their ranges."""
+        low = np.repeat([[bounds.min] for bounds in self.others], squares.shape[1], axis=1)
+        high = np.repeat([[bounds.max] for bounds in self.others], squares.shape[1], axis=1)
+        for place, axis in enumerate(self.axes):
+            low[axis], high[axis] = (self.edges[place][squares[2 * place + k]] for k in (0, 1))
+        return Cells(low, high)
+
+    def areas(self, squares: Squares) -> Floats:
+        """Return each cell's share of the plane, in the optimiser's coordinates."""
+        side = len(self.edges[0]) - 1
+        return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
+
+
+def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
+    """Return the plane of two free variables of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+    x, y : dotted keys
+    levels : the finest cell is 2^-levels of a side
+    """
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    units = (impedance, impedance / time, impedance, impedance * time, impedance)
+    found = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
+    axes = (KEYS.index(x), KEYS.index(y))
+    bounds = ranges(problem.bounds)
+    edges = [_edges(found[axis], units[axis], bounds[axis], 2**levels) for axis in axes]
+    return Plane(axes, (edges[0], edges[1]), bounds)
+
+
+def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Floats:
+    inner = [coordinate.to_x(z) * unit for z in np.linspace(coordinate.low, coordinate.high, count + 1)[1:-1]]
+    return np.array([bounds.min, *(float(f"{x:.{DIGITS}g}") for x in inner), bounds.max])
+
+
+def halved(squares: Squares) -> Squares:
+    """Return the quarters of each square, the halves of each piece of a line."""
+    parts = [squares]
+    for low, high in ((0, 1), (2, 3)):
+        halves = []
+        for part in parts:
+            longer = part[high] > part[low]
+            middle = (part[low] + part[high]) // 2
+            first, second = part.copy(), part[:, longer].copy()
+            first[high] = np.where(longer, middle, part[high])
+            second[low] = middle[longer]
+            halves += [first, second]
+        parts = halves
+    return np.concatenate(parts, axis=1)

@@ -1,0 +1,158 @@
+"""The admissible gains as a set: cells proved feasible throughout, proved infeasible throughout, or undecided."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.demands import response, sampled_span
+from vctune.analysis.extrema import Floats, frequency_grid
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import coupling_impedance
+from vctune.model.llewellyn import required_resistance
+from vctune.model.loop import sensitivity_abs2
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.batch import Demands, certified, refuted
+from vctune.proof.cells import Cells
+from vctune.proof.damping import admissible_damping, no_damping
+from vctune.study.plane import Plane, Squares, halved
+
+COARSEST = 8
+"""Cells a side to begin with."""
+POINTS_PER_DECADE = 24
+TOGETHER = 512
+"""Cells whose frequency responses are sampled together."""
+DAMPING, MASS, DRAG = 2, 3, 4
+
+Progress = Callable[[str], None]
+
+
+class Kind(IntEnum):
+    """What is proved of a cell."""
+
+    UNDECIDED = 0
+    FEASIBLE = 1
+    INFEASIBLE = 2
+
+
+Kinds = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """The cells of a plane, each with what is proved of it.
+
+    Attributes
+    ----------
+    plane : the variables and their edges
+    squares : the cells, shape (4, n)
+    kinds : of each cell, `Kind`
+    damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
+    """
+
+    plane: Plane
+    squares: Squares
+    kinds: Kinds
+    damping: Floats
+
+    def area(self, kind: Kind) -> float:
+        """Return the share of the plane that is of this kind."""
+        return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
+
+
+def demands_of(problem: Problem) -> Demands:
+    """Return a problem's demands on a design (DESIGN 1.9)."""
+    band, stability = problem.stability.band, problem.stability
+    return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
+
+
+@np.errstate(all="ignore")
+def region(problem: Problem, plane: Plane, progress: Progress = lambda stage: None) -> Region:
+    """Divide a plane of gains into cells until each is decided or as small as the plane's edges allow.
+
+    Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
+    demands ease as m_c and b_0 grow, so that their upper bounds decide.
+    """
+    free = DAMPING not in plane.axes and not problem.bounds.damping.fixed
+    squares = plane.start(COARSEST)
+    done: list[tuple[Squares, Kinds, Floats]] = []
+    while squares.shape[1]:
+        progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
+        kinds, damping = _judged(problem, easiest(plane.cells(squares), plane), free=free)
+        size = np.maximum(squares[1] - squares[0], squares[3] - squares[2])
+        settled = (kinds != Kind.UNDECIDED) | (size == 1)
+        done.append((squares[:, settled], kinds[settled], damping[settled]))
+        squares = halved(squares[:, ~settled])
+    parts = [np.concatenate(part, axis=-1) for part in zip(*done, strict=True)]
+    return Region(plane, *parts)
+
+
+def easiest(cells: Cells, plane: Plane) -> Cells:
+    """Return the cells with m_c and b_0 at their upper bounds where they are free."""
+    low = cells.low.copy()
+    for index in {MASS, DRAG} - set(plane.axes):
+        low[index] = cells.high[index]
+    return Cells(low, cells.high)
+
+
+def with_damping(cells: Cells, damping: Floats) -> Cells:
+    """Return the cells with b_c fixed where a value is given."""
+    low, high = cells.low.copy(), cells.high.copy()
+    given = np.isfinite(damping)
+    low[DAMPING, given] = high[DAMPING, given] = damping[given]
+    return Cells(low, high)
+
+
+def _judged(problem: Problem, cells: Cells, *, free: bool) -> tuple[Kinds, Floats]:
+    """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free."""
+    demands = demands_of(problem)
+    starts = range(0, len(cells), TOGETHER)
+    parts = [_estimate(problem, cells.taken(np.arange(i, min(i + TOGETHER, len(cells)))), free=free) for i in starts]
+    damping, worst, worst_S = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    kinds = np.full(len(cells), Kind.UNDECIDED)
+    hopeful = np.flatnonzero(~np.isnan(damping))
+    served = with_damping(cells, damping) if free else cells
+    kinds[hopeful[certified(demands, served.taken(hopeful))]] = Kind.FEASIBLE
+    left = np.flatnonzero(kinds != Kind.FEASIBLE)
+    lost = refuted(demands, cells.taken(left), worst[0, left], worst_S[left])
+    if free:
+        lost |= no_damping(demands, cells.taken(left), worst[:, left])
+    kinds[left[lost]] = Kind.INFEASIBLE
+    return kinds, np.where(kinds == Kind.FEASIBLE, damping, np.nan)
+
+
+def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Floats, Floats]:
+    """Look at the centres on a grid of frequencies.
+
+    Returns
+    -------
+    damping : a b_c with which the centre meets Llewellyn's conditions; nan if there seems to be none
+    worst : rad/s, where the conditions are hardest to meet, shape (3, n)
+    worst_S : rad/s, where |S| is greatest, shape (n,)
+    """
+    device, stability = problem.device, problem.stability
+    K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
+    omega = frequency_grid(*sampled_span(problem), POINTS_PER_DECADE)
+    loop = response(device, Gains(K_v, K_p), omega)
+    needed = np.where(loop.re_D > 0, stability.safety_factor * required_resistance(loop, FLOATS), inf)
+    if free:
+        low, high = admissible_damping(needed - b_0, m_c * omega)
+        least, most = np.maximum(low.max(axis=1), cells.low[DAMPING]), np.minimum(high.min(axis=1), cells.high[DAMPING])
+        damping = np.where(least <= most, np.sqrt(least) * np.sqrt(most), np.nan)
+        hardest = [needed / omega, low, -high]
+    else:
+        scarcity = needed / coupling_impedance(Coupling(b_c, m_c, b_0), omega).re
+        damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
+        hardest = [scarcity] * 3
+    hardest[0] = np.where((loop.re_D > 0).all(axis=1, keepdims=True), hardest[0], -loop.re_D)
+    below = frequency_grid(problem.nyquist * 1e-3, problem.nyquist, POINTS_PER_DECADE)
+    sensitivity = sensitivity_abs2(response(device, Gains(K_v, K_p), below))
+    damping[sensitivity.max(axis=1) > stability.max_sensitivity**2] = np.nan
+    worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
+    return damping, worst, below[np.argmax(sensitivity, axis=1)]
