@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import DEVICE, FIXED, ROOT
 
 from vctune.design.check import check
 from vctune.design.solve import solve
@@ -17,23 +17,10 @@ from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem
 from vctune.exits import ExitCode
 
-DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
-
 
 def run(*arguments, cwd):
     command = [sys.executable, "-m", "vctune", "check", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """One good, one violated, one unreadable and one free problem."""
-    (tmp_path / "good.toml").write_text(DEVICE + FIXED.format(160.0))
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
-    (tmp_path / "bad.toml").write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "free.toml").write_text(DEVICE)
-    return tmp_path
 
 
 @pytest.mark.parametrize(

@@ -11,12 +11,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import DEVICE, FIXED, ROOT
 
 SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL))
 WORKFLOW, HOOKS = SNIPPETS[".github/workflows/gains.yml"], SNIPPETS[".pre-commit-config.yaml"]
-DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-GAINS = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.35\n"
 
 
 def run(*command, cwd, **env):
@@ -34,7 +32,7 @@ def module(name, *arguments, cwd, **env):
 def repository(tmp_path):
     """A user's repository with a device, its gains, and README's snippets."""
     (tmp_path / "device.toml").write_text(DEVICE)
-    (tmp_path / "gains.toml").write_text(GAINS)
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
     for name, text in SNIPPETS.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -42,7 +40,7 @@ def repository(tmp_path):
 
 
 def spoil(repository):
-    (repository / "gains.toml").write_text(GAINS.replace("160.0", "60.0"))
+    (repository / "gains.toml").write_text(FIXED.format(60.0))
 
 
 def steps(repository, path, *, install):

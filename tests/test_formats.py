@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 
 import pytest
 import xmlschema
-from conftest import ROOT
+from conftest import DEVICE, FIXED, ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
@@ -23,8 +23,6 @@ from vctune.cli.formats import github, junit, sarif
 from vctune.design.check import Checked
 from vctune.exits import ExitCode
 
-DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
 SCHEMAS = ROOT / "tests/schemas"
 SARIF = Draft7Validator(
     json.loads((SCHEMAS / "sarif-2.1.0.json").read_text()), format_checker=Draft7Validator.FORMAT_CHECKER
@@ -49,16 +47,6 @@ def run(*arguments, cwd, **env):
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **env}
     )
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """One good, one violated, one unreadable and one free problem."""
-    (tmp_path / "good.toml").write_text(DEVICE + FIXED.format(160.0))
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
-    (tmp_path / "bad.toml").write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "free.toml").write_text(DEVICE)
-    return tmp_path
 
 
 def checked(name, code, message="refuted at 1 Hz: Re Z_c >= R"):
