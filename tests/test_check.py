@@ -1,4 +1,4 @@
-"""`vctune check`: the gate for continuous integration, and each of its formats read by a real consumer."""
+"""`vctune check`: the gate for continuous integration."""
 
 from __future__ import annotations
 
@@ -9,9 +9,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import ROOT
-from junitparser import Error, Failure, JUnitXml
-from sarif_pydantic import Sarif
+from conftest import DEVICE, FIXED, ROOT
 
 from vctune.design.check import check
 from vctune.design.solve import solve
@@ -19,23 +17,10 @@ from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem
 from vctune.exits import ExitCode
 
-DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
-
 
 def run(*arguments, cwd):
     command = [sys.executable, "-m", "vctune", "check", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """One good, one violated, one unreadable and one free problem."""
-    (tmp_path / "good.toml").write_text(DEVICE + FIXED.format(160.0))
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
-    (tmp_path / "bad.toml").write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "free.toml").write_text(DEVICE)
-    return tmp_path
 
 
 @pytest.mark.parametrize(
@@ -80,32 +65,6 @@ def test_json_is_the_object_of_solve(folder):
     assert (one["schema"], one["status"], one["certificate"]["verdict"]) == ("vctune/design/1", "certified", "proved")
     several = json.loads(run("good.toml", "bad.toml", "--format", "json", cwd=folder).stdout)
     assert [item["status"] for item in several] == ["certified", None]
-
-
-def test_github_annotates_the_line_of_the_gain_to_change(folder):
-    lines = run(".", "--format", "github", cwd=folder).stdout.splitlines()
-    assert re.match(r"::error file=([^,]+),line=(\d+),", lines[0]).groups() == ("bad.toml", "5")
-    place = next(line for line in lines if "file=poor.toml" in line)
-    number, key = int(re.search(r"line=(\d+)", place)[1]), re.search(r"(\w+) = \S+ instead of", place)[1]
-    assert (folder / "poor.toml").read_text().splitlines()[number - 1].startswith(key)
-    assert all("\n" not in line and "%0A" not in line.split("::")[1] for line in lines)
-
-
-def test_junit_is_read_by_a_junit_reader(folder):
-    (suite,) = JUnitXml.fromstring(run(".", "--format", "junit", cwd=folder).stdout.encode())
-    assert (suite.tests, suite.failures, suite.errors) == (4, 1, 2)
-    kinds = {case.name: [type(result) for result in case.result] for case in suite}
-    assert kinds == {"good.toml": [], "poor.toml": [Failure], "bad.toml": [Error], "free.toml": [Error]}
-
-
-def test_sarif_is_valid(folder):
-    log = Sarif.model_validate_json(run(".", "--format", "sarif", cwd=folder).stdout)
-    results = log.runs[0].results
-    assert log.version == "2.1.0"
-    assert {result.rule_id for result in results} == {"violated", "bad-input"}
-    known = {rule.id for rule in log.runs[0].tool.driver.rules}
-    assert {result.rule_id for result in results} <= known
-    assert all(result.locations[0].physical_location.region.start_line >= 1 for result in results)
 
 
 def test_gains_files_are_checked_against_one_problem(tmp_path):
@@ -158,3 +117,35 @@ def test_a_check_imports_no_optimiser():
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_an_empty_folder_is_no_pass(folder):
+    (folder / "empty").mkdir()
+    done = run("good.toml", "empty", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "empty: holds no .toml file\n")
+
+
+@pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])
+def test_files_of_windows_are_read(tmp_path, spoil):
+    (tmp_path / "device.toml").write_text(spoil(DEVICE), newline="")
+    (tmp_path / "gains.toml").write_text(spoil(FIXED.format(60.0)), newline="")
+    done = run("gains.toml", "device.toml", "--format", "github", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert done.stdout.startswith("::error file=gains.toml,line=2,")
+
+
+def test_a_broken_file_among_gains_is_named(folder):
+    (folder / "gains.toml").write_text(FIXED.format(160.0))
+    (folder / "broken.toml").write_text("[gains\n")
+    done = run("free.toml", "gains.toml", "broken.toml", cwd=folder)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "broken.toml:1: not valid TOML" in done.stdout
+    assert "passed     gains.toml" in done.stdout
+    assert "broken.toml:1: not valid TOML" in run("broken.toml", "gains.toml", cwd=folder).stdout
+
+
+def test_an_endless_file_is_refused(folder):
+    """Nothing is read beyond the size of a vctune file."""
+    done = run("good.toml", "/dev/zero", cwd=folder)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "/dev/zero: is longer than 100000 bytes" in done.stdout

@@ -253,6 +253,47 @@ def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
     assert (tmp_path / "results/device/gains.previous.toml").read_text() == before
 
 
+@pytest.fixture
+def reported(device, tmp_path) -> Path:
+    """The folder of the device's design, with the report of an earlier one and something of the user's."""
+    folder = tmp_path / "results/device"
+    folder.mkdir(parents=True)
+    for name in ("report.html", "llewellyn.svg", "convergence.png", "mine.png"):
+        (folder / name).write_text(f"earlier {name}")
+    return folder
+
+
+def test_no_report_leaves_no_stale_report(device, reported, tmp_path):
+    """The earlier report is renamed, the files of its figures are removed; what is not vctune's stays."""
+    assert "renamed to report.previous.html" in run("solve", device, "--quiet", cwd=tmp_path).stderr
+    names = sorted(path.name for path in reported.iterdir())
+    assert names == ["design.json", "gains.toml", "mine.png", "report.previous.html"]
+    assert (reported / "report.previous.html").read_text() == "earlier report.html"
+    assert run("solve", device, "--quiet", cwd=tmp_path).stderr == ""
+    assert sorted(path.name for path in reported.iterdir()) == names
+
+
+def test_interrupted_drawing_leaves_files_that_agree(device, reported, tmp_path):
+    interrupted = (
+        "import signal, vctune.report.report as r; draw = r.figures\n"
+        "r.figures = lambda design: (signal.raise_signal(signal.SIGINT), draw(design))[1]\n"
+        "from vctune.cli import run; run()"
+    )
+    command = [sys.executable, "-c", interrupted, "solve", "device.toml", "--quiet"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.INTERRUPTED
+    digest = strict((reported / "design.json").read_text())["problem"]["sha256"]
+    assert digest in (reported / "report.html").read_text()
+
+
+def test_a_place_that_is_taken_is_said(device, reported, tmp_path):
+    (reported / "report.previous.html").mkdir()
+    done = run("solve", device, "--quiet", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "report.previous.html: cannot be written" in done.stderr
+    assert (reported / "report.html").read_text() == "earlier report.html"
+
+
 @pytest.mark.parametrize(
     "command",
     ["schema", "solve device.toml --no-report", "solve device.toml --no-report --json", "--version", "--help"],

@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from conftest import ROOT
 
 from vctune.design.record import design_record
 from vctune.design.solve import solve
+from vctune.document.design import read_design
+from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
 from vctune.report.report import write_report
@@ -175,3 +178,46 @@ def test_report_command(tmp_path):
         (tmp_path / "other.json").write_text("{}")
         done = run("report", bad)
         assert done.returncode == 2 and text in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda record: record["gains"].update(velocity="x"), "gains.velocity: "),
+        (lambda record: record["gains"].update(velocity=-1.0), "gains.velocity: "),
+        (lambda record: record.update(gains=[]), "gains: "),
+        (lambda record: record["coupling"].pop("mass"), "coupling.mass: "),
+        (lambda record: record["certificate"].update(min_ratio=float("nan")), "NaN is no finite number"),
+        (lambda record: record["certificate"].pop("proved_band_hz"), "certificate.proved_band_hz: "),
+        (lambda record: record["solver"]["rounds"][0].pop("primal"), "solver.rounds[0].primal: "),
+        (lambda record: record.update(certificate=None), "must be there, or null, together"),
+        (lambda record: record["problem"].update(text=3), "problem.text: "),
+        (lambda record: record["problem"].update(text="[["), "not valid TOML"),
+        (lambda record: record.pop("status"), "status: "),
+    ],
+)
+def test_a_damaged_design_is_refused_with_its_keys(records, tmp_path, damage, said):
+    record = json.loads(json.dumps(records["certified"]))
+    damage(record)
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    with pytest.raises(InputError, match=re.escape(said)):
+        made(read_design(tmp_path / "design.json"), tmp_path / "report")
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, '{"a": 1e400}', '{"a": "\xff"}'])
+def test_what_is_no_json_is_refused(tmp_path, text):
+    (tmp_path / "design.json").write_bytes(text.encode("latin1"))
+    with pytest.raises(InputError, match="is not JSON"):
+        read_design(tmp_path / "design.json")
+
+
+def test_an_endless_design_is_refused():
+    with pytest.raises(InputError, match="is longer than"):
+        read_design(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_design_is_read_back(records, tmp_path, name):
+    for mark in ("", "\ufeff"):
+        (tmp_path / "design.json").write_text(mark + json.dumps(records[name]))
+        assert read_design(tmp_path / "design.json") == records[name]

@@ -38,26 +38,37 @@ def _pairs(paths: tuple[Path, ...]) -> list[tuple[Path, Path | None]]:
     """Return which gains file, if any, goes with which problem."""
     from vctune.document.errors import InputError, Mistake
 
-    files = [file for path in paths for file in (sorted(path.glob("*.toml")) if path.is_dir() else [path])]
-    if not files:
-        raise InputError(str(paths[0]), [Mistake("", "holds no .toml file")])
-    gains = [file for file in files if _is_gains(file)]
-    problems = [file for file in files if file not in gains]
+    kinds = [(file, _kind(file)) for path in paths for file in _files(path)]
+    problems, gains, broken = ([file for file, kind in kinds if kind == wanted] for wanted in ("problem", "gains", ""))
     if not gains:
-        return [(problem, None) for problem in problems]
-    if len(problems) != 1:
-        message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
-        raise InputError(str(gains[0]), [Mistake("", message)])
-    return [(problems[0], file) for file in gains]
+        return [(file, None) for file, _ in kinds]
+    if len(problems) == 1:
+        return [*((file, None) for file in broken), *((problems[0], file) for file in gains)]
+    if broken:
+        return [(file, None) for file in broken]
+    message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
+    raise InputError(str(gains[0]), [Mistake("", message)])
 
 
-def _is_gains(path: Path) -> bool:
-    """Return whether a file has gains but no device; what cannot be read is left to the check."""
-    import tomllib
+def _files(path: Path) -> list[Path]:
+    """Return the files that an argument stands for."""
+    from vctune.document.errors import InputError, Mistake
+
+    if not path.is_dir():
+        return [path]
+    files = sorted(file for file in path.iterdir() if file.suffix == ".toml")
+    if not files:
+        raise InputError(str(path), [Mistake("", "holds no .toml file")])
+    return files
+
+
+def _kind(path: Path) -> str:
+    """Return what a file is: "gains" if it has gains but no device; "" if it cannot be read, as its check will say."""
+    from vctune.document import toml
+    from vctune.document.errors import InputError
 
     try:
-        with path.open("rb") as file:
-            document = tomllib.load(file)
-    except (OSError, ValueError, RecursionError):
-        return False
-    return "gains" in document and "device" not in document
+        document = toml.parse(toml.read_text(path), str(path))
+    except InputError:
+        return ""
+    return "gains" if "gains" in document and "device" not in document else "problem"

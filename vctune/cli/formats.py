@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 from xml.etree import ElementTree
 
 from vctune.design.check import Checked
@@ -25,7 +28,7 @@ def text(checks: list[Checked]) -> str:
     lines = []
     for checked in checks:
         message = checked.message if checked.record is None else printable(checked.message)
-        where = "" if checked.record is None else f"{checked.source}: "
+        where = "" if checked.record is None else f"{printable(str(checked.source))}: "
         lines.append(f"{WORDS[checked.exit_code]:9}  {where}{message}")
         lines += [f"           warning: {warning}" for warning in (checked.record or {}).get("warnings", [])]
     if len(checks) > 1:
@@ -41,7 +44,12 @@ def as_json(checks: list[Checked]) -> str:
 
 
 def _refused(checked: Checked) -> dict[str, Any]:
-    return {"schema": "vctune/design/1", "problem": {"name": checked.name}, "status": None, "reason": checked.message}
+    return {
+        "schema": "vctune/design/1",
+        "problem": {"name": printable(checked.name)},
+        "status": None,
+        "reason": checked.message,
+    }
 
 
 def github(checks: list[Checked]) -> str:
@@ -67,55 +75,69 @@ def _property(value: str) -> str:
 
 
 def junit(checks: list[Checked]) -> str:
-    """Return JUnit XML: a test case a check."""
+    """Return JUnit XML, in the elements and attributes that Jenkins' schema knows: a test case a check."""
     failed = [checked.exit_code in (ExitCode.FAILED, ExitCode.UNDECIDED) for checked in checks]
     broken = [checked.exit_code is ExitCode.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "vctune check", **counts})
     for checked, fails, breaks in zip(checks, failed, broken, strict=True):
+        source = printable(str(checked.source))
         seconds = (checked.record or {}).get("seconds", {}).get("total", 0.0)
-        case = {"classname": printable(checked.name), "name": str(checked.source), "time": f"{seconds:.6f}"}
-        element = ElementTree.SubElement(
-            suite, "testcase", {**case, "file": str(checked.source), "line": str(checked.line)}
-        )
+        case = {"classname": printable(checked.name), "name": source, "time": f"{seconds:.6f}"}
+        element = ElementTree.SubElement(suite, "testcase", case)
         if fails or breaks:
-            kind = "failure" if fails else "error"
             message = "\n".join(printable(line) for line in checked.message.splitlines())
-            problem = ElementTree.SubElement(element, kind, {"message": message, "type": WORDS[checked.exit_code]})
-            problem.text = message
+            attributes = {"message": message, "type": WORDS[checked.exit_code]}
+            problem = ElementTree.SubElement(element, "failure" if fails else "error", attributes)
+            problem.text = f"{source}:{checked.line}: {message}" if fails else message
     ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="unicode", xml_declaration=True)
+    return ElementTree.tostring(root, encoding="us-ascii", xml_declaration=True).decode()
+
+
+RULES = {
+    ExitCode.FAILED: (
+        "violated",
+        "error",
+        "The gains violate a demand.",
+        "A demand fails at the frequency that the message names: in some passive hand or environment the device can "
+        "oscillate, or its loop is less robust than the problem asks.",
+        "Change the gain that the message names to the value it names, or solve the problem again.",
+    ),
+    ExitCode.UNDECIDED: (
+        "undecided",
+        "warning",
+        "The proof is undecided.",
+        "A demand is met or missed by so little that ball arithmetic cannot tell.",
+        "Move the gains away from the limit, or lower the demand a little.",
+    ),
+    ExitCode.BAD_INPUT: (
+        "bad-input",
+        "error",
+        "The file cannot be used.",
+        "The file cannot be read, or what it says is no problem and no gains that can be checked.",
+        "Correct the key on the line that the message names.",
+    ),
+}
+"""Of a check that does not pass: rule id, level, short description, full description, help."""
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log: a result for each check that did not pass."""
-    rules = {
-        ExitCode.FAILED: ("violated", "error", "The design violates its demands."),
-        ExitCode.UNDECIDED: ("undecided", "warning", "The proof is undecided."),
-        ExitCode.BAD_INPUT: ("bad-input", "error", "The file cannot be used."),
-    }
-    results = [
-        {
-            "ruleId": rules[checked.exit_code][0],
-            "level": rules[checked.exit_code][1],
-            "message": {"text": checked.message},
-            "locations": [
-                {
-                    "physicalLocation": {
-                        "artifactLocation": {"uri": checked.source.as_posix()},
-                        "region": {"startLine": checked.line},
-                    }
-                }
-            ],
-        }
-        for checked in checks
-        if checked.exit_code in rules
-    ]
+    """Return a SARIF 2.1.0 log with what GitHub code scanning requires: a result for each check that did not pass."""
+    results = [_result(checked) for checked in checks if checked.exit_code in RULES]
     driver = {
         "name": "vctune",
         "version": __version__,
-        "rules": [{"id": rule, "shortDescription": {"text": text}} for rule, _, text in rules.values()],
+        "rules": [
+            {
+                "id": rule,
+                "shortDescription": {"text": short},
+                "fullDescription": {"text": full},
+                "help": {"text": remedy},
+                "defaultConfiguration": {"level": level},
+            }
+            for rule, level, short, full, remedy in RULES.values()
+        ],
     }
     log = {
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
@@ -123,6 +145,26 @@ def sarif(checks: list[Checked]) -> str:
         "runs": [{"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": results}],
     }
     return json.dumps(log, indent=2, allow_nan=False)
+
+
+def _result(checked: Checked) -> dict[str, Any]:
+    rule, level, *_ = RULES[checked.exit_code]
+    place = {"artifactLocation": {"uri": _uri(checked.source)}, "region": {"startLine": checked.line}}
+    return {
+        "ruleId": rule,
+        "ruleIndex": list(RULES).index(checked.exit_code),
+        "level": level,
+        "message": {"text": checked.message},
+        "locations": [{"physicalLocation": place}],
+    }
+
+
+def _uri(path: Path) -> str:
+    """Return a URI reference (RFC 3986): relative for a file below the working folder, absolute for any other."""
+    here, absolute = Path.cwd(), Path(os.path.abspath(path))
+    if absolute.is_relative_to(here):
+        return quote(os.fsencode(absolute.relative_to(here).as_posix()))
+    return absolute.as_uri()
 
 
 FORMATS: dict[str, Callable[[list[Checked]], str]] = {

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
-@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json.")
+@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is renamed.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
 def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
@@ -38,18 +38,22 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
     from vctune.design.solve import solve as solve_problem
+    from vctune.interrupt import interrupt_deferred
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file.problem, progress)
         record = design_record(file, solved, ipopt_version())
         text = json.dumps(record, indent=2, allow_nan=False)
         judgement = solved.judgement
-        _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
-        if not no_report:
-            progress("drawing the report")
-            from vctune.report.report import write_report
+        with interrupt_deferred():  # the files of a design agree with each other, or are those of the earlier one
+            _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+            if no_report:
+                _set_report_aside(folder)
+            else:
+                progress("drawing the report")
+                from vctune.report.report import write_report
 
-            write_report(record, folder)
+                write_report(record, folder)
     if as_json:
         emit(text)
     elif not quiet:
@@ -85,7 +89,7 @@ def _write(
     folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
 ) -> None:
     """Write design.json, and gains.toml with it; without a design older gains are set aside, not left beside it."""
-    from vctune.document.files import write_together
+    from vctune.document.files import set_aside, write_together
     from vctune.document.gains import gains_text
 
     texts = {folder / "design.json": text + "\n"}
@@ -100,5 +104,17 @@ def _write(
     write_together(texts)
     stale = folder / "gains.toml"
     if design is None and stale.exists():
-        stale.replace(folder / "gains.previous.toml")
-        click.echo(f"{stale}: gains of an earlier run, renamed to gains.previous.toml", err=True)
+        click.echo(f"{stale}: gains of an earlier run, renamed to {set_aside(stale).name}", err=True)
+
+
+def _set_report_aside(folder: Path) -> None:
+    """Leave no report of an earlier design beside this one."""
+    from vctune.report.contents import REPORT, set_report_aside
+
+    previous = set_report_aside(folder)
+    if previous is not None:
+        click.echo(
+            f"{folder / REPORT}: report of an earlier run, renamed to {previous.name}, its figures removed; "
+            f"`vctune report {folder / 'design.json'}` makes the report of this run",
+            err=True,
+        )

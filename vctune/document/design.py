@@ -3,13 +3,104 @@
 from __future__ import annotations
 
 import json
+from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from vctune.document.errors import InputError, Mistake
+from vctune.document.schema import FixedCouplingTable, FixedGainsTable
+from vctune.document.validation import MAX_MISTAKES, dotted
 
 SCHEMA = "vctune/design/1"
-TABLES = ("problem", "gains", "coupling", "transparency", "certificate", "inner_loop", "solver", "versions", "seconds")
+MAX_BYTES = 10_000_000
+
+Number = float | None
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="allow", strict=True)
+
+
+class _Problem(_Part):
+    name: str
+    sha256: str
+    text: str
+
+
+class _Transparency(_Part):
+    error: Number
+
+
+class _Certificate(_Part):
+    proved_band_hz: Pair | None
+    min_ratio: Number
+    worst_hz: Number
+    rollett_k: Number
+
+
+class _Nyquist(_Part):
+    N: int | None
+    Z: int | None
+
+
+class _InnerLoop(_Part):
+    spectral_radius: Number
+    peak_sensitivity: Number
+    peak_sensitivity_hz: Number
+    gain_margin_db: Number
+    phase_margin_deg: Number
+    delay_margin_s: Number
+    nyquist: _Nyquist
+
+
+class _Active(_Part):
+    demand: str
+    hz: Number
+    multiplier: float
+
+
+class _Round(_Part):
+    seconds: float
+    violation: float
+    error: float
+    primal: list[float]
+    dual: list[float]
+
+
+class _Solver(_Part):
+    rounds: list[_Round] = []
+
+
+class _Design(_Part):
+    """The parts of a design that are shown again; others are let through."""
+
+    problem: _Problem
+    status: Literal["certified", "violated", "undecided", "infeasible"]
+    reason: str | None
+    gains: FixedGainsTable | None
+    coupling: FixedCouplingTable | None
+    transparency: _Transparency | None
+    certificate: _Certificate | None
+    inner_loop: _InnerLoop | None
+    active: list[_Active]
+    at_bound: list[str]
+    left_out: list[str]
+    warnings: list[str]
+    solver: _Solver
+    versions: dict[str, str | None]
+    seconds: dict[str, float]
+
+    @model_validator(mode="after")
+    def _whole(self) -> _Design:
+        judged = (self.coupling, self.transparency, self.certificate, self.inner_loop)
+        if any((part is None) != (self.gains is None) for part in judged):
+            raise ValueError(
+                "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"
+            )
+        return self
 
 
 def read_design(path: Path) -> dict[str, Any]:
@@ -18,18 +109,39 @@ def read_design(path: Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If it cannot be read or is not one.
+        If it cannot be read or is not one, listing the parts that are missing or wrong.
     """
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
-    except ValueError as error:
-        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+    record = _json(path)
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
         raise InputError(str(path), [Mistake("schema", f"is not {SCHEMA}; name a design.json of `vctune solve`")])
-    missing = [table for table in TABLES if table not in record]
-    if missing or not isinstance(record["problem"], dict) or "text" not in record["problem"]:
-        lacking = ", ".join(missing) or "problem.text"
-        raise InputError(str(path), [Mistake("", f"lacks {lacking}; solve the problem again")])
+    try:
+        _Design.model_validate(record)
+    except ValidationError as error:
+        faults = error.errors(include_url=False)[:MAX_MISTAKES]
+        mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
+        raise InputError(str(path), [*mistakes, Mistake("", "is damaged; solve the problem again")]) from None
     return record
+
+
+def _json(path: Path) -> Any:
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+    if len(data) > MAX_BYTES:
+        message = f"is longer than {MAX_BYTES} bytes; this is not a design.json of `vctune solve`"
+        raise InputError(str(path), [Mistake("", message)])
+    try:
+        return json.loads(data.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite)
+    except RecursionError:
+        raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
+    except ValueError as error:
+        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not isfinite(number):
+        raise ValueError(f"{text} is no finite number")
+    return number

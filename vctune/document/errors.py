@@ -23,8 +23,16 @@ class Mistake:
 
 
 def printable(text: str) -> str:
-    """Return a text with its control characters escaped, so that it stays one line and cannot steer a terminal."""
-    return re.sub(r"[\x00-\x1f\x7f-\x9f]", lambda found: f"\\x{ord(found[0]):02x}", text)
+    """Return a text whose control characters, and what no encoding or XML can carry, are escaped.
+
+    It stays one line, cannot steer a terminal, and fits into any document.
+    """
+    return re.sub(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", _escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    code = ord(found[0])
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
 class InputError(Exception):

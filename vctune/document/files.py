@@ -46,6 +46,22 @@ def write_together(files: Mapping[Path, str | bytes]) -> None:
                 Path(name).unlink(missing_ok=True)
 
 
+def set_aside(path: Path) -> Path:
+    """Rename a file NAME.SUFFIX that is not up to date any more to NAME.previous.SUFFIX, and return that path.
+
+    Raises
+    ------
+    InputError
+        If it cannot be renamed.
+    """
+    previous = path.with_suffix(f".previous{path.suffix}")
+    try:
+        path.replace(previous)
+    except OSError as error:
+        raise _unwritable(previous, error) from None
+    return previous
+
+
 def make_folder(path: Path) -> None:
     """Create a folder with its parents and make sure that it can be written to.
 

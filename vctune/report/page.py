@@ -12,34 +12,8 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vctune.document.problem import Problem
+from vctune.report.contents import READINGS
 from vctune.report.figures import INK
-
-READINGS = {
-    "llewellyn": (
-        "Absolute stability",
-        "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "
-        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved.",
-    ),
-    "nyquist": (
-        "Velocity loop",
-        "The loop must pass -1 without encircling it and stay out of the circle around it: |S| then keeps its limit.",
-    ),
-    "transparency": (
-        "Transparency",
-        "All four should be small in the shaded band: the free handle should yield, follow the environment, and the "
-        "coupling should not be felt. Grey: the same loop without a coupling, and the device without any loop.",
-    ),
-    "impedance": (
-        "What the hand feels",
-        "Each full line should lie on its dashed ideal; between the lines for a free and for a rigid environment lies "
-        "everything that the device can render (its Z-width).",
-    ),
-    "convergence": (
-        "Convergence",
-        "Error against run time of this very solve: each round of IPOPT, on the left, poses the demands at more "
-        "frequencies, until, on the right, none is violated anywhere.",
-    ),
-}
 
 
 def page(record: dict[str, Any], problem: Problem, drawn: dict[str, str]) -> str:

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
+from vctune.report.contents import READINGS, REPORT, remove_figures
 from vctune.report.figures import Design, figures
-from vctune.report.page import READINGS, page, png, svg
+from vctune.report.page import page, png, svg
 
 
 def write_report(record: dict[str, Any], folder: Path) -> None:
@@ -27,10 +28,8 @@ def write_report(record: dict[str, Any], folder: Path) -> None:
     if record["gains"] is not None:
         drawn = figures(Design(problem, Gains(**record["gains"]), Coupling(**record["coupling"]), record))
     vector = {name: svg(figure, name) for name, figure in drawn.items()}
-    files: dict[Path, str | bytes] = {folder / "report.html": page(record, problem, vector)}
+    files: dict[Path, str | bytes] = {folder / REPORT: page(record, problem, vector)}
     files |= {folder / f"{name}.svg": text for name, text in vector.items()}
     files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
     write_together(files)
-    for name in set(READINGS) - set(drawn):  # figures of an earlier design that this one does not have
-        for suffix in ("svg", "png"):
-            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
+    remove_figures(folder, set(READINGS) - set(drawn))  # of an earlier design that had them

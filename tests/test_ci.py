@@ -1,0 +1,119 @@
+"""README's snippets for continuous integration: valid by the services' own schemas, and run as far as they run here."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from conftest import DEVICE, FIXED, ROOT
+
+SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL))
+WORKFLOW, HOOKS = SNIPPETS[".github/workflows/gains.yml"], SNIPPETS[".pre-commit-config.yaml"]
+
+
+def run(*command, cwd, **env):
+    return subprocess.run(
+        [str(part) for part in command], cwd=cwd, env={**os.environ, **env}, text=True, check=False,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def module(name, *arguments, cwd, **env):
+    return run(sys.executable, "-m", name, *arguments, cwd=cwd, **env)
+
+
+@pytest.fixture
+def repository(tmp_path):
+    """A user's repository with a device, its gains, and README's snippets."""
+    (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
+    for name, text in SNIPPETS.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def spoil(repository):
+    (repository / "gains.toml").write_text(FIXED.format(60.0))
+
+
+def steps(repository, path, *, install):
+    """Run the workflow's steps in the shell of GitHub's runners until one fails, and return the last."""
+    scripts = [step["run"] for step in yaml.safe_load(WORKFLOW)["jobs"]["gains"]["steps"] if "run" in step]
+    assert [script.split()[:2] for script in scripts] == [["pip", "install"], ["vctune", "check"]]
+    search = f"{path}{os.pathsep}{os.environ['PATH']}"
+    for script in scripts if install else scripts[1:]:
+        done = run("bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", script, cwd=repository, PATH=search)
+        if done.returncode:
+            break
+    return done
+
+
+def test_the_workflow_is_valid(repository):
+    arguments = ("--builtin-schema", "vendor.github-workflows", ".github/workflows/gains.yml")
+    done = module("check_jsonschema", *arguments, cwd=repository)
+    assert done.returncode == 0, done.stdout
+    (repository / arguments[-1]).write_text(WORKFLOW.replace("runs-on", "run-on"))
+    assert module("check_jsonschema", *arguments, cwd=repository).returncode == 1
+
+
+def check_the_gate(repository, path, *, install):
+    assert steps(repository, path, install=install).returncode == 0
+    spoil(repository)
+    done = steps(repository, path, install=False)
+    assert done.returncode == 1
+    assert done.stdout.startswith("::error file=gains.toml,line=2,")
+
+
+def test_the_workflow_checks(repository):
+    check_the_gate(repository, Path(sys.executable).parent, install=False)
+
+
+@pytest.mark.slow
+def test_the_workflow_installs_and_checks(repository):
+    subprocess.run(["git", "clone", "-q", ROOT, "vctune"], cwd=repository, check=True)
+    subprocess.run([sys.executable, "-m", "venv", ".venv"], cwd=repository, check=True)
+    check_the_gate(repository, repository / ".venv/bin", install=True)
+
+
+def test_the_hook_is_valid(repository):
+    assert module("pre_commit", "validate-manifest", ROOT / ".pre-commit-hooks.yaml", cwd=repository).returncode == 0
+    assert module("pre_commit", "validate-config", cwd=repository).returncode == 0
+
+
+def test_the_hook_checks(repository):
+    """What pre-commit would run: the hook's entry with README's arguments, when a file that matches is changed."""
+    (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())
+    (used,) = yaml.safe_load(HOOKS)["repos"][0]["hooks"]
+    assert used["id"] == hook["id"]
+    changed = [path.name for path in repository.iterdir() if re.search(hook["files"], path.name)]
+    assert sorted(changed) == ["device.toml", "gains.toml"]
+    assert hook["pass_filenames"] is False
+    command = [*shlex.split(hook["entry"]), *used["args"]]
+    assert module(*command, cwd=repository).returncode == 0
+    spoil(repository)
+    assert module(*command, cwd=repository).returncode == 1
+
+
+@pytest.mark.slow
+def test_pre_commit_installs_and_runs_the_hook(repository):
+    subprocess.run(["git", "clone", "-q", ROOT, "vctune"], cwd=repository, check=True)
+    (repository / ".pre-commit-config.yaml").write_text(HOOKS.replace("v0.1.0", "HEAD"))
+    (repository / ".gitignore").write_text("vctune\n")
+    for command in (["git", "init", "-q"], ["git", "add", "."]):
+        subprocess.run(command, cwd=repository, check=True)
+    home = {"PRE_COMMIT_HOME": str(repository / ".git/pre-commit")}
+    done = module("pre_commit", "run", "--all-files", cwd=repository, **home)
+    assert done.returncode == 0, done.stdout
+    assert "Passed" in done.stdout
+    spoil(repository)
+    subprocess.run(["git", "add", "."], cwd=repository, check=True)
+    done = module("pre_commit", "run", "--all-files", cwd=repository, **home)
+    assert done.returncode == 1
+    assert "gains.toml: refuted" in done.stdout
