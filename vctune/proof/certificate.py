@@ -56,7 +56,7 @@ class Certificate:
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the requested one with ratio >= 1, rad/s, proved when asked for; None unless proved."""
+        """The widest band around the requested one with ratio >= 1, rad/s, proved on demand; None unless proved."""
         if self.outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED:
             return None
         with ctx.workprec(PRECISION):
