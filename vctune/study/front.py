@@ -10,30 +10,44 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.document.axes import Axis, Scale, number_keys
-from vctune.document.problem import Problem
+from vctune.document.problem import Problem, Range
 from vctune.document.study import Study
 from vctune.study.table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
-"""Decades by which the weights of |Z_0 G_hh| and |1 - G_he| are moved against that of |Z_c|/Z_0."""
+"""Decades by which the weight of |Z_c|/Z_0 is moved against those of the loop's two terms."""
+POSITIONS, DECADES = 24, 4
+"""Values of K_p, and how far below its upper bound they begin where it may be 0."""
 EDGES = 41
-WEIGHTS = "transparency.weights."
+DIGITS = 5
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 against each other.
 
+    The first two belong to the loop, K_v and K_p, the third to the coupling. At each K_p the weight of the third
+    moves K_v; K_p is swept itself, because weights alone do not find the parts of a front that are not convex.
+
     Parameters
     ----------
     document, problem : the problem file, parsed and resolved
     """
-    weights = problem.transparency.weights
-    moved = {
-        term: [float(f"{(getattr(weights, term) or 1.0) * 10**k:.6g}") for k in EXPONENTS]
-        for term in ("admittance", "tracking")
-    }
-    axes = [_list(f"{WEIGHTS}{term}", values) for term, values in moved.items()]
-    return Study("terms", document, (*axes, _list(f"{WEIGHTS}coupling", [weights.coupling or 1.0])))
+    weight = problem.transparency.weights.coupling or 1.0
+    weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
+    axes = (
+        _list("gains.position", _positions(problem.bounds.position)),
+        _list("transparency.weights.coupling", weights),
+    )
+    return Study("terms", document, axes)
+
+
+def _positions(bounds: Range) -> list[float]:
+    """Return values of K_p from its lower bound to its upper one, spaced by ratio."""
+    if bounds.fixed:
+        return [bounds.min]
+    low = bounds.min or bounds.max * 10.0**-DECADES
+    between = [float(f"{K_p:.6g}") for K_p in np.geomspace(low, bounds.max, POSITIONS)]
+    return sorted({bounds.min, *(K_p for K_p in between if bounds.min < K_p < bounds.max), bounds.max})
 
 
 def band_study(document: dict[str, Any], problem: Problem) -> Study:
@@ -71,9 +85,14 @@ def band_front(table: Table) -> Table:
 
 def _front(table: Table, costs: Floats, by: int) -> Table:
     costs = np.where(table.certified[:, None], costs, inf)
-    chosen = nondominated(costs)
+    chosen = nondominated(_rounded(costs))
     order = np.argsort(costs[chosen, by], kind="stable")
     return table.subset(chosen[order])
+
+
+def _rounded(costs: Floats) -> Floats:
+    """Return costs to `DIGITS` digits: what differs by less than a solver's tolerance is the same design."""
+    return np.array([[float(f"{cost:.{DIGITS}g}") for cost in row] for row in costs]).reshape(costs.shape)
 
 
 def nondominated(costs: Floats) -> NDArray[np.intp]:
