@@ -12,10 +12,10 @@ from vctune.analysis.extrema import Floats, local_minima
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
 from vctune.model.quantities import Device, Gains
-from vctune.model.sampled import return_difference, sampled_plant, whole_samples
+from vctune.model.sampled import ReturnDifference, return_difference, sampled_plant, whole_samples
 
 ANGLES = 192
-TOO_CLOSE = 0.1
+TOO_CLOSE = 0.03
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 
 Complex = NDArray[np.complex128]
@@ -54,14 +54,32 @@ def angles() -> Floats:
     return np.concatenate((below, above[1:], [np.pi]))
 
 
-def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
-    """Return whether the sampled loop makes no turn around 0; the gains end in an axis of length 1."""
+def unit_circle(device: Device, *, integrator: bool) -> ReturnDifference:
+    """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
     whole, fraction = whole_samples(device.delay, device.sample_time)
     plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
+    return return_difference(plant, angles(), FLOATS, integrator=integrator)
+
+
+def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
+    """Return whether the sampled loop is stable; the gains end in an axis of length 1."""
     integrator = bool(np.any(gains.position))
-    F = return_difference(plant, angles(), FLOATS, integrator=integrator).closed(gains, integrator=integrator)
-    turns = np.unwrap(np.arctan2(F.im, F.re), axis=-1)
-    return (np.abs(turns[..., -1] - turns[..., 0]) < np.pi / 2) & (F.re[..., -1] > 0)
+    return closes_stable(unit_circle(device, integrator=integrator), gains, integrator=integrator)
+
+
+def closes_stable(circle: ReturnDifference, gains: Gains, *, integrator: bool) -> NDArray[np.bool_]:
+    """Return whether the loop closed with the given gains makes no turn around 0.
+
+    The turn from the first angle to the last, where F is real, is that of the first to the positive real axis plus a
+    whole turn for each crossing of the negative real axis, which chords between neighbouring angles show.
+    """
+    F = circle.closed(gains, integrator=integrator)
+    up = F.im >= 0
+    cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
+    clockwise, back = up[..., 1:] & ~up[..., :-1] & (cross < 0), up[..., :-1] & ~up[..., 1:] & (cross > 0)
+    turns = np.count_nonzero(back, axis=-1) - np.count_nonzero(clockwise, axis=-1)
+    turn = 2 * np.pi * turns - np.arctan2(F.im[..., 0], F.re[..., 0])
+    return (np.abs(turn) < np.pi / 2) & (F.re[..., -1] > 0)
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:

@@ -7,9 +7,11 @@ from contextlib import suppress
 import click
 
 from vctune.cli.check import check
+from vctune.cli.front import front
 from vctune.cli.report import report
 from vctune.cli.schema import schema
 from vctune.cli.solve import solve
+from vctune.cli.sweep import sweep
 from vctune.document.errors import InputError
 from vctune.exits import ExitCode
 
@@ -45,6 +47,8 @@ def main() -> None:
 
 main.add_command(solve)
 main.add_command(check)
+main.add_command(sweep)
+main.add_command(front)
 main.add_command(report)
 main.add_command(schema)
 

@@ -17,3 +17,28 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
     with Console(stderr=True).status(title) as status:
         yield lambda stage: status.update(f"{title}: {stage}")
+
+
+@contextmanager
+def bar_on_stderr(title: str, total: int) -> Iterator[Callable[[], None]]:
+    """Show a bar with the rate and the time left; yield a function that counts one more done."""
+    if not sys.stderr.isatty():
+        yield lambda: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=total, rate="")
+
+        def advance() -> None:
+            progress.update(task, advance=1, rate=f"{progress.tasks[0].speed or 0:.1f}/s")
+
+        yield advance

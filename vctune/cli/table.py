@@ -81,6 +81,36 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
     }
 
 
+def print_sweep(found: dict[str, Any], folder: Path) -> None:
+    """Print the object of `vctune sweep --format json` and where the files are."""
+    console = Console(highlight=False)
+    console.width = max(console.width, LEAST_WIDTH)
+    with console.capture() as page:
+        counts = ", ".join(f"{count} {status}" for status, count in found["status"].items())
+        console.print(f"[bold]{escape(printable(found['study']))}[/bold]: {found['points']} points, {counts}")
+        for label in ("best", "worst"):
+            if found[label]:
+                console.print(f"{label:<5}  {_design_line(found[label])}", soft_wrap=True)
+        if found["corner"]:
+            console.print(_corner_line(found["corner"]), soft_wrap=True)
+        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    console.file.write(page.get())
+
+
+def _design_line(row: dict[str, Any]) -> str:
+    axes = ", ".join(f"{key} = {_text(value, 6)}" for key, value in row.items() if "." in key)
+    return escape(f"error {_text(row['error'])} at {axes}")
+
+
+def _corner_line(corner: dict[str, Any]) -> str:
+    spans = ", ".join(
+        f"{key} from {_text(low, 6)} to {_text(high, 6)}"
+        for (key, low), high in zip(corner["from"].items(), corner["to"].values(), strict=True)
+    )
+    where = f"none   at {corner['points']} points, {corner['share']:.0%} of those with {spans}"
+    return escape(f"{where}\n       most often: {printable(corner['reason'])}")
+
+
 def _open(proof: dict[str, Any]) -> list[dict[str, Any]]:
     return [claim for claim in proof["claims"] if claim["verdict"] != "proved"]
 

@@ -15,19 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.demands import response, sampled_span
+from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import sampled_stable
+from vctune.analysis.stability import closes_stable, sampled_stable
+from vctune.design.samples import Samples
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import G_hh_abs2, sensitivity_abs2
 from vctune.model.quantities import Gains
-from vctune.model.transparency import log_quadrature
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
-FREQUENCIES = 64
-PANELS = 3
 INADMISSIBLE = 1e6
 SENSITIVE, NEGATIVE, UNSTABLE = 1e3, 2e3, 3e3
 """Ranks of violations: |S| too great, Re G_hh < 0, sampled loop unstable."""
@@ -139,46 +137,35 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     return np.where(corner > 0, K_p, 0.0)
 
 
-def scored(problem: Problem, at: Axes) -> Grid:
+def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
     """Score every design of a grid."""
     K_v, corner = np.meshgrid(at.velocity, at.corner, indexing="ij")
-    loops = _loops(problem, Gains(K_v, position_gain(problem, K_v, corner)))
-    damping, excess = _least_damping(problem, loops.required, at)
+    loops = _loops(problem, samples, Gains(K_v, position_gain(problem, K_v, corner)))
+    damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
     rank = _rank(problem, loops)[:, :, None, None]
     violation = np.where(rank > 0, rank, excess)
-    error = _error(problem, loops, damping, at)
+    error = _error(problem, samples, loops, damping, at)
     if problem.transparency.weights.coupling == 0:  # prefer the least coupling among equals
         span = np.log(damping.max() / damping.min()) + 1.0
         error = error * (1 + TIE * np.log(damping / damping.min()) / span)
     return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, loops)
 
 
-def _omega(problem: Problem) -> Floats:
-    low, high = sampled_span(problem)
-    return np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
-
-
-def _loops(problem: Problem, gains: Gains) -> Loops:
-    device, limit = problem.device, problem.stability.max_sensitivity
+def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:
+    device, integrator, weights = problem.device, samples.integrator, problem.transparency.weights
     spread = Gains(gains.velocity[..., None], gains.position[..., None])
-    band = response(device, spread, _omega(problem))
+    band = samples.band.response(device, spread, integrator=integrator)
     with np.errstate(divide="ignore", invalid="ignore"):
         required = np.where(band.re_D > 0, required_resistance(band, FLOATS), 0.0)
     scale = device.damping + gains.velocity + gains.position * device.lag
     deficit = np.maximum(-band.re_D, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    count = int(FREQUENCIES * min(max(limit / 2, 1.0), 4.0))
-    below_nyquist = np.geomspace(1e-3 * problem.nyquist, problem.nyquist, count)
-    sensitivity = np.sqrt(sensitivity_abs2(response(device, spread, below_nyquist)).max(axis=-1))
-    nodes, _ = _nodes(problem)
-    loop, weights = response(device, spread, nodes), problem.transparency.weights
+    below_nyquist = samples.below_nyquist.response(device, spread, integrator=integrator)
+    sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
+    loop = samples.nodes.response(device, spread, integrator=integrator)
     error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    return Loops(required, deficit, sensitivity, sampled_stable(device, spread), strength, error2)
-
-
-def _nodes(problem: Problem) -> tuple[Floats, Floats]:
-    band = problem.transparency.band
-    return log_quadrature(band.min, band.max, PANELS)
+    stable = closes_stable(samples.circle, spread, integrator=integrator)
+    return Loops(required, deficit, sensitivity, stable, strength, error2)
 
 
 def _rank(problem: Problem, loops: Loops) -> Floats:
@@ -189,9 +176,9 @@ def _rank(problem: Problem, loops: Loops) -> Floats:
     return np.where(loops.stable, rank, UNSTABLE + loops.strength)
 
 
-def _least_damping(problem: Problem, required: Floats, at: Axes) -> tuple[Floats, Floats]:
+def _least_damping(problem: Problem, omega: Floats, required: Floats, at: Axes) -> tuple[Floats, Floats]:
     """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
-    bounds, omega, tau_c = problem.bounds, _omega(problem), at.time_constant[:, None]
+    bounds, tau_c = problem.bounds, at.time_constant[:, None]
     b_c = np.empty((*required.shape[:2], tau_c.size, at.drag.size))
     for k, drag in enumerate(at.drag):
         demand = np.maximum(problem.stability.safety_factor * required - drag, 0.0)
@@ -203,10 +190,10 @@ def _least_damping(problem: Problem, required: Floats, at: Axes) -> tuple[Floats
     return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
 
 
-def _error(problem: Problem, loops: Loops, damping: Floats, at: Axes) -> Floats:
+def _error(problem: Problem, samples: Samples, loops: Loops, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
-    nodes, averages = _nodes(problem)
-    x = nodes * at.time_constant[:, None]
+    averages = samples.averages
+    x = samples.nodes.omega * at.time_constant[:, None]
     u, v = x * x / (1 + x * x), x / (1 + x * x)
     weight = problem.transparency.weights.coupling**2
     if problem.transparency.norm == "rms":

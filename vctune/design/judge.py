@@ -1,4 +1,4 @@
-"""Everything that is said of given gains: error, margins, certificate, status. Knows nothing of the optimiser."""
+"""What decides about given gains: error, least ratio, greatest |S|, certificate. Knows nothing of the optimiser."""
 
 from __future__ import annotations
 
@@ -11,11 +11,9 @@ import numpy as np
 from vctune.analysis.demands import (
     TransparencyError,
     ratio_minima,
-    rollett_factor_at,
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.analysis.margins import Margins, encirclements, loop_margins
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -23,7 +21,6 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Certificate, certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import spectral_radius
 
 
 class Status(StrEnum):
@@ -57,11 +54,7 @@ class Judgement:
     gains, coupling : the design
     transparency : its error and the three terms
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    rollett_factor : Rollett's K there; None at an end of the axis
     peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
-    margins : of the velocity loop
-    encirclements : N, of -1 by the velocity loop, clockwise; P = 0, so that Z = N
-    spectral_radius : of the sampled loop
     certificate : what is proved
     """
 
@@ -70,12 +63,8 @@ class Judgement:
     transparency: TransparencyError
     min_ratio: float
     worst: float
-    rollett_factor: float | None
     peak_sensitivity: float
     worst_sensitivity: float
-    margins: Margins
-    encirclements: int
-    spectral_radius: float
     certificate: Certificate
 
     @property
@@ -103,12 +92,8 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
         transparency=transparency_error(problem, gains, coupling),
         min_ratio=min_ratio,
         worst=worst,
-        rollett_factor=rollett_factor_at(problem.device, gains, coupling, worst) if 0 < worst < inf else None,
         peak_sensitivity=float(-sensitivity.value[0]),
         worst_sensitivity=float(sensitivity.omega[0]),
-        margins=loop_margins(problem.device, gains),
-        encirclements=encirclements(problem.device, gains),
-        spectral_radius=spectral_radius(problem.device, gains),
         certificate=certificate,
     )
 

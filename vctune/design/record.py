@@ -7,6 +7,10 @@ from importlib.metadata import version
 from math import degrees, inf, isfinite, log10, pi
 from typing import Any
 
+import numpy as np
+
+from vctune.analysis.demands import rollett_factor_at
+from vctune.analysis.margins import encirclements, loop_margins
 from vctune.design.judge import Judgement
 from vctune.design.result import Solved
 from vctune.design.rounding import near
@@ -18,6 +22,7 @@ from vctune.document.reading import ProblemFile
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
+from vctune.proof.poles import spectral_radius
 from vctune.version import __version__
 
 ACTIVE = 1e-5
@@ -189,10 +194,10 @@ def _solver(solved: Solved) -> dict[str, Any]:
     }
 
 
+@np.errstate(all="ignore")
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
-    transparency, margins, band = judgement.transparency, judgement.margins, problem.stability.band
-    poles = [certificate.outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)]
+    transparency, worst, band = judgement.transparency, judgement.worst, problem.stability.band
     proved_band = certificate.proved_band
     return {
         "gains": {"velocity": gains.velocity, "position": gains.position},
@@ -209,27 +214,34 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "proved_band_hz": _proved_hz(problem, proved_band) if proved_band else None,
             "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
             "min_ratio": judgement.min_ratio,
-            "worst_hz": _hz(judgement.worst),
-            "rollett_k": judgement.rollett_factor,
+            "worst_hz": _hz(worst),
+            "rollett_k": rollett_factor_at(problem.device, gains, coupling, worst) if 0 < worst < inf else None,
             "boxes": certificate.boxes,
             "claims": [
                 {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
                 for claim, outcome in certificate.outcomes.items()
             ],
         },
-        "inner_loop": {
-            "stable": False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
-            "spectral_radius": judgement.spectral_radius,
-            "peak_sensitivity": judgement.peak_sensitivity,
-            "peak_sensitivity_hz": _hz(judgement.worst_sensitivity),
-            "gain_margin_db": 20 * log10(margins.gain),
-            "phase_margin_deg": degrees(margins.phase),
-            "delay_margin_s": margins.delay,
-            "nyquist": {
-                "N": judgement.encirclements,
-                "P": 0,
-                "Z": 0 if poles[0] is Verdict.PROVED else None,
-            },
+        "inner_loop": _inner_loop(problem, judgement),
+    }
+
+
+def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+    device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
+    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)]
+    margins = loop_margins(device, gains)
+    return {
+        "stable": False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
+        "spectral_radius": spectral_radius(device, gains),
+        "peak_sensitivity": judgement.peak_sensitivity,
+        "peak_sensitivity_hz": _hz(judgement.worst_sensitivity),
+        "gain_margin_db": 20 * log10(margins.gain),
+        "phase_margin_deg": degrees(margins.phase),
+        "delay_margin_s": margins.delay,
+        "nyquist": {
+            "N": encirclements(device, gains),
+            "P": 0,
+            "Z": 0 if poles[0] is Verdict.PROVED else None,
         },
     }
 

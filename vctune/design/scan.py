@@ -9,10 +9,11 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, Grid, axes, position_gain, scored
+from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
-ZOOMS, ZOOM_POINTS = 4, 5
+ZOOMS, BETWEEN = 4, (0.25, 0.5, 0.75)
 STARTS = 8
 CLOSE = 0.02
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
@@ -69,15 +70,15 @@ def scan(problem: Problem) -> ScanResult:
     found: list[Start] = []
     peak = 0.0
     for integral in faces:
-        coarse = axes(problem, integral=integral)
-        grid = scored(problem, coarse)
+        coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
+        grid = scored(problem, samples, coarse)
         sound = (grid.loops.deficit == 0) & grid.loops.stable
         peak = max(peak, float(grid.loops.sensitivity[sound].max(initial=0.0)))
         least = min([float(grid.score.min()), *(start.error for start in found)])
         for index in _candidates(problem, grid.score)[:STARTS]:
             vanishing = integral and False in faces and index[1] == 0
             if not vanishing and grid.score[index] <= PROMISING * least:
-                found.append(_zoom(problem, coarse, index))
+                found.append(_zoom(problem, samples, coarse, index))
     found.sort(key=lambda start: start.error)
     return ScanResult(_distinct(found)[:STARTS], peak)
 
@@ -95,14 +96,14 @@ def _faces(problem: Problem) -> list[bool]:
 def rescan(problem: Problem, gains: Gains) -> Start | None:
     """Scan around polished gains, with every coupling: the best design of another coupling may be a basin away."""
     integral = gains.position > 0
-    coarse = axes(problem, integral=integral)
+    coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
     bounds = problem.bounds
     K_v = np.unique(np.clip(gains.velocity * AROUND["velocity"], bounds.velocity.min, bounds.velocity.max))
     corner = gains.position / (problem.device.damping + gains.velocity) * (AROUND["corner"] if integral else np.ones(1))
     fine = Axes(K_v, corner, coarse.time_constant, coarse.drag)
-    grid = scored(problem, fine)
-    at = tuple(int(i) for i in np.unravel_index(int(np.argmin(grid.score)), grid.score.shape))
-    return _zoom(problem, fine, at) if grid.score[at] < INADMISSIBLE else None
+    grid = scored(problem, samples, fine)
+    at = _lowest(grid)
+    return _zoom(problem, samples, fine, at) if grid.score[at] < INADMISSIBLE else None
 
 
 def _candidates(problem: Problem, score: Floats) -> list[tuple[int, ...]]:
@@ -129,22 +130,26 @@ def _local_minima(score: Floats) -> list[tuple[int, ...]]:
     return [tuple(int(i) for i in found[k]) for k in order]
 
 
-def _zoom(problem: Problem, coarse: Axes, index: tuple[int, ...]) -> Start:
+def _zoom(problem: Problem, samples: Samples, coarse: Axes, index: tuple[int, ...]) -> Start:
     """Refine a grid minimum between its neighbours."""
     at, fine = index, coarse
     for _ in range(ZOOMS):
         fine = Axes(*(_between(axis, i) for axis, i in zip(fine.each(), at, strict=True)))
-        grid = scored(problem, fine)
-        at = tuple(int(i) for i in np.unravel_index(int(np.argmin(grid.score)), grid.score.shape))
+        grid = scored(problem, samples, fine)
+        at = _lowest(grid)
     return _start(problem, fine, grid, at)
 
 
+def _lowest(grid: Grid) -> tuple[int, ...]:
+    return tuple(int(i) for i in np.unravel_index(int(np.argmin(grid.score)), grid.score.shape))
+
+
 def _between(axis: Floats, i: int) -> Floats:
-    low, middle, high = axis[max(i - 1, 0)], axis[i], axis[min(i + 1, axis.size - 1)]
+    low, middle, high = float(axis[max(i - 1, 0)]), float(axis[i]), float(axis[min(i + 1, axis.size - 1)])
     if low == high:
         return np.array([middle])
-    spread = np.geomspace(low, high, ZOOM_POINTS) if low > 0 else np.linspace(low, high, ZOOM_POINTS)
-    return np.unique(np.concatenate((spread[1:-1], [low, middle, high])))
+    spread = [low * (high / low) ** t if low > 0 else high * t for t in BETWEEN]
+    return np.array(sorted({low, *spread, middle, high}))
 
 
 def _start(problem: Problem, fine: Axes, grid: Grid, at: tuple[int, ...]) -> Start:

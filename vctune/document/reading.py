@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from hashlib import sha256
 from math import pi
 from pathlib import Path
+from typing import Any
 
 from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.problem import Problem
 from vctune.document.schema import GainsDocument, ProblemDocument
-from vctune.document.validation import Fault, refusal, validated
+from vctune.document.validation import Fault, examined, refusal, validated
 from vctune.model.quantities import Coupling, Gains
 
 
@@ -44,11 +45,21 @@ def read_problem(path: Path) -> ProblemFile:
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
     """Return the problem that a TOML text states. Raises `InputError` like `read_problem`."""
-    document = validated(ProblemDocument, text, source, contradictions)
+    problem, faults = pose(toml.parse(text, source), default_name)
+    if problem is None:
+        raise refusal(faults, text, source)
+    return problem
+
+
+def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
+    """Return the problem that parsed TOML states, or None and everything that is wrong with it."""
+    document, faults = examined(ProblemDocument, raw, contradictions)
+    if document is None or faults:
+        return None, faults
     problem = resolve(document, default_name)
     if problem.stability.band.min >= problem.stability.band.max:
-        raise refusal([_empty_default_band(problem)], text, source)
-    return problem
+        return None, [_empty_default_band(problem)]
+    return problem, []
 
 
 @dataclass(frozen=True, slots=True)

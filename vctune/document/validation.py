@@ -35,16 +35,18 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
     InputError
         Listing every mistake in the order of the lines, each with dotted key, value and remedy.
     """
-    raw = toml.parse(text, source)
-    document, faults = None, []
-    try:
-        document = model.model_validate(raw)
-    except ValidationError as error:
-        faults = [_fault(model, details) for details in error.errors(include_url=False)]
-    faults += check(raw)
+    document, faults = examined(model, toml.parse(text, source), check)
     if document is None or faults:
         raise refusal(faults, text, source)
     return document
+
+
+def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
+    """Return the document that parsed TOML states, if it states one, and everything that is wrong with it."""
+    try:
+        return model.model_validate(raw), check(raw)
+    except ValidationError as error:
+        return None, [_fault(model, details) for details in error.errors(include_url=False)] + check(raw)
 
 
 def refusal(faults: list[Fault], text: str, source: str) -> InputError:
@@ -86,21 +88,24 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
     if kind == "missing":
         return path, f"is missing; {_documentation(model, path)}"
     messages: dict[str, Callable[[], str]] = {
-        "greater_than_equal": lambda: f"{_show(value)} is too small: must be at least {context['ge']:g}",
-        "less_than_equal": lambda: f"{_show(value)} is out of range: must be at most {context['le']:g}",
-        "float_type": lambda: f"{_show(value)} is not a number; write a number{_or_range(model, path)}",
-        "string_type": lambda: f"{_show(value)} is not a text; put it in quotes",
-        "literal_error": lambda: f"{_show(value)} is not one of {context['expected']}",
-        "model_type": lambda: f"{_show(value)} is not a table",
-        "tuple_type": lambda: f"{_show(value)} is not a pair of numbers [lower, upper]",
-        "too_long": lambda: f"{_show(value)} has more than two numbers; write [lower, upper]",
+        "greater_than_equal": lambda: f"{shown(value)} is too small: must be at least {context['ge']:g}",
+        "less_than_equal": lambda: f"{shown(value)} is out of range: must be at most {context['le']:g}",
+        "float_type": lambda: f"{shown(value)} is not a number; write a number{_or_range(model, path)}",
+        "int_type": lambda: f"{shown(value)} is not a whole number; write one without a point",
+        "dict_type": lambda: f"{shown(value)} is not a table",
+        "string_type": lambda: f"{shown(value)} is not a text; put it in quotes",
+        "literal_error": lambda: f"{shown(value)} is not one of {context['expected']}",
+        "model_type": lambda: f"{shown(value)} is not a table",
+        "tuple_type": lambda: f"{shown(value)} is not a pair of numbers [lower, upper]",
+        "too_long": lambda: f"{shown(value)} has more than two numbers; write [lower, upper]",
         "string_too_short": lambda: "is empty; leave it out to use the file's name",
-        "string_too_long": lambda: f"{_show(value)} is too long: at most {context['max_length']}",
+        "string_too_long": lambda: f"{shown(value)} is too long: at most {context['max_length']}",
     }
-    return path, messages[kind]() if kind in messages else f"{_show(value)}: {details['msg']}"
+    return path, messages[kind]() if kind in messages else f"{shown(value)}: {details['msg']}"
 
 
-def _show(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a value as a mistake quotes it."""
     try:
         text = json.dumps(value, ensure_ascii=False, default=str)
     except ValueError:  # an integer of thousands of digits

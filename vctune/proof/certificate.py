@@ -32,15 +32,16 @@ class Certificate:
     Attributes
     ----------
     outcomes : for each claim, its verdict, boxes and witness [rad/s]
+    design, band : what it is about, rad/s
     factor : the ratio Re Z_c / R that was demanded of the band
     shortfall : why a greater factor that was tried first is not proved, else None
-    proved_band : rad/s, the widest band around the requested one with ratio >= 1; None unless the claim is proved
     """
 
+    design: Design
+    band: tuple[float, float]
     outcomes: dict[Claim, Outcome]
     factor: float
     shortfall: Outcome | None
-    proved_band: tuple[float, float] | None
 
     @property
     def verdict(self) -> Verdict:
@@ -52,6 +53,14 @@ class Certificate:
     def boxes(self) -> int:
         """Boxes looked at for all claims."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
+
+    @property
+    def proved_band(self) -> tuple[float, float] | None:
+        """The widest band around the requested one with ratio >= 1, rad/s, proved on demand; None unless proved."""
+        if self.outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED:
+            return None
+        with ctx.workprec(PRECISION):
+            return widest_band(self.design, *self.band)
 
 
 def certify(
@@ -79,8 +88,7 @@ def certify(
             Claim.MODEL_POLES: prove_model_poles(design.device, design.gains),
             Claim.SAMPLED_POLES: prove_sampled_poles(design.device, design.gains),
         }
-        proved_band = widest_band(design, *band) if conditions.verdict is Verdict.PROVED else None
-    return Certificate(outcomes, factor, shortfall, proved_band)
+    return Certificate(design, band, outcomes, factor, shortfall)
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:

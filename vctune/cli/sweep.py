@@ -1,0 +1,102 @@
+"""`vctune sweep`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+MANY = 100_000
+"""So many points are solved only when asked for with --yes."""
+
+
+def worker_options(command: Any) -> Any:
+    """Add the options of every command that has workers."""
+    for option in (
+        click.option(
+            "--executor",
+            default="processes",
+            show_default=True,
+            metavar="processes|dask|dask:ADDRESS",
+            help="Who does the work: processes, a local Dask cluster, or a running one.",
+        ),
+        click.option(
+            "--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: the cores that there are]"
+        ),
+    ):
+        command = option(command)
+    return command
+
+
+@click.command(short_help="Solve a problem at many points.")
+@click.argument("study", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/STUDY/."
+)
+@worker_options
+@click.option("--resume/--restart", default=True, help="Go on with the rows that are there, or begin anew.")
+@click.option(
+    "--format", "style", type=click.Choice(["text", "json"]), default="text", show_default=True, help="What to print."
+)
+@click.option("--yes", is_flag=True, help=f"Solve {MANY:,} points or more.")
+def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool, style: str, yes: bool) -> int:
+    """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
+
+    Each finished point is a line of OUT/STUDY/rows.jsonl; an interrupted sweep goes on where it was. At the end
+    table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg and error.png.
+    """
+    from vctune.cli.progress import bar_on_stderr
+    from vctune.document.errors import InputError, Mistake
+    from vctune.document.files import folder_name, make_folder, write_together
+    from vctune.document.study import read_study
+
+    plan = read_study(study)
+    if plan.count >= MANY and not yes:
+        message = f"has {plan.count:,} points, more than {MANY - 1:,}; confirm them with --yes"
+        raise InputError(str(study), [Mistake("", message)])
+    folder = out / folder_name(plan.name)
+
+    from vctune.study.executors import available_cores, crew_of
+    from vctune.study.rows import open_rows
+    from vctune.study.summary import summary
+    from vctune.study.sweep import sweep as run
+    from vctune.study.table import table_files, table_of
+
+    with crew_of(executor, jobs or available_cores()) as crew:
+        make_folder(folder)
+        with open_rows(folder / "rows.jsonl", plan, restart=not resume) as rows:
+            if rows.dropped:
+                click.echo(f"{rows.path}: {rows.dropped} torn lines dropped", err=True)
+            with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
+                keys = run(plan, rows, crew, tick)
+            table = table_of(plan, rows, keys)
+    from vctune.report.sweep import figure_files, sweep_figure
+
+    figure = sweep_figure(table, grid=plan.sample.kind == "grid")
+    pictures = figure_files(figure, folder, "error") if figure else {}
+    write_together(table_files(table, folder, "table") | pictures)
+    found = summary(plan.name, table)
+    _print(found, folder, style)
+    return _exit_code(found)
+
+
+def _print(found: dict[str, Any], folder: Path, style: str) -> None:
+    import json
+
+    from vctune.cli.output import emit, reader_may_leave
+
+    if style == "json":
+        emit(json.dumps(found, indent=2, allow_nan=False))
+        return
+    from vctune.cli.table import print_sweep
+
+    with reader_may_leave():
+        print_sweep(found, folder)
+
+
+def _exit_code(found: dict[str, Any]) -> int:
+    """Return 0 if there is a certified design and no point was left without an answer, else 1."""
+    from vctune.exits import ExitCode
+
+    return ExitCode.OK if found["best"] and not found["status"].get("failed") else ExitCode.FAILED

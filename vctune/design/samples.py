@@ -1,0 +1,73 @@
+"""Where a scan looks, and what does not depend on the gains there: worked out once a scan, used by all of its grids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.analysis.demands import sampled_span
+from vctune.analysis.extrema import Floats
+from vctune.analysis.stability import unit_circle
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.loop import HoldResponse, LoopResponse, hold_response, loop_response
+from vctune.model.quantities import Device, Gains
+from vctune.model.sampled import ReturnDifference
+from vctune.model.transparency import log_quadrature
+
+FREQUENCIES = 64
+PANELS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Frequencies, rad/s, and the hold there."""
+
+    omega: Floats
+    hold: HoldResponse
+
+    def response(self, device: Device, gains: Gains, *, integrator: bool) -> LoopResponse:
+        """Return the velocity loop at every frequency for every pair of gains."""
+        return loop_response(device, gains, self.omega, self.hold, integrator=integrator)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Where a scan looks.
+
+    Attributes
+    ----------
+    integrator : whether the law has its K_p/s term
+    band : of stability
+    below_nyquist : for |S|
+    nodes, averages : of the transparency band's quadrature
+    circle : the sampled loop's return difference on the unit circle
+    """
+
+    integrator: bool
+    band: Spectrum
+    below_nyquist: Spectrum
+    nodes: Spectrum
+    averages: Floats
+    circle: ReturnDifference
+
+
+def samples_of(problem: Problem, *, integrator: bool) -> Samples:
+    """Return where to look at a dimensionless problem."""
+    device, nyquist, band = problem.device, problem.nyquist, problem.transparency.band
+    low, high = sampled_span(problem)
+    count = int(FREQUENCIES * min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0))
+    nodes, averages = log_quadrature(band.min, band.max, PANELS)
+
+    def spectrum(omega: Floats) -> Spectrum:
+        return Spectrum(omega, hold_response(device, omega, FLOATS))
+
+    return Samples(
+        integrator,
+        spectrum(np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))),
+        spectrum(np.geomspace(1e-3 * nyquist, nyquist, count)),
+        spectrum(nodes),
+        averages,
+        unit_circle(device, integrator=integrator),
+    )

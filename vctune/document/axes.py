@@ -1,0 +1,135 @@
+"""The axes of a study: numbers of a problem by dotted key, and the values that they take."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from math import inf
+from typing import Any, Literal
+
+from vctune.document.schema import json_schema
+from vctune.document.validation import Fault, KeyPath, dotted, shown
+
+Scale = Literal["list", "linear", "log"]
+SPANS: tuple[Scale, ...] = ("linear", "log")
+MOST = 1e300
+FORMS = "write a list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }"
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One number of the problem that varies.
+
+    Attributes
+    ----------
+    key : dotted key, in the unit of the problem file
+    path : where it stands in the problem
+    scale : "list", or how a range is divided
+    values : of a list; the two ends of a range
+    n : number of values; None for a range that is only sampled
+    """
+
+    key: str
+    path: KeyPath
+    scale: Scale
+    values: tuple[float, ...]
+    n: int | None
+
+
+@cache
+def number_keys() -> dict[str, KeyPath]:
+    """Return the dotted keys of every number that a problem file may have."""
+    schema = json_schema()
+
+    def walk(entry: dict[str, Any], path: KeyPath) -> Iterator[KeyPath]:
+        if "$ref" in entry:
+            entry = schema["$defs"][entry["$ref"].removeprefix("#/$defs/")]
+        if entry.get("type") == "number":
+            yield path
+        for form in entry.get("oneOf", []):
+            yield from walk(form, path)
+        for i, element in enumerate(entry.get("prefixItems", [])):
+            yield from walk(element, (*path, i))
+        for name, child in entry.get("properties", {}).items():
+            yield from walk(child, (*path, name))
+
+    return {dotted(path): path for path in walk(schema, ())}
+
+
+def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Fault]]:
+    """Return the axis that a study states under a key, or what is wrong with it.
+
+    Parameters
+    ----------
+    key, value : of the [axes] table
+    sampled : whether a range is sampled, so that it needs no n
+    """
+    at: KeyPath = ("axes", key)
+    path = number_keys().get(re.sub(r"\s", "", key))
+    faults = [] if path is not None else [(at, _unknown(key, value))]
+    if path is None and isinstance(value, dict) and not set(value) & {*SPANS, "n"}:
+        return None, faults
+    scale: Scale = "list"
+    n: int | None = None
+    numbers: list[Any] = []
+    if isinstance(value, list):
+        faults += _list_faults(at, value)
+        numbers, n = value, len(value)
+    elif isinstance(value, dict):
+        found, scale, numbers, n = _range(at, value, sampled=sampled)
+        faults += found
+    else:
+        faults.append((at, f"{shown(value)} is no set of values; {FORMS}"))
+    if faults or path is None:
+        return None, faults
+    return Axis(dotted(path), path, scale, tuple(float(number) for number in numbers), n), []
+
+
+def _unknown(key: str, value: Any) -> str:
+    if isinstance(value, dict) and any(isinstance(step, str) and step.startswith(f"{key}.") for step in number_keys()):
+        inner = next(iter(value), "")
+        return f'is a table of the problem; write the whole key in quotes, "{key}.{inner}" = ...'
+    elements = [known for known in number_keys() if known.startswith(f"{key}[")]
+    if elements:
+        return f'is a list; write "{elements[0]}" or "{elements[-1]}"'
+    meant = get_close_matches(key, number_keys(), n=1, cutoff=0.6)
+    hint = f'; did you mean "{meant[0]}"?' if meant else "; `vctune schema` lists the keys"
+    return f"is no number of a problem file{hint}"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and (value == inf or abs(value) <= MOST)
+
+
+def _list_faults(at: KeyPath, values: list[Any]) -> list[Fault]:
+    if not values:
+        return [(at, "is empty; give it at least one value")]
+    return [((*at, i), f"{shown(value)} is not a number") for i, value in enumerate(values) if not _is_number(value)]
+
+
+def _range(at: KeyPath, table: dict[str, Any], *, sampled: bool) -> tuple[list[Fault], Scale, list[Any], int | None]:
+    """Return what is wrong with { linear or log = [a, b], n }, and the scale, ends and n that it states."""
+    faults: list[Fault] = []
+    for name in table:
+        if name not in (*SPANS, "n"):
+            meant = get_close_matches(name, (*SPANS, "n"), n=1, cutoff=0.4)
+            faults.append(((*at, name), f"unknown key; {f'did you mean {meant[0]}?' if meant else FORMS}"))
+    scales = [scale for scale in SPANS if scale in table]
+    if len(scales) != 1:
+        return [*faults, (at, f"has {'both' if scales else 'neither'} linear and log; {FORMS}")], "list", [], None
+    scale, ends, n = scales[0], table[scales[0]], table.get("n")
+    place: KeyPath = (*at, scale)
+    if not (isinstance(ends, list) and len(ends) == 2 and all(_is_number(end) and abs(end) < inf for end in ends)):
+        faults.append((place, f"{shown(ends)} is not a pair of numbers [from, to]"))
+    elif ends[0] >= ends[1]:
+        faults.append((place, f"{ends[0]:g} is not below {ends[1]:g}; swap or widen the ends"))
+    elif scale == "log" and ends[0] <= 0:
+        faults.append((place, f"{ends[0]:g} has no logarithm; start above 0 or use linear"))
+    if n is None and not sampled:
+        faults.append((at, "lacks n, the number of values"))
+    elif n is not None and (not isinstance(n, int) or isinstance(n, bool) or n < 2):
+        faults.append(((*at, "n"), f"{shown(n)} is not a whole number of at least 2"))
+    return faults, scale, ends, n

@@ -1,0 +1,180 @@
+"""The study file, read: a problem, the numbers of it that vary, and how they make points."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from hashlib import sha256
+from itertools import combinations, pairwise
+from math import prod
+from pathlib import Path
+from typing import Any, Literal
+
+from vctune.document import toml
+from vctune.document.axes import Axis, read_axis
+from vctune.document.errors import InputError
+from vctune.document.problem import Problem
+from vctune.document.reading import pose
+from vctune.document.schema import ProblemDocument
+from vctune.document.study_schema import StudyDocument
+from vctune.document.validation import Fault, KeyPath, dotted, examined, refusal
+
+FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
+"""What the problem must have for an element of a list or an end of a range to have a place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """How the axes make points.
+
+    Attributes
+    ----------
+    kind : every combination, a Latin hypercube, or the axes' lists side by side
+    n, seed : of a Latin hypercube
+    """
+
+    kind: Literal["grid", "lhs", "list"] = "grid"
+    n: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A problem solved at many points.
+
+    Attributes
+    ----------
+    name : of the study
+    document : the problem file, parsed
+    axes, sample : what varies and how
+    """
+
+    name: str
+    document: dict[str, Any]
+    axes: tuple[Axis, ...]
+    sample: Sample = Sample()
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        if self.sample.kind == "lhs":
+            return self.sample.n
+        sizes = [axis.n or 0 for axis in self.axes]
+        return prod(sizes) if self.sample.kind == "grid" else sizes[0]
+
+    @property
+    def sha256(self) -> str:
+        """The digest that ties rows to their study: the problem and which of its numbers vary, not their values."""
+        said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
+        text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
+        return sha256(text.encode()).hexdigest()
+
+    def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
+        """Return the problem at a point, or None and why there is none."""
+        return pose(placed(self.document, self.axes, values), self.name)
+
+
+def read_study(path: Path) -> Study:
+    """Read a study file and the problem file that it names.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake of the study, or of the problem, with line, dotted key, value and remedy.
+    """
+    text = toml.read_text(path)
+    document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
+    if document is None or faults:
+        raise refusal(faults, text, str(path))
+    sampled = document.sample.kind == "lhs"
+    axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
+    target = path.parent / document.problem
+    try:
+        problem_text = toml.read_text(target)
+    except InputError as error:
+        raise refusal([(("problem",), f"{target}: {error.mistakes[0].message}")], text, str(path)) from None
+    name = path.stem.encode("utf-8", "replace").decode()
+    sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
+    study = Study(name, toml.parse(problem_text, str(target)), tuple(axis for axis in axes if axis), sample)
+    homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
+    if homeless:
+        raise refusal(homeless, text, str(path))
+    own = _problem_faults(study)
+    if own:
+        raise refusal(own, problem_text, str(target))
+    return study
+
+
+def placed(document: dict[str, Any], axes: Iterable[Axis], values: Iterable[float]) -> dict[str, Any]:
+    """Return a copy of a parsed problem with numbers set; tables that are not there are made."""
+    copy = deepcopy(document)
+    for axis, value in zip(axes, values, strict=True):
+        node: Any = copy
+        for step, inner in pairwise(axis.path):
+            node = node.setdefault(step, [None, None] if isinstance(inner, int) else {})
+        node[axis.path[-1]] = value
+    return copy
+
+
+def _contradictions(raw: dict[str, Any]) -> list[Fault]:
+    """Return what is wrong with the axes, each by itself, with each other and with the sample."""
+    table = raw.get("axes")
+    sample = raw.get("sample", {})
+    kind, n = (sample.get("kind", "grid"), sample.get("n")) if isinstance(sample, dict) else ("grid", None)
+    faults: list[Fault] = []
+    axes = []
+    for key, value in table.items() if isinstance(table, dict) else ():
+        axis, found = read_axis(key, value, sampled=kind == "lhs")
+        faults += found
+        axes += [axis] if axis else []
+    for one, other in combinations(axes, 2):
+        if one.path == other.path[: len(one.path)] or other.path == one.path[: len(other.path)]:
+            faults.append((("axes", other.key), f"varies the same number as {one.key}; leave one of them out"))
+    if kind == "list":
+        lists = [axis for axis in axes if axis.scale == "list"]
+        faults += [
+            (("axes", axis.key), "is a range; points side by side need lists") for axis in axes if axis not in lists
+        ]
+        faults += [
+            (
+                ("axes", axis.key),
+                f"has {axis.n} values, {lists[0].key} has {lists[0].n}; side by side they need as many",
+            )
+            for axis in lists
+            if axis.n != lists[0].n
+        ]
+    if kind == "lhs" and n is None:
+        faults.append((("sample",), "a Latin hypercube needs n, the number of points"))
+    if kind in ("grid", "list"):
+        faults += [(("sample", key), 'is of kind = "lhs"; leave it out') for key in ("n", "seed") if key in sample]
+    return faults
+
+
+def _homeless(study: Study, axis: Axis) -> list[Fault]:
+    """Return why an element of a list, or an end of a range, has no place in the problem."""
+    node: Any = study.document
+    for i, (step, inner) in enumerate(pairwise(axis.path), 1):
+        owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
+        if step not in node:
+            partners = {other.path[-1] for other in study.axes if other.path[:-1] == axis.path[:i]}
+            whole = inner not in FORM_OF or len(partners) == 2
+            return [] if whole else [(("axes", axis.key), f"the problem has no {owner}; write {form} there")]
+        node = node[step]
+        if not isinstance(node, list if isinstance(inner, int) else dict) or (
+            isinstance(inner, int) and len(node) != 2
+        ):
+            return [(("axes", axis.key), f"{owner} in the problem is not {form}")]
+    return []
+
+
+def _problem_faults(study: Study) -> list[Fault]:
+    """Return what is wrong with the problem wherever the axes stand."""
+    first = placed(study.document, study.axes, (axis.values[0] for axis in study.axes))
+    _, faults = examined(ProblemDocument, first, lambda _raw: [])
+
+    def varied(path: KeyPath) -> bool:
+        return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in study.axes)
+
+    return [fault for fault in faults if not varied(fault[0])]

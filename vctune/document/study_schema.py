@@ -1,0 +1,37 @@
+"""The study file as written: the types of its tables. What an axis says is read in `vctune.document.axes`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Text = Annotated[str, Field(strict=True)]
+Count = Annotated[int, Field(strict=True, ge=1)]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SampleTable(_Table):
+    """How the axes make points."""
+
+    kind: Literal["grid", "lhs", "list"] = Field(
+        "grid",
+        description="Every combination, a Latin hypercube, or the axes' lists side by side, one point an element.",
+    )
+    n: Count | None = Field(None, description="Number of points of a Latin hypercube.")
+    seed: Annotated[int, Field(strict=True, ge=0)] | None = Field(None, description="Of a Latin hypercube. Default 0.")
+
+
+class StudyDocument(_Table):
+    """A vctune study file: a problem solved at many points."""
+
+    problem: Text = Field(min_length=1, description="Path of the problem file, from the study file's folder.")
+    axes: dict[str, Any] = Field(
+        min_length=1,
+        description='Numbers of the problem by dotted key, "stability.band_hz[1]" for the element of a list; each a '
+        "list of numbers, { linear = [a, b], n = ... } or { log = [a, b], n = ... }.",
+    )
+    sample: SampleTable = Field(default_factory=SampleTable)

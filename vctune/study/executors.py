@@ -1,0 +1,184 @@
+"""Workers: processes of this machine or a Dask cluster, both as a `concurrent.futures.Executor`.
+
+Workers end when the process that started them does, however it ends, and leave Ctrl-C to it.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from logging import CRITICAL
+from multiprocessing.connection import wait
+from multiprocessing.context import BaseContext
+from typing import Any
+
+from vctune.document.errors import InputError, Mistake
+from vctune.version import __version__
+
+AHEAD = 3
+"""Points handed out for each worker, so that none waits for its next one."""
+CONNECT_SECONDS = 5
+SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@dataclass(slots=True)
+class Crew:
+    """Workers that solve points.
+
+    Attributes
+    ----------
+    executor : to submit to
+    ahead : how many points to hand out at once
+    lost : exceptions that say that the worker died
+    gone : exceptions that say that all of them are out of reach
+    renew : makes the executor fit to go on after a worker has died
+    """
+
+    executor: Executor
+    ahead: int
+    lost: tuple[type[BaseException], ...]
+    gone: tuple[type[BaseException], ...]
+    renew: Callable[[], None]
+
+
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextmanager
+def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
+    """Start workers, or join them, and let them go at the end.
+
+    Parameters
+    ----------
+    choice : "processes", "dask" for a Dask cluster of this machine, "dask:ADDRESS" for a running one
+    jobs : number of workers to start
+
+    Raises
+    ------
+    InputError
+        If there is no such executor or its scheduler cannot be reached.
+    """
+    kind, _, address = choice.partition(":")
+    if kind == "dask":
+        with _dask_crew(choice, address, jobs) as crew:
+            yield crew
+    elif choice == "processes":
+        with _process_crew(jobs) as crew:
+            yield crew
+    else:
+        raise _refusal(choice, 'is not "processes", "dask" or "dask:ADDRESS"')
+
+
+@contextmanager
+def _process_crew(jobs: int) -> Iterator[Crew]:
+    context = _context()
+    start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_settle_in)
+
+    def renew() -> None:
+        crew.executor.shutdown(wait=False, cancel_futures=True)
+        crew.executor = start()
+
+    crew = Crew(start(), AHEAD * jobs, (BrokenExecutor,), (), renew)
+    try:
+        yield crew
+    finally:
+        crew.executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _context() -> BaseContext:
+    """Return how processes are started: from a server that has imported the solver, where there can be one.
+
+    The server is started now, deaf to Ctrl-C and with single-threaded linear algebra, and hands both on.
+    """
+    os.environ.update({name: os.environ.get(name, number) for name, number in SINGLE_THREADED.items()})
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    from multiprocessing.forkserver import ensure_running
+
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["vctune.study.outcome"])
+    if threading.current_thread() is threading.main_thread():
+        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            ensure_running()
+        finally:
+            signal.signal(signal.SIGINT, previous)
+    return context
+
+
+def _settle_in() -> None:
+    """Begin a worker process: leave Ctrl-C to the parent, and end when the parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)
+
+
+@contextmanager
+def _dask_crew(choice: str, address: str, jobs: int) -> Iterator[Crew]:
+    try:
+        from distributed import CancelledError, KilledWorker
+        from distributed.comm import CommClosedError
+    except ImportError:
+        raise _refusal(choice, "needs Dask; install it with: pip install 'vctune[cluster]'") from None
+    with _client(choice, address, jobs) as client:
+        threads = sum(client.nthreads().values())
+        if threads == 0:
+            raise _refusal(choice, "has no workers; start some with: dask worker ADDRESS")
+        _check_versions(choice, client)
+        executor = client.get_executor(pure=False)
+        try:
+            yield Crew(executor, AHEAD * threads, (KilledWorker,), (CancelledError, CommClosedError), lambda: None)
+        finally:
+            executor.shutdown(wait=False)
+
+
+@contextmanager
+def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
+    from distributed import Client, LocalCluster
+
+    if not address:
+        with (
+            LocalCluster(jobs, threads_per_worker=1, dashboard_address=None, silence_logs=CRITICAL) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+        return
+    try:
+        client = Client(address, timeout=CONNECT_SECONDS)
+    except (OSError, ValueError) as error:
+        raise _refusal(choice, f"the scheduler cannot be reached: {error}") from None
+    with client:
+        yield client
+
+
+def _check_versions(choice: str, client: Any) -> None:
+    try:
+        versions = set(client.run(_version).values())
+    except ImportError:
+        versions = {"no vctune"}
+    if versions != {__version__}:
+        found = ", ".join(sorted(versions))
+        raise _refusal(choice, f"its workers have {found}, not vctune {__version__}; install that on each of them")
+
+
+def _version() -> str:
+    return __version__
+
+
+def _refusal(choice: str, message: str) -> InputError:
+    return InputError(f"--executor {choice}", [Mistake("", message)])

@@ -1,0 +1,110 @@
+"""The two trade-offs that a designer asks about, as studies with a name."""
+
+from __future__ import annotations
+
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.document.axes import Axis, Scale, number_keys
+from vctune.document.problem import Problem, Range
+from vctune.document.study import Study
+from vctune.study.table import Table
+
+EXPONENTS = np.arange(-6, 7) / 2
+"""Decades by which the weight of |Z_c|/Z_0 is moved against those of the loop's two terms."""
+POSITIONS, DECADES = 24, 4
+"""Values of K_p, and how far below its upper bound they begin where it may be 0."""
+EDGES = 41
+DIGITS = 5
+
+
+def terms_study(document: dict[str, Any], problem: Problem) -> Study:
+    """Return the study whose designs trade |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0 against each other.
+
+    The first two belong to the loop, K_v and K_p, the third to the coupling. At each K_p the weight of the third
+    moves K_v; K_p is swept itself, because weights alone do not find the parts of a front that are not convex.
+
+    Parameters
+    ----------
+    document, problem : the problem file, parsed and resolved
+    """
+    weight = problem.transparency.weights.coupling or 1.0
+    weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
+    axes = (
+        _list("gains.position", _positions(problem.bounds.position)),
+        _list("transparency.weights.coupling", weights),
+    )
+    return Study("terms", document, axes)
+
+
+def _positions(bounds: Range) -> list[float]:
+    """Return values of K_p from its lower bound to its upper one, spaced by ratio."""
+    if bounds.fixed:
+        return [bounds.min]
+    low = bounds.min or bounds.max * 10.0**-DECADES
+    between = [float(f"{K_p:.6g}") for K_p in np.geomspace(low, bounds.max, POSITIONS)]
+    return sorted({bounds.min, *(K_p for K_p in between if bounds.min < K_p < bounds.max), bounds.max})
+
+
+def band_study(document: dict[str, Any], problem: Problem) -> Study:
+    """Return the study whose designs trade the error against the upper edge of the stability band.
+
+    The edge goes from that of the transparency band, or just above the lower edge, up to the Nyquist frequency.
+    """
+    nyquist = 0.5 / problem.device.sample_time
+    low = problem.stability.band.min / (2 * pi)
+    first = min(max(problem.transparency.band.max / (2 * pi), 2 * low), 0.99 * nyquist)
+    edges = [float(f"{edge:.6g}") for edge in np.geomspace(first, nyquist, EDGES)[:-1]]
+    axes = (
+        _list("stability.band_hz[0]", [float(f"{low:.12g}")]),
+        _list("stability.band_hz[1]", [*(edge for edge in edges if edge > low), nyquist]),
+    )
+    return Study("band", document, axes)
+
+
+def _list(key: str, values: list[float]) -> Axis:
+    scale: Scale = "list"
+    return Axis(key, number_keys()[key], scale, tuple(values), len(values))
+
+
+def terms_front(table: Table) -> Table:
+    """Return the designs that none other beats in all three terms, by |Z_c|/Z_0."""
+    costs = np.column_stack([table.numbers[term] for term in ("admittance", "tracking", "coupling")])
+    return _front(table, costs, by=2)
+
+
+def band_front(table: Table) -> Table:
+    """Return the designs that none other beats in error and upper edge, by the edge."""
+    edge = table.axes["stability.band_hz[1]"]
+    return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=0)
+
+
+def _front(table: Table, costs: Floats, by: int) -> Table:
+    costs = np.where(table.certified[:, None], costs, inf)
+    chosen = nondominated(_rounded(costs))
+    order = np.argsort(costs[chosen, by], kind="stable")
+    return table.subset(chosen[order])
+
+
+def _rounded(costs: Floats) -> Floats:
+    """Return costs to `DIGITS` digits: what differs by less than a solver's tolerance is the same design."""
+    return np.array([[float(f"{cost:.{DIGITS}g}") for cost in row] for row in costs]).reshape(costs.shape)
+
+
+def nondominated(costs: Floats) -> NDArray[np.intp]:
+    """Return the indices of the rows of finite costs that no other row is as good as in all and better in one.
+
+    Of rows that cost the same the first stays.
+    """
+    chosen = []
+    for i, cost in enumerate(costs):
+        no_worse = (costs <= cost).all(axis=1)
+        better = no_worse & (costs < cost).any(axis=1)
+        twin = no_worse[:i] & (costs[:i] == cost).all(axis=1)
+        if np.isfinite(cost).all() and not better.any() and not twin.any():
+            chosen.append(i)
+    return np.array(chosen, dtype=np.intp)

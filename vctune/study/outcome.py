@@ -1,0 +1,70 @@
+"""What a row says of a solved point; every number is finite or null."""
+
+from __future__ import annotations
+
+import threading
+from math import isfinite, pi
+from time import perf_counter
+from typing import Any
+
+from vctune.design.judge import Judgement, Status
+from vctune.design.result import Solved
+from vctune.design.solve import solve
+from vctune.design.variables import NAMES, point
+from vctune.document.problem import Problem
+from vctune.proof.interval import Verdict
+from vctune.study.rows import FAILED
+
+TERMS = ("error", "admittance", "tracking", "coupling")
+NUMBERS = (*TERMS, *NAMES, "min_ratio", "worst_hz", "peak_sensitivity")
+"""Columns of a row: the error and its terms, the five numbers of the design in SI units, its least ratio."""
+
+_ONE_AT_A_TIME = threading.Lock()
+"""Solvers and ball arithmetic are shared by the threads of a process."""
+
+
+def work(problem: Problem) -> dict[str, Any]:
+    """Solve a point and return what its row says, the seconds it took last; never raises."""
+    with _ONE_AT_A_TIME:
+        began = perf_counter()
+        try:
+            content = outcome(solve(problem))
+        except Exception as error:  # a fault of ours is this point's row, not the end of the run
+            content = nothing(FAILED, f"internal error: {type(error).__name__}: {error}")
+        return {**content, "seconds": round(perf_counter() - began, 6)}
+
+
+def nothing(status: str, reason: str) -> dict[str, Any]:
+    """Return the row of a point without a design."""
+    return {"status": status, "reason": reason, **dict.fromkeys(NUMBERS)}
+
+
+def outcome(solved: Solved) -> dict[str, Any]:
+    """Return what a row says of a solved problem."""
+    judgement = solved.judgement
+    if judgement is None:
+        return nothing(solved.status.value, solved.infeasibility.reason if solved.infeasibility else "")
+    numbers = (
+        *(getattr(judgement.transparency, term) for term in TERMS),
+        *point(judgement.gains, judgement.coupling),
+        judgement.min_ratio,
+        judgement.worst / (2 * pi),
+        judgement.peak_sensitivity,
+    )
+    finite = (number if isfinite(number) else None for number in numbers)
+    return {
+        "status": solved.status.value,
+        "reason": _open_claims(judgement),
+        **dict(zip(NUMBERS, finite, strict=True)),
+    }
+
+
+def _open_claims(judgement: Judgement) -> str | None:
+    """Return the claims that are not proved, None for a certified design."""
+    if judgement.status is Status.CERTIFIED:
+        return None
+    return "; ".join(
+        f"{outcome.verdict.value}{f' at {outcome.witness / (2 * pi):.6g} Hz' if outcome.witness else ''}: {claim.value}"
+        for claim, outcome in judgement.certificate.outcomes.items()
+        if outcome.verdict is not Verdict.PROVED
+    )

@@ -1,0 +1,176 @@
+"""The rows of a study: a file that only grows, one line of JSON a finished point.
+
+The first line names the study. A row goes to the kernel in one write, so that a killed run leaves whole lines and at
+most one torn one, the last, which is dropped when the file is opened again. Files of one study may be concatenated.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import write_together
+from vctune.document.problem import Problem
+from vctune.document.study import Study
+from vctune.version import __version__
+
+SCHEMA = "vctune/rows/1"
+FAILED = "failed"
+"""Status of a point whose worker died or broke: no word about the point, so that the next run tries it again."""
+
+Row = dict[str, Any]
+
+
+def key_of(problem: Problem) -> str:
+    """Return the digest of everything that determines a point's row: the problem without its name, and the version."""
+    nameless = asdict(replace(problem, name="", description=""))
+    return sha256(json.dumps([__version__, nameless], sort_keys=True).encode()).hexdigest()
+
+
+def invalid_key(document: dict[str, Any]) -> str:
+    """Return the digest of a document that states no problem."""
+    return sha256(json.dumps([__version__, document], sort_keys=True, default=str).encode()).hexdigest()
+
+
+@dataclass(slots=True)
+class Rows:
+    """An open file of rows.
+
+    Attributes
+    ----------
+    path, handle : of the file
+    places : where the row of each key begins
+    dropped : lines that were no whole rows
+    """
+
+    path: Path
+    handle: int
+    places: dict[str, int]
+    dropped: int = 0
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.places
+
+    def append(self, row: Row) -> None:
+        """Add the row of a finished point.
+
+        Raises
+        ------
+        InputError
+            If the file cannot grow; what is in it stays.
+        """
+        line = (json.dumps(row, allow_nan=False) + "\n").encode()
+        place = os.lseek(self.handle, 0, os.SEEK_END)
+        try:
+            if os.write(self.handle, line) < len(line):
+                raise OSError(28, "No space left on device")
+        except OSError as error:
+            raise _refusal(self.path, f"cannot grow: {error.strerror}; its rows are kept, run again to go on") from None
+        self.places[row["key"]] = place
+
+    def read(self, keys: Iterable[str]) -> Iterator[Row]:
+        """Yield the rows of some keys."""
+        with self.path.open("rb") as file:
+            for key in keys:
+                file.seek(self.places[key])
+                yield json.loads(file.readline())
+
+
+@contextmanager
+def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
+    """Open the rows of a study, made if it has none yet; nobody else may write them meanwhile.
+
+    Parameters
+    ----------
+    path : of the file
+    study : whose rows they are
+    restart : begin anew instead of going on
+
+    Raises
+    ------
+    InputError
+        If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
+    """
+    header = json.dumps({"schema": SCHEMA, "study": study.sha256, "axes": [axis.key for axis in study.axes]}) + "\n"
+    if restart and path.exists():
+        with _opened(path) as handle:
+            _index(path, handle, study)
+            write_together({path: header})
+    elif not path.exists():
+        write_together({path: header})
+    with _opened(path) as handle:
+        yield _index(path, handle, study)
+        os.fsync(handle)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[int]:
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_APPEND)
+    except OSError as error:
+        raise _refusal(path, f"cannot be written: {error.strerror}; choose another --out") from None
+    try:
+        if sys.platform != "win32":
+            from fcntl import LOCK_EX, LOCK_NB, flock
+
+            try:
+                flock(handle, LOCK_EX | LOCK_NB)
+            except OSError:
+                raise _refusal(path, "is being written by another run; wait for it or choose another --out") from None
+        yield handle
+    finally:
+        os.close(handle)
+
+
+def _index(path: Path, handle: int, study: Study) -> Rows:
+    """Find the rows of a file, cutting a torn last line off; a failed point counts as not there."""
+    rows, end = Rows(path, handle, {}), 0
+    with path.open("rb") as file:
+        _check_header(path, file.readline(), study)
+        end = file.tell()
+        for line in file:
+            row = _parsed(line)
+            if row is None:
+                rows.dropped += 1
+            elif "schema" in row:
+                _check_header(path, line, study)
+            elif row["status"] != FAILED:
+                rows.places[row["key"]] = end
+            if line.endswith(b"\n"):
+                end += len(line)
+    os.ftruncate(handle, end)
+    return rows
+
+
+def _parsed(line: bytes) -> Row | None:
+    """Return the row or header on a line, or None if it is torn."""
+    try:
+        row = json.loads(line)
+    except ValueError:
+        return None
+    known = isinstance(row, dict) and ("schema" in row or {"key", "status"} <= set(row))
+    return row if known and line.endswith(b"\n") else None
+
+
+def _check_header(path: Path, line: bytes, study: Study) -> None:
+    header = _parsed(line)
+    if header is None or header.get("schema") != SCHEMA:
+        raise _refusal(path, "is not a file of rows that vctune wrote; choose another --out")
+    if header.get("study") != study.sha256:
+        message = (
+            f"holds rows of another study, of {', '.join(header.get('axes', []))}; the problem file or the axes' keys "
+            "were changed since: choose another --out, or remove it"
+        )
+        raise _refusal(path, message)
+
+
+def _refusal(path: Path, message: str) -> InputError:
+    return InputError(str(path), [Mistake("", message)])

@@ -1,0 +1,118 @@
+"""The rows of a study as columns, in the order of its points: what is written, drawn and summed up."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from io import StringIO
+from math import isnan, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.judge import Status
+from vctune.document.study import Study
+from vctune.study.outcome import NUMBERS
+from vctune.study.points import points
+from vctune.study.rows import Rows
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of equal length.
+
+    Attributes
+    ----------
+    axes : values of the axes, by dotted key
+    status, reason : texts; a certified point has no reason, ""
+    numbers : error, terms, design and ratio (`vctune.study.outcome.NUMBERS`), nan where there is none
+    """
+
+    axes: dict[str, Floats]
+    status: list[str]
+    reason: list[str]
+    numbers: dict[str, Floats]
+
+    @property
+    def certified(self) -> NDArray[np.bool_]:
+        """Which points have a certified design."""
+        return np.array([status == Status.CERTIFIED for status in self.status], dtype=bool)
+
+    def columns(self) -> dict[str, Any]:
+        """Return every column by its name."""
+        return {**self.axes, "status": self.status, **self.numbers, "reason": self.reason}
+
+    def row(self, i: int) -> dict[str, Any]:
+        """Return one row; what there is not is None."""
+        return {name: _plain(column[i]) for name, column in self.columns().items()}
+
+    def subset(self, chosen: NDArray[np.intp]) -> Table:
+        """Return some of the rows, in the given order."""
+        return Table(
+            {key: column[chosen] for key, column in self.axes.items()},
+            [self.status[i] for i in chosen],
+            [self.reason[i] for i in chosen],
+            {name: column[chosen] for name, column in self.numbers.items()},
+        )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, str):
+        return value or None
+    return None if isnan(value) else float(value)
+
+
+def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
+    """Return the table of a study.
+
+    Parameters
+    ----------
+    study : the study
+    rows : its rows, one for each point
+    keys : of each point's row, in the order of the points
+    """
+    values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
+    numbers = {name: np.full(len(keys), nan) for name in NUMBERS}
+    status, reason = [], []
+    for i, row in enumerate(rows.read(keys)):
+        status.append(row["status"])
+        reason.append(row["reason"] or "")
+        for name in NUMBERS:
+            numbers[name][i] = nan if row[name] is None else row[name]
+    return Table({axis.key: values[:, k] for k, axis in enumerate(study.axes)}, status, reason, numbers)
+
+
+def csv_text(table: Table) -> str:
+    """Return a table as CSV: numbers in their shortest exact decimals, nothing where there is none."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    columns = table.columns()
+    writer.writerow(columns)
+    for i in range(len(table.status)):
+        plain = (_plain(column[i]) for column in columns.values())
+        writer.writerow("" if value is None else value for value in plain)
+    return stream.getvalue()
+
+
+def parquet_bytes(table: Table) -> bytes | None:
+    """Return a table as a Parquet file, or None where pyarrow is not installed."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        return None
+    stream = pa.BufferOutputStream()
+    columns = {name: [_plain(value) for value in column] for name, column in table.columns().items()}
+    types = {name: pa.string() if name in ("status", "reason") else pa.float64() for name in columns}
+    pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
+    return bytes(stream.getvalue().to_pybytes())
+
+
+def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
+    """Return the files of a table: CSV, and Parquet where it can be made."""
+    parquet = parquet_bytes(table)
+    files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}
+    return files if parquet is None else {**files, folder / f"{stem}.parquet": parquet}
