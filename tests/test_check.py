@@ -57,7 +57,7 @@ def test_refusal_names_frequency_ratio_and_the_least_change(folder):
     assert f"{name} = {old}" in document
     for value, passes in ((new, True), (old + (new - old) * 0.99, False)):
         (folder / "mended.toml").write_text(document.replace(f"{name} = {old}", f"{name} = {value!r}"))
-        assert (check(folder / "mended.toml", None).exit_code is ExitCode.OK) == passes
+        assert (check([folder / "mended.toml"])[0].exit_code is ExitCode.OK) == passes
 
 
 def test_json_is_the_object_of_solve(folder):
@@ -107,13 +107,13 @@ def test_rounding_attack(tmp_path, count):
         problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
         problem.write_text(text)
         gains.write_text(gains_text(judgement.gains, judgement.coupling, {}))
-        assert check(problem, gains).exit_code is ExitCode.OK
+        assert check([problem, gains])[0].exit_code is ExitCode.OK
 
 
 def test_a_check_imports_no_optimiser():
     code = (
         "import sys; from pathlib import Path; from vctune.design.check import check;"
-        f"check(Path({str(ROOT / 'problems/fixed-gains.toml')!r}), None);"
+        f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

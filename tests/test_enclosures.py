@@ -14,7 +14,7 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.batch import Demands, certified
+from vctune.proof.batch import Demands, prove
 from vctune.proof.cells import Cells, all_pairs, sift
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
@@ -118,7 +118,7 @@ def test_arrays_prove_what_arb_proves(name, spread):
     values = np.array(best)[:, None] * np.exp(np.random.default_rng(2).normal(0, spread, (5, 60)))
     values[1, ::5] = 0.0
     band, limit = (problem.stability.band.min, problem.stability.band.max), problem.stability.max_sensitivity
-    proved = certified(Demands(problem.device, band, 1.0, limit), Cells(values, values))
+    proved = prove(Demands(problem.device, band, 1.0, limit), Cells(values, values)).proved
     for found, v in zip(proved, values.T.tolist(), strict=True):
         verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
         assert found == (verdict is Verdict.PROVED)

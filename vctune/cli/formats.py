@@ -27,19 +27,23 @@ def text(checks: list[Checked]) -> str:
     """Return a line a check, and a summary when there are several."""
     lines = []
     for checked in checks:
-        message = checked.message if checked.record is None else printable(checked.message)
-        where = "" if checked.record is None else f"{printable(str(checked.source))}: "
+        message = checked.message if checked.finding is None else printable(checked.message)
+        where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
         lines.append(f"{WORDS[checked.exit_code]:9}  {where}{message}")
-        lines += [f"           warning: {warning}" for warning in (checked.record or {}).get("warnings", [])]
+        lines += [f"           warning: {warning}" for warning in _warnings(checked)]
     if len(checks) > 1:
         counts = {word: sum(WORDS[c.exit_code] == word for c in checks) for word in WORDS.values()}
         lines.append(", ".join(f"{count} {word}" for word, count in counts.items() if count))
     return "\n".join(lines)
 
 
+def _warnings(checked: Checked) -> list[str]:
+    return checked.finding.warnings if checked.finding else []
+
+
 def as_json(checks: list[Checked]) -> str:
     """Return the object of DESIGN 2.3, or a list of them for several checks."""
-    objects = [checked.record or _refused(checked) for checked in checks]
+    objects = [checked.finding.record() if checked.finding else _refused(checked) for checked in checks]
     return json.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False)
 
 
@@ -83,7 +87,7 @@ def junit(checks: list[Checked]) -> str:
     suite = ElementTree.SubElement(root, "testsuite", {"name": "vctune check", **counts})
     for checked, fails, breaks in zip(checks, failed, broken, strict=True):
         source = printable(str(checked.source))
-        seconds = (checked.record or {}).get("seconds", {}).get("total", 0.0)
+        seconds = checked.finding.seconds if checked.finding else 0.0
         case = {"classname": printable(checked.name), "name": source, "time": f"{seconds:.6f}"}
         element = ElementTree.SubElement(suite, "testcase", case)
         if fails or breaks:

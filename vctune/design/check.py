@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import pi
 from pathlib import Path
@@ -10,16 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.judge import EXIT_CODES, Judgement, Status, judge
-from vctune.design.record import design_record
+from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
+from vctune.design.record import design_record, warnings
 from vctune.design.repair import Change, least_change
 from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
-from vctune.document.reading import GainsFile, ProblemFile, read_gains, read_problem
+from vctune.document.reading import ProblemFile, gains_file, problem_file
 from vctune.exits import ExitCode
+from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
 
 
@@ -34,7 +36,7 @@ class Checked:
     exit_code : of this check alone
     message : one line: proved, or what fails and what would mend it, or what is wrong with the input
     line : of the source, that the message is about
-    record : the object of DESIGN 2.3; None for bad input
+    finding : None for bad input
     """
 
     source: Path
@@ -42,20 +44,108 @@ class Checked:
     exit_code: ExitCode
     message: str
     line: int
-    record: dict[str, Any] | None
+    finding: Finding | None
 
 
-def check(problem: Path, gains: Path | None) -> Checked:
-    """Check the gains of a gains file, or a problem's own fixed numbers, against the problem's demands."""
-    source = gains or problem
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What is known of gains that could be judged.
+
+    Attributes
+    ----------
+    file : the problem
+    judgement : of the gains
+    change : of one gain, that would mend a violated design
+    warnings : what the user should know
+    seconds : it took
+    """
+
+    file: ProblemFile
+    judgement: Judgement
+    change: Change | None
+    warnings: list[str]
+    seconds: float
+
+    def record(self) -> dict[str, Any]:
+        """Return the object of DESIGN 2.3."""
+        solved = Solved(self.file.problem, self.judgement, None, 0, None, None, {"prove": self.seconds})
+        change = self.change
+        mend = {"key": change.key, "old": change.old, "new": change.new} if change else None
+        return design_record(self.file, solved) | {"warnings": self.warnings, "repair": mend}
+
+
+@dataclass(frozen=True, slots=True)
+class _Input:
+    """A file that is read once, for it may be a pipe."""
+
+    path: Path
+    text: str
+    error: InputError | None
+    is_gains: bool
+
+
+def check(paths: Sequence[Path]) -> list[Checked]:
+    """Check problem files against their own fixed numbers, or one problem against gains files.
+
+    Raises
+    ------
+    InputError
+        When it is not clear which gains are meant for which problem.
+    """
+    inputs = [_read(path) for path in paths]
+    gains = [given for given in inputs if given.is_gains]
+    broken = [given for given in inputs if given.error]
+    problems = [given for given in inputs if not given.is_gains and not given.error]
+    if not gains:
+        return [_refused(given) if given.error else _check_problem(given) for given in inputs]
+    if len(problems) == 1:
+        return [*map(_refused, broken), *_check_gains(problems[0], gains)]
+    if broken:
+        return [*map(_refused, broken)]
+    message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
+    raise InputError(str(gains[0].path), [Mistake("", message)])
+
+
+def _read(path: Path) -> _Input:
     try:
-        file = read_problem(problem)
-        given = read_gains(gains) if gains else None
-        if given is None and not file.problem.bounds.fixed:
-            raise InputError(str(problem), [_free(file.problem)])
+        text = toml.read_text(path)
+        document = toml.parse(text, str(path))
     except InputError as error:
-        return Checked(source, problem.stem, ExitCode.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
-    return _judged(file, given, source)
+        return _Input(path, "", error, False)
+    return _Input(path, text, None, "gains" in document and "device" not in document)
+
+
+def _refused(given: _Input, error: InputError | None = None) -> Checked:
+    error = error or given.error
+    assert error is not None
+    return Checked(given.path, given.path.stem, ExitCode.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
+
+
+def _check_problem(given: _Input) -> Checked:
+    try:
+        file = problem_file(given.text, given.path)
+        if not file.problem.bounds.fixed:
+            raise InputError(str(given.path), [_free(file.problem)])
+    except InputError as error:
+        return _refused(given, error)
+    return _judged(file, [(given, file.problem.fixed_design, None)])[0]
+
+
+def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
+    try:
+        file = problem_file(problem.text, problem.path)
+    except InputError as error:
+        return [_refused(problem, error)]
+    found: dict[Path, Checked] = {}
+    usable = []
+    for given in gains:
+        try:
+            read = gains_file(given.text, given.path)
+            usable.append((given, (read.gains, read.coupling), read.sha256))
+        except InputError as error:
+            found[given.path] = _refused(given, error)
+    found |= {checked.source: checked for checked in _judged(file, usable)}
+    return [found[given.path] for given in gains]
 
 
 def _free(problem: Problem) -> Mistake:
@@ -64,27 +154,22 @@ def _free(problem: Problem) -> Mistake:
 
 
 @np.errstate(all="ignore")
-def _judged(file: ProblemFile, given: GainsFile | None, source: Path) -> Checked:
+def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling], str | None]]) -> list[Checked]:
+    """Judge designs with the digests of the problems that they were made for."""
     began = perf_counter()
-    problem = file.problem
-    gains, coupling = (given.gains, given.coupling) if given else problem.fixed_design
-    judgement = judge(problem, gains, coupling)
-    change = least_change(problem, gains, coupling) if judgement.status is Status.VIOLATED else None
-    seconds = {"prove": perf_counter() - began}
-    record = design_record(file, Solved(problem, judgement, None, 0, None, None, seconds))
-    made_for = given.sha256 if given else None
-    if made_for and made_for != file.sha256:
-        record["warnings"].append("the gains were made for another version of the problem (sha256 differs)")
-    record["repair"] = {"key": change.key, "old": change.old, "new": change.new} if change else None
-    text = given.text if given else file.text
-    return Checked(
-        source,
-        problem.name,
-        EXIT_CODES[judgement.status],
-        _message(judgement, change),
-        _line(text, change),
-        record,
-    )
+    judgements = judge_all(file.problem, [design for _, design, _ in given])
+    proving = (perf_counter() - began) / max(len(given), 1)
+    checks = []
+    for (source, design, made_for), judgement in zip(given, judgements, strict=True):
+        began = perf_counter()
+        change = least_change(file.problem, *design) if judgement.status is Status.VIOLATED else None
+        found = warnings(file.problem, judgement)
+        if made_for and made_for != file.sha256:
+            found.append("the gains were made for another version of the problem (sha256 differs)")
+        finding = Finding(file, judgement, change, found, proving + perf_counter() - began)
+        code, message = EXIT_CODES[judgement.status], _message(judgement, change)
+        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, change), finding))
+    return checks
 
 
 def _message(judgement: Judgement, change: Change | None) -> str:

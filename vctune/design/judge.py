@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +20,8 @@ from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.certificate import Certificate, certify
+from vctune.proof.batch import Demands
+from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
 
@@ -79,23 +82,42 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
 
     The certificate proves the problem's own safety factor where the design seems to have it, else absolute stability.
     """
-    band = (problem.stability.band.min, problem.stability.band.max)
-    design = Design(problem.device, gains, coupling)
+    seen = _seen(problem, gains, coupling)
+    demands, factor = demands_of(problem), problem.stability.safety_factor
+    factors = (factor, 1.0) if seen["min_ratio"] >= factor else (1.0,)
+    certificate = certify(
+        Design(problem.device, gains, coupling), demands.band, factors, problem.stability.max_sensitivity
+    )
+    return Judgement(gains, coupling, certificate=certificate, **seen)
+
+
+@np.errstate(all="ignore")
+def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
+    """Judge several designs against a problem's demands, as `judge` does, their proofs made together."""
+    certificates = certify_all([Design(problem.device, *design) for design in designs], demands_of(problem))
+    return [
+        Judgement(*design, certificate=certificate, **_seen(problem, *design))
+        for design, certificate in zip(designs, certificates, strict=True)
+    ]
+
+
+def demands_of(problem: Problem) -> Demands:
+    """Return what a design of a problem has to meet (DESIGN 1.9)."""
+    band, stability = problem.stability.band, problem.stability
+    return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
+
+
+def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
+    """Return the parts of a judgement that double precision gives."""
     min_ratio, worst = least_ratio(problem, gains, coupling)
     sensitivity = sensitivity_maxima(problem, gains)
-    limit = problem.stability.max_sensitivity
-    factors = (problem.stability.safety_factor, 1.0) if min_ratio >= problem.stability.safety_factor else (1.0,)
-    certificate = certify(design, band, factors, limit)
-    return Judgement(
-        gains=gains,
-        coupling=coupling,
-        transparency=transparency_error(problem, gains, coupling),
-        min_ratio=min_ratio,
-        worst=worst,
-        peak_sensitivity=float(-sensitivity.value[0]),
-        worst_sensitivity=float(sensitivity.omega[0]),
-        certificate=certificate,
-    )
+    return {
+        "transparency": transparency_error(problem, gains, coupling),
+        "min_ratio": min_ratio,
+        "worst": worst,
+        "peak_sensitivity": float(-sensitivity.value[0]),
+        "worst_sensitivity": float(sensitivity.omega[0]),
+    }
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float]:

@@ -38,7 +38,11 @@ def read_problem(path: Path) -> ProblemFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    text = toml.read_text(path)
+    return problem_file(toml.read_text(path), path)
+
+
+def problem_file(text: str, path: Path) -> ProblemFile:
+    """Return the problem that the text of a file states. Raises `InputError` like `read_problem`."""
     name = path.stem.encode("utf-8", "replace").decode()
     return ProblemFile(parse_problem(text, str(path), name), text)
 
@@ -81,7 +85,11 @@ class GainsFile:
 
 def read_gains(path: Path) -> GainsFile:
     """Read a gains file. Raises `InputError` like `read_problem`."""
-    text = toml.read_text(path)
+    return gains_file(toml.read_text(path), path)
+
+
+def gains_file(text: str, path: Path) -> GainsFile:
+    """Return the gains that the text of a file states. Raises `InputError` like `read_problem`."""
     document = validated(GainsDocument, text, str(path), lambda _raw: [])
     gains, coupling = document.gains, document.coupling
     return GainsFile(

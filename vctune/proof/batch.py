@@ -13,7 +13,7 @@ from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import difference_slope, return_difference, sampled_plant, whole_samples
-from vctune.proof.cells import Cells, Integers, Margin, Pairs, Values, all_pairs, image_at, sift
+from vctune.proof.cells import Cells, Integers, Margin, Values, all_pairs, image_at, sift
 from vctune.proof.claims import (
     Design,
     along_hold,
@@ -23,7 +23,7 @@ from vctune.proof.claims import (
     sensitivity_margin,
 )
 from vctune.proof.enclosures import Enclosure, Flags, Floats, decimal
-from vctune.proof.exclusion import Curve, exclude, misses_zero, turns
+from vctune.proof.exclusion import Curve, exclude, missing_zero, turns
 from vctune.proof.jets import ENCLOSURES as OPS
 
 STEP = 1.4
@@ -121,17 +121,32 @@ def claims_of(demands: Demands, *, integrator: bool) -> Claims:
     )
 
 
-def certified(demands: Demands, cells: Cells) -> Flags:
-    """Return the cells all of whose designs are proved to meet all demands.
+@dataclass(frozen=True, slots=True)
+class Proofs:
+    """What is proved of many cells.
+
+    Attributes
+    ----------
+    proved : the cells all of whose designs meet all demands
+    boxes : what it took to prove Llewellyn's conditions, |S|, the model's and the sampled poles; shape (4, n)
+    """
+
+    proved: Flags
+    boxes: Integers
+
+
+def prove(demands: Demands, cells: Cells) -> Proofs:
+    """Prove all demands throughout each cell.
 
     A cell whose K_p starts at 0 does not contain K_p = 0 itself, which takes the position out of the loop; a cell
     whose K_p is 0 throughout does. A band from 0 or to infinity is beyond arrays: nothing is proved then.
     """
-    proved = np.zeros(len(cells), bool)
+    proofs = Proofs(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
     if demands.band[0] > 0 and demands.band[1] < inf:
         for integrator, at in by_integrator(cells):
-            proved[at] = _certified(demands, cells.taken(at), integrator)
-    return proved
+            part = _proofs(demands, cells.taken(at), integrator)
+            proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
+    return proofs
 
 
 def by_integrator(cells: Cells) -> list[tuple[bool, Integers]]:
@@ -140,29 +155,34 @@ def by_integrator(cells: Cells) -> list[tuple[bool, Integers]]:
     return [(integrator, at) for integrator, at in parts if len(at)]
 
 
-def _certified(demands: Demands, cells: Cells, integrator: bool) -> Flags:
+def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
     """Prove claim after claim for the cells that are left."""
     claims, device = claims_of(demands, integrator=integrator), demands.device
-    left, rounds = np.arange(len(cells)), CELL_ROUNDS if any(cells.moving()) else ROUNDS
+    rounds = CELL_ROUNDS if any(cells.moving()) else ROUNDS
 
-    def poles_stay(cells: Cells) -> Flags:
-        model, sampled = unstable_poles(claims, device, cells.centres(), integrator=integrator)
-        stable = (model == 0) & (sampled == 0)
-        return stable & np.logical_and(*steady(claims, device, cells)) if any(cells.moving()) else stable
-
-    def sensitivity_holds(cells: Cells) -> Flags:
-        pairs = all_pairs(len(cells), 0.0, pi / device.sample_time * (1 + NEAR), STEP)
-        return untouched(sift(claims.sensitivity, cells, pairs, rounds, claims.floor).open, cells)
-
-    def conditions_hold(cells: Cells) -> Flags:
+    def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
         pairs = all_pairs(len(cells), *outwards(demands.band), STEP)
-        return untouched(sift(claims.conditions, cells, pairs, rounds).open, cells)
+        sifted = sift(claims.conditions, cells, pairs, rounds)
+        return sifted.open.count(len(cells)) == 0, sifted.boxes
 
-    for holds in (conditions_hold, sensitivity_holds, poles_stay):
-        left = left[holds(cells.taken(left))] if len(left) else left
+    def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
+        pairs = all_pairs(len(cells), 0.0, pi / device.sample_time * (1 + NEAR), STEP)
+        sifted = sift(claims.sensitivity, cells, pairs, rounds, claims.floor)
+        return sifted.open.count(len(cells)) == 0, sifted.boxes
+
+    def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
+        turned = encirclements(claims, device, cells.centres(), integrator=integrator)
+        stable = (turned.number == 0).all(axis=0)
+        return stable & steady(claims, device, cells).all(axis=0) if any(cells.moving()) else stable, turned.boxes
+
+    left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
+    for rows, holds in ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay)):
+        if len(left):
+            proved, boxes[rows, left] = holds(cells.taken(left))
+            left = left[proved]
     proved = np.zeros(len(cells), bool)
     proved[left] = True
-    return proved
+    return Proofs(proved, boxes)
 
 
 def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> Flags:
@@ -183,53 +203,61 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
         left = np.flatnonzero(~lost)
         if len(left):
             part = part.taken(left)
-            poles = unstable_poles(claims, demands.device, part.centres(), integrator=integrator)
-            kept = steady(claims, demands.device, part)
-            for count, same in zip(poles, kept, strict=True):
-                lost[left] |= (count != 0) & np.isfinite(count) & same
+            number = encirclements(claims, demands.device, part.centres(), integrator=integrator).number
+            lost[left] = ((number != 0) & np.isfinite(number) & steady(claims, demands.device, part)).any(axis=0)
         fails[at] = lost
     return fails
 
 
-def unstable_poles(claims: Claims, device: Device, points: Cells, *, integrator: bool) -> tuple[Floats, Floats]:
-    """Return how often the model's and the sampled loop's curve go around 0: 0 where stable, nan where not settled.
+@dataclass(frozen=True, slots=True)
+class Encirclements:
+    """How often the curves of many designs go around 0, the model's and the sampled loop's: shape (2, n).
 
-    The arguments of `vctune.proof.poles` for many designs: the model's curve ends within a quarter turn of where it
-    goes; the sampled loop's begins at F(1) > 0 and ends on the real axis.
+    Attributes
+    ----------
+    number : 0 where stable, nan where not settled
+    boxes : pairs looked at
     """
-    angle, whole = _turned(claims.model_poles, points, stiffest(device, points))
-    goal = pi if integrator else pi / 2
-    model = np.where(whole, np.round((goal - angle) / (2 * pi)), np.nan)
-    angle, whole = _turned(claims.sampled_poles, points, pi)
-    return model, np.where(whole, np.round(angle / pi), np.nan)
+
+    number: Floats
+    boxes: Integers
 
 
-def _turned(curve: Curve, points: Cells, high: float) -> tuple[Floats, Flags]:
-    """Return the turns of each point's curve from 0 to high, and whether it is proved to miss 0 on the way."""
-    closed, left = exclude(
-        lambda x, values: misses_zero(curve(x, values)), points, all_pairs(len(points), 0.0, high, STEP), ROUNDS
+def encirclements(claims: Claims, device: Device, points: Cells, *, integrator: bool) -> Encirclements:
+    """Return how often the curves of each point go around 0; the arguments are those of `vctune.proof.poles`.
+
+    The model's curve ends within a quarter turn of where it goes; the sampled loop's begins at F(1) > 0 and ends on
+    the real axis.
+    """
+    curves = (
+        (claims.model_poles, stiffest(device, points), 2 * pi, pi if integrator else pi / 2),
+        (claims.sampled_poles, pi, pi, 0.0),
     )
-    return turns(curve, points, closed), untouched(left, points)
+    numbers, boxes = [], []
+    for curve, high, turn, goal in curves:
+        pairs = all_pairs(len(points), 0.0, high, STEP)
+        found = exclude(missing_zero(curve), points, pairs, ROUNDS)
+        whole = found.open.count(len(points)) == 0
+        numbers.append(np.where(whole, np.round((goal - turns(curve, points, found.closed)) / turn), np.nan))
+        boxes.append(found.boxes)
+    return Encirclements(np.stack(numbers), np.stack(boxes))
 
 
-def steady(claims: Claims, device: Device, cells: Cells) -> tuple[Flags, Flags]:
-    """Return where no pole of the model, and none of the sampled loop, crosses the boundary within a cell."""
+def steady(claims: Claims, device: Device, cells: Cells) -> Flags:
+    """Return where no pole of the model, and none of the sampled loop, crosses over within a cell: shape (2, n)."""
 
     def uncrossed(curve: Curve, floor: Margin, high: float) -> Flags:
+        def misses(x: Enclosure, values: Values) -> Flags:
+            return missing_zero(curve)(x, values) | floor(x, values).positive()
+
         pairs = all_pairs(len(cells), 0.0, high, STEP)
-        misses = lambda x, values: misses_zero(curve(x, values)) | floor(x, values).positive()  # noqa: E731
-        return untouched(exclude(misses, cells, pairs, CELL_ROUNDS)[1], cells)
+        return exclude(misses, cells, pairs, CELL_ROUNDS).open.count(len(cells)) == 0
 
     model = uncrossed(claims.model_poles, claims.model_floor, stiffest(device, cells))
-    return model, uncrossed(claims.sampled_poles, claims.sampled_floor, pi)
+    return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_floor, pi)))
 
 
 def stiffest(device: Device, cells: Cells) -> float:
     """Return a frequency beyond which |C| < |m omega|/2 in every cell, because |H| <= 1, rad/s."""
     K_v, K_p = cells.high[:2]
     return 4 * (1 + NEAR) * float(np.maximum(K_v / device.mass, np.sqrt(K_p / device.mass)).max())
-
-
-def untouched(left: Pairs, cells: Cells) -> Flags:
-    """Return the cells that have no pair left."""
-    return np.bincount(left.cell, minlength=len(cells)) == 0

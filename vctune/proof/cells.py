@@ -77,6 +77,10 @@ class Pairs:
         """Return some of the pairs."""
         return Pairs(self.cell[at], self.low[at], self.high[at])
 
+    def count(self, cells: int) -> Integers:
+        """Return how many pairs each cell has."""
+        return np.bincount(self.cell, minlength=cells)
+
     def halved(self) -> Pairs:
         """Return both halves of each interval."""
         middle = _middle(self.low, self.high)
@@ -111,10 +115,12 @@ class Sifted:
     ----------
     open : pairs that are not proved
     witness : for each cell a frequency at which its centre fails, nan where none was met
+    boxes : for each cell the pairs looked at
     """
 
     open: Pairs
     witness: Floats
+    boxes: Integers
 
 
 @np.errstate(all="ignore")
@@ -132,16 +138,17 @@ def sift(margin: Margin, cells: Cells, pairs: Pairs, rounds: int, floor: Margin 
     floor : another margin that proves as much, tried on wide intervals
     """
     kept: list[Pairs] = []
-    witness = np.full(len(cells), np.nan)
+    witness, boxes = np.full(len(cells), np.nan), np.zeros(len(cells), np.intp)
     for again in range(rounds + 1):
         if not len(pairs):
             break
+        boxes += pairs.count(len(cells))
         closed, blurred, fails = _decided(margin, cells, pairs, floor)
         witness[pairs.cell[fails]] = ((pairs.low + pairs.high) / 2)[fails]
         halve = ~(closed | blurred) & np.isnan(witness[pairs.cell]) & (again < rounds)
         kept.append(pairs.taken(~(closed | halve)))
         pairs = pairs.taken(halve).halved()
-    return Sifted(joined(*kept) if kept else pairs, witness)
+    return Sifted(joined(*kept) if kept else pairs, witness, boxes)
 
 
 def _decided(margin: Margin, cells: Cells, pairs: Pairs, floor: Margin | None) -> Flags:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from math import pi
 
+import numpy as np
 from flint import ctx
 
 from vctune.model.arithmetic import Number
 from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.batch import Demands, prove
+from vctune.proof.cells import Cells
 from vctune.proof.claims import Design, sensitivity_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
@@ -89,6 +93,27 @@ def certify(
             Claim.SAMPLED_POLES: prove_sampled_poles(design.device, design.gains),
         }
     return Certificate(design, band, outcomes, factor, shortfall)
+
+
+def certify_all(designs: Sequence[Design], demands: Demands) -> list[Certificate]:
+    """Prove several designs of one device, at the greater of the ratios `demands.factor` and 1 that can be proved.
+
+    Most are proved on arrays, all of them together; Arb decides about the others.
+    """
+    found: list[Certificate | None] = [None] * len(designs)
+    for factor in (demands.factor, 1.0):
+        left = [index for index, certificate in enumerate(found) if certificate is None]
+        if left:
+            values = np.array([astuple(designs[i].gains) + astuple(designs[i].coupling) for i in left]).T
+            proofs = prove(replace(demands, factor=factor), Cells(values, values))
+            for index, proved, boxes in zip(left, proofs.proved, proofs.boxes.T.tolist(), strict=True):
+                outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=True)}
+                found[index] = Certificate(designs[index], demands.band, outcomes, factor, None) if proved else None
+    factors, limit = (demands.factor, 1.0), demands.max_sensitivity
+    return [
+        certificate or certify(design, demands.band, factors, limit)
+        for design, certificate in zip(designs, found, strict=True)
+    ]
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:

@@ -3,41 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from vctune.model.pair import Pair
-from vctune.proof.cells import Cells, Pairs, Values, in_chunks, joined, located
+from vctune.proof.cells import Cells, Integers, Pairs, Values, in_chunks, joined, located
 from vctune.proof.enclosures import Enclosure, Flags, Floats
 
 Curve = Callable[[Enclosure, Values], Pair]
 
 
-def misses_zero(image: Pair) -> Flags:
-    """Return where a rectangle does not contain 0."""
-    return image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
+def missing_zero(curve: Curve) -> Callable[[Enclosure, Values], Flags]:
+    """Return where the rectangle that encloses a curve's image does not contain 0."""
+
+    def misses(x: Enclosure, values: Values) -> Flags:
+        image = curve(x, values)
+        return image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
+
+    return misses
+
+
+@dataclass(frozen=True, slots=True)
+class Excluded:
+    """Where a curve misses 0: closed and open pairs, and for each cell the pairs looked at."""
+
+    closed: Pairs
+    open: Pairs
+    boxes: Integers
 
 
 @np.errstate(all="ignore")
-def exclude(
-    misses: Callable[[Enclosure, Values], Flags], cells: Cells, pairs: Pairs, rounds: int
-) -> tuple[Pairs, Pairs]:
-    """Close the pairs on which a curve is shown to miss 0, halving the others for some rounds.
-
-    Returns
-    -------
-    closed, open : pairs
-    """
-    closed = [pairs.taken(np.zeros(0, np.intp))]
+def exclude(misses: Callable[[Enclosure, Values], Flags], cells: Cells, pairs: Pairs, rounds: int) -> Excluded:
+    """Close the pairs on which a curve is shown to miss 0, halving the others for some rounds."""
+    closed, boxes = [pairs.taken(np.zeros(0, np.intp))], np.zeros(len(cells), np.intp)
     values = cells.values()
     for again in range(rounds + 1):
+        boxes += pairs.count(len(cells))
         missed = in_chunks(lambda part: misses(*located(values, part)), pairs)
         closed.append(pairs.taken(missed))
         pairs = pairs.taken(~missed)
         if not len(pairs) or again == rounds:
             break
         pairs = pairs.halved()
-    return joined(*closed), pairs
+    return Excluded(joined(*closed), pairs, boxes)
 
 
 @np.errstate(all="ignore")

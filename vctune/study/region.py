@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span
 from vctune.analysis.extrema import Floats, frequency_grid
+from vctune.design.judge import demands_of
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import sensitivity_abs2
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.batch import Demands, certified, refuted
+from vctune.proof.batch import prove, refuted
 from vctune.proof.cells import Cells
 from vctune.proof.damping import admissible_damping, no_damping
 from vctune.study.plane import Plane, Squares, halved
@@ -64,12 +65,6 @@ class Region:
     def area(self, kind: Kind) -> float:
         """Return the share of the plane that is of this kind."""
         return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
-
-
-def demands_of(problem: Problem) -> Demands:
-    """Return a problem's demands on a design (DESIGN 1.9)."""
-    band, stability = problem.stability.band, problem.stability
-    return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
 
 
 @np.errstate(all="ignore")
@@ -118,7 +113,7 @@ def _judged(problem: Problem, cells: Cells, *, free: bool) -> tuple[Kinds, Float
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
-    kinds[hopeful[certified(demands, served.taken(hopeful))]] = Kind.FEASIBLE
+    kinds[hopeful[prove(demands, served.taken(hopeful)).proved]] = Kind.FEASIBLE
     left = np.flatnonzero(kinds != Kind.FEASIBLE)
     lost = refuted(demands, cells.taken(left), worst[0, left], worst_S[left])
     if free:
