@@ -177,7 +177,7 @@ def test_schema_agrees_with_the_reader(problems):
     """Every problem in the gallery is valid against the schema; the bad files of a single key are not."""
     validator = jsonschema.Draft202012Validator(json_schema())
     validator.check_schema(json_schema())
-    for path in problems.rglob("*.toml"):
+    for path in set(problems.rglob("*.toml")) - set((problems / "studies").iterdir()):
         document = tomllib.loads(path.read_text())
         assert validator.is_valid(document), path
     for name in ("misspelt-key", "negative-mass", "string-for-number", "range-without-max", "unknown-hold", "empty"):
@@ -190,7 +190,7 @@ def test_schema_file_is_the_schema():
 
 
 def test_problems_name_the_schema(problems):
-    for path in problems.rglob("*.toml"):
+    for path in set(problems.rglob("*.toml")) - set((problems / "studies").iterdir()):
         first = path.read_text().splitlines()[0]
         assert first.startswith("#:schema ")
         assert (path.parent / first.removeprefix("#:schema ")).resolve() == ROOT / "vctune/document/problem.schema.json"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import pytest
@@ -9,8 +10,13 @@ from conftest import ROOT
 
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
+from vctune.document.study import read_study
+from vctune.study.points import points
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
+STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
+SPARSE = 10
+"""Every tenth point of a study is solved again."""
 
 
 @pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
@@ -28,4 +34,16 @@ def test_gallery_is_as_new_as_the_code(path):
 
 def test_gallery_holds_nothing_else():
     folders = {path.name for path in (ROOT / "results").iterdir() if path.is_dir()}
-    assert folders == {path.stem for path in PROBLEMS}
+    assert folders == {path.stem for path in (*PROBLEMS, *STUDIES)}
+
+
+@pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
+def test_studies_are_as_new_as_the_code(path):
+    study = read_study(path)
+    with (ROOT / "results" / path.stem / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [tuple(float(row[axis.key]) for axis in study.axes) for row in rows] == list(points(study))
+    for row, values in list(zip(rows, points(study), strict=True))[::SPARSE]:
+        solved = solve(study.at(values)[0])
+        assert row["status"] == solved.status.value
+        assert float(row["error"]) == pytest.approx(solved.judgement.transparency.error, rel=1e-5)

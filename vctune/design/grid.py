@@ -197,9 +197,15 @@ def _error(problem: Problem, samples: Samples, loops: Loops, damping: Floats, at
     u, v = x * x / (1 + x * x), x / (1 + x * x)
     weight = problem.transparency.weights.coupling**2
     if problem.transparency.norm == "rms":
-        mean_u, mean_2 = (u @ averages)[:, None], ((u * u + v * v) @ averages)[:, None]
+        mean_u, mean_2 = _mean(u, averages)[:, None], _mean(u * u + v * v, averages)[:, None]
         Z_c2 = at.drag**2 + 2 * at.drag * damping * mean_u + damping**2 * mean_2
-        return np.sqrt((loops.error2 @ averages)[:, :, None, None] + weight * Z_c2)
+        return np.sqrt(_mean(loops.error2, averages)[:, :, None, None] + weight * Z_c2)
     b_c = damping[..., None]
     Z_c2 = (at.drag[:, None] + b_c * u[:, None, :]) ** 2 + (b_c * v[:, None, :]) ** 2
     return np.sqrt((loops.error2[:, :, None, None, :] + weight * Z_c2).max(axis=-1))
+
+
+def _mean(values: Floats, averages: Floats) -> Floats:
+    """Return averages over the last axis, without BLAS, whose sums depend on its number of threads."""
+    mean: Floats = np.einsum("...k,k->...", values, averages)
+    return mean

@@ -157,11 +157,10 @@ def _homeless(study: Study, axis: Axis) -> list[Fault]:
     node: Any = study.document
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
-        if step not in node:
-            partners = {other.path[-1] for other in study.axes if other.path[:-1] == axis.path[:i]}
-            whole = inner not in FORM_OF or len(partners) == 2
+        if step not in node and inner in FORM_OF:
+            whole = len({other.path[-1] for other in study.axes if other.path[:-1] == axis.path[:i]}) == 2
             return [] if whole else [(("axes", axis.key), f"the problem has no {owner}; write {form} there")]
-        node = node[step]
+        node = node.get(step, {})
         if not isinstance(node, list if isinstance(inner, int) else dict) or (
             isinstance(inner, int) and len(node) != 2
         ):

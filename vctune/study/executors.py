@@ -5,6 +5,7 @@ Workers end when the process that started them does, however it ends, and leave 
 
 from __future__ import annotations
 
+import logging
 import multiprocessing
 import os
 import signal
@@ -14,7 +15,6 @@ from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from logging import CRITICAL
 from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from typing import Any
@@ -25,7 +25,12 @@ from vctune.version import __version__
 AHEAD = 3
 """Points handed out for each worker, so that none waits for its next one."""
 CONNECT_SECONDS = 5
-SINGLE_THREADED = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+ENVIRONMENT = {
+    **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
+    "PYTHONWARNINGS": "ignore:resource_tracker:UserWarning",
+    "DASK_LOGGING__DISTRIBUTED": "critical",
+}
+"""Of worker processes: single-threaded linear algebra, and no complaints when a run is interrupted or killed."""
 
 
 @dataclass(slots=True)
@@ -80,7 +85,8 @@ def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
 
 @contextmanager
 def _process_crew(jobs: int) -> Iterator[Crew]:
-    context = _context()
+    with _for_workers():
+        context = _context()
     start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_settle_in)
 
     def renew() -> None:
@@ -97,22 +103,31 @@ def _process_crew(jobs: int) -> Iterator[Crew]:
 def _context() -> BaseContext:
     """Return how processes are started: from a server that has imported the solver, where there can be one.
 
-    The server is started now, deaf to Ctrl-C and with single-threaded linear algebra, and hands both on.
+    The server hands on what it was started with.
     """
-    os.environ.update({name: os.environ.get(name, number) for name, number in SINGLE_THREADED.items()})
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     from multiprocessing.forkserver import ensure_running
 
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["vctune.study.outcome"])
-    if threading.current_thread() is threading.main_thread():
-        previous = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
-            ensure_running()
-        finally:
-            signal.signal(signal.SIGINT, previous)
+    ensure_running()
     return context
+
+
+@contextmanager
+def _for_workers() -> Iterator[None]:
+    """Let processes that start in this block have `ENVIRONMENT` and ignore Ctrl-C, as this one does meanwhile."""
+    before, foremost = dict(os.environ), threading.current_thread() is threading.main_thread()
+    os.environ.update(ENVIRONMENT)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if foremost else None
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+        if foremost:
+            signal.signal(signal.SIGINT, handler)
 
 
 def _settle_in() -> None:
@@ -135,7 +150,7 @@ def _dask_crew(choice: str, address: str, jobs: int) -> Iterator[Crew]:
         from distributed.comm import CommClosedError
     except ImportError:
         raise _refusal(choice, "needs Dask; install it with: pip install 'vctune[cluster]'") from None
-    with _client(choice, address, jobs) as client:
+    with _no_logs(), _client(choice, address, jobs) as client:
         threads = sum(client.nthreads().values())
         if threads == 0:
             raise _refusal(choice, "has no workers; start some with: dask worker ADDRESS")
@@ -148,14 +163,24 @@ def _dask_crew(choice: str, address: str, jobs: int) -> Iterator[Crew]:
 
 
 @contextmanager
+def _no_logs() -> Iterator[None]:
+    """Keep Dask's tracebacks of lost connections from stderr: what matters of them is said in our own words."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+@contextmanager
 def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
     from distributed import Client, LocalCluster
 
     if not address:
-        with (
-            LocalCluster(jobs, threads_per_worker=1, dashboard_address=None, silence_logs=CRITICAL) as cluster,
-            Client(cluster) as client,
-        ):
+        with _for_workers():
+            cluster = LocalCluster(n_workers=jobs, threads_per_worker=1, dashboard_address=None)
+        with cluster, Client(cluster) as client:
             yield client
         return
     try:
@@ -167,13 +192,13 @@ def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
 
 
 def _check_versions(choice: str, client: Any) -> None:
+    """Make sure that every worker has this vctune: another one would make other rows."""
     try:
-        versions = set(client.run(_version).values())
-    except ImportError:
-        versions = {"no vctune"}
-    if versions != {__version__}:
-        found = ", ".join(sorted(versions))
-        raise _refusal(choice, f"its workers have {found}, not vctune {__version__}; install that on each of them")
+        found = ", ".join(sorted(set(client.run(_version).values())))
+    except Exception as error:  # whatever keeps a worker from running vctune comes back as its own kind of failure
+        found = f"none that runs ({error})"
+    if found != __version__:
+        raise _refusal(choice, f"its workers need vctune {__version__} and have {found}; install it on each of them")
 
 
 def _version() -> str:

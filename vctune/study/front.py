@@ -78,9 +78,9 @@ def terms_front(table: Table) -> Table:
 
 
 def band_front(table: Table) -> Table:
-    """Return the designs that none other beats in error and upper edge, by the edge."""
+    """Return the designs that none other beats in error and upper edge: the wider the band the greater the error."""
     edge = table.axes["stability.band_hz[1]"]
-    return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=0)
+    return _front(table, np.column_stack([-edge, table.numbers["error"]]), by=1)
 
 
 def _front(table: Table, costs: Floats, by: int) -> Table:
