@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+if TYPE_CHECKING:
+    from vctune.design.check import Checked
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -17,21 +21,58 @@ import click
     show_default=True,
     help="What to print.",
 )
-def check(paths: tuple[Path, ...], style: str) -> int:
+@click.option(
+    "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("results"),
+    show_default=True,
+    help="Folder for OUT/NAME/lost.json and its picture when a region has lost cells.",
+)
+def check(paths: tuple[Path, ...], style: str, baseline: Path | None, out: Path) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
     each of them. A folder stands for the .toml files in it.
+
+    With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
+    be proved.
     """
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
     from vctune.design.check import check as check_files
     from vctune.exits import ExitCode
 
-    checks = check_files([file for path in paths for file in _files(path)])
+    files = [file for path in paths for file in _files(path)]
+    checks = check_files(files) if baseline is None else _against(baseline, files, out)
     emit(FORMATS[style](checks))
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
     return max((checked.exit_code for checked in checks), key=severity.index)
+
+
+def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
+    """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
+    import json
+
+    from vctune.design.check import check as check_files
+    from vctune.document.files import folder_name, make_folder, write_together
+    from vctune.study.guard import guard
+
+    problem, gains = files[0], files[1:]
+    checked, again = guard(problem, baseline)
+    if again.lost and checked.finding:
+        from vctune.report.region import lost_figure
+        from vctune.report.sweep import figure_files
+
+        folder = out / folder_name(checked.name)
+        make_folder(folder)
+        record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
+        pictures = figure_files(lost_figure(again.region), folder, "lost")
+        write_together({folder / "lost.json": record + "\n"} | pictures)
+        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg, lost.png", err=True)
+    return [checked, *(check_files(files) if gains else [])]
 
 
 def _files(path: Path) -> list[Path]:

@@ -8,6 +8,7 @@ import click
 
 from vctune.cli.check import check
 from vctune.cli.front import front
+from vctune.cli.region import region
 from vctune.cli.report import report
 from vctune.cli.schema import schema
 from vctune.cli.solve import solve
@@ -50,6 +51,7 @@ main.add_command(check)
 main.add_command(sweep)
 main.add_command(front)
 main.add_command(report)
+main.add_command(region)
 main.add_command(schema)
 
 

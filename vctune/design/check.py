@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import pi
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -47,8 +47,18 @@ class Checked:
     finding: Finding | None
 
 
+class Finding(Protocol):
+    """What is known when the input could be used: warnings, the seconds it took, and all of it as a JSON object."""
+
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def seconds(self) -> float: ...
+    def record(self) -> dict[str, Any]: ...
+
+
 @dataclass(frozen=True, slots=True)
-class Finding:
+class DesignFinding:
     """What is known of gains that could be judged.
 
     Attributes
@@ -166,7 +176,7 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
         found = warnings(file.problem, judgement)
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
-        finding = Finding(file, judgement, change, found, proving + perf_counter() - began)
+        finding = DesignFinding(file, judgement, change, found, proving + perf_counter() - began)
         code, message = EXIT_CODES[judgement.status], _message(judgement, change)
         checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, change), finding))
     return checks

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import closes_stable, sampled_stable
-from vctune.design.samples import Samples
+from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
@@ -149,6 +149,21 @@ def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
         span = np.log(damping.max() / damping.min()) + 1.0
         error = error * (1 + TIE * np.log(damping / damping.min()) / span)
     return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, loops)
+
+
+def least_errors(problem: Problem, gains: Gains) -> Floats:
+    """Return the least error of any admissible coupling, inf where there is none.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    gains : K_v and K_p, arrays of two dimensions
+    """
+    samples = samples_of(problem, integrator=bool(np.any(gains.position)))
+    at, loops = axes(problem, integral=samples.integrator), _loops(problem, samples, gains)
+    damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
+    admissible = (_rank(problem, loops) == 0)[:, :, None, None] & (excess == 0)
+    return np.where(admissible, _error(problem, samples, loops, damping, at), np.inf).min(axis=(2, 3))
 
 
 def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:

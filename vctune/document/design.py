@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from vctune.document.errors import InputError, Mistake
+from vctune.document.json import read_json
 from vctune.document.schema import FixedCouplingTable, FixedGainsTable
 from vctune.document.validation import MAX_MISTAKES, dotted
 
@@ -111,7 +110,7 @@ def read_design(path: Path) -> dict[str, Any]:
     InputError
         If it cannot be read or is not one, listing the parts that are missing or wrong.
     """
-    record = _json(path)
+    record = read_json(path, "a design.json of `vctune solve`", MAX_BYTES)
     if not isinstance(record, dict) or record.get("schema") != SCHEMA:
         raise InputError(str(path), [Mistake("schema", f"is not {SCHEMA}; name a design.json of `vctune solve`")])
     try:
@@ -121,27 +120,3 @@ def read_design(path: Path) -> dict[str, Any]:
         mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
         raise InputError(str(path), [*mistakes, Mistake("", "is damaged; solve the problem again")]) from None
     return record
-
-
-def _json(path: Path) -> Any:
-    try:
-        with path.open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
-    if len(data) > MAX_BYTES:
-        message = f"is longer than {MAX_BYTES} bytes; this is not a design.json of `vctune solve`"
-        raise InputError(str(path), [Mistake("", message)])
-    try:
-        return json.loads(data.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite)
-    except RecursionError:
-        raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
-    except ValueError as error:
-        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
-
-
-def _finite(text: str) -> float:
-    number = float(text)
-    if not isfinite(number):
-        raise ValueError(f"{text} is no finite number")
-    return number

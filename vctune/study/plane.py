@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.variables import KEYS, Coordinate, coordinates, ranges
+from vctune.document.errors import Mistake
 from vctune.document.problem import Problem, Range
 from vctune.proof.cells import Cells
 
@@ -19,6 +21,7 @@ A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K
 """
 
 POSITION = KEYS.index("gains.position")
+COARSEST = 8
 DIGITS = 12
 
 
@@ -30,21 +33,21 @@ class Plane:
     ----------
     axes : indices of the variables x and y in `vctune.design.variables.KEYS`
     edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
-    others : ranges of all five variables
+    ranges : ranges of all five variables
     """
 
     axes: tuple[int, int]
     edges: tuple[Floats, Floats]
-    others: tuple[Range, ...]
+    ranges: tuple[Range, ...]
 
-    def start(self, count: int) -> Squares:
-        """Return the plane in `count` by `count` squares, and in as many pieces the line K_p = 0 if it is there."""
-        side = len(self.edges[0]) - 1
+    def whole(self) -> Squares:
+        """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
+        side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
         squares = np.stack((i, i + side // count, j, j + side // count))
         for place, axis in enumerate(self.axes):
-            if axis == POSITION and self.others[axis].min == 0:
+            if axis == POSITION and self.ranges[axis].min == 0:
                 line = np.zeros((4, count), np.intp)
                 line[2 * (1 - place)], line[2 * (1 - place) + 1] = marks, marks + side // count
                 squares = np.concatenate((squares, line), axis=1)
@@ -52,8 +55,8 @@ class Plane:
 
     def cells(self, squares: Squares) -> Cells:
         """Return the cells, the other variables at the full width of their ranges."""
-        low = np.repeat([[bounds.min] for bounds in self.others], squares.shape[1], axis=1)
-        high = np.repeat([[bounds.max] for bounds in self.others], squares.shape[1], axis=1)
+        low = np.repeat([[bounds.min] for bounds in self.ranges], squares.shape[1], axis=1)
+        high = np.repeat([[bounds.max] for bounds in self.ranges], squares.shape[1], axis=1)
         for place, axis in enumerate(self.axes):
             low[axis], high[axis] = (self.edges[place][squares[2 * place + k]] for k in (0, 1))
         return Cells(low, high)
@@ -64,12 +67,34 @@ class Plane:
         return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
 
 
+def obstacles(problem: Problem, x: str, y: str) -> list[Mistake]:
+    """Return why the region of a problem in the plane of x and y cannot be found, if so."""
+    bounds, band, found = dict(zip(KEYS, ranges(problem.bounds), strict=True)), problem.stability.band, []
+    free = [key for key in KEYS if not bounds[key].fixed]
+    names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
+    if x == y:
+        found.append(Mistake(x, "is both axes of the plane; choose another --x or --y"))
+    found += [
+        Mistake(key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
+        for key in dict.fromkeys((x, y))
+        if bounds[key].fixed
+    ]
+    found += [
+        Mistake(key, "is free but not an axis; fix it, or name it with --x or --y")
+        for key in KEYS[:2]
+        if key not in (x, y) and not bounds[key].fixed
+    ]
+    if band.min == 0 or band.max == inf:
+        found.append(Mistake("stability.band_hz", "goes from 0 or to inf; a region needs a finite band above 0"))
+    return found
+
+
 def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
     """Return the plane of two free variables of a problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : one without `obstacles` in this plane
     x, y : dotted keys
     levels : the finest cell is 2^-levels of a side
     """
@@ -88,12 +113,12 @@ def _edges(coordinate: Coordinate, unit: float, bounds: Range, count: int) -> Fl
 
 
 def halved(squares: Squares) -> Squares:
-    """Return the quarters of each square, the halves of each piece of a line."""
+    """Return the quarters of each square, the halves of each piece of a line; the finest width stays whole."""
     parts = [squares]
     for low, high in ((0, 1), (2, 3)):
         halves = []
         for part in parts:
-            longer = part[high] > part[low]
+            longer = part[high] - part[low] > 1
             middle = (part[low] + part[high]) // 2
             first, second = part.copy(), part[:, longer].copy()
             first[high] = np.where(longer, middle, part[high])

@@ -24,8 +24,6 @@ from vctune.proof.cells import Cells
 from vctune.proof.damping import admissible_damping, no_damping
 from vctune.study.plane import Plane, Squares, halved
 
-COARSEST = 8
-"""Cells a side to begin with."""
 POINTS_PER_DECADE = 24
 TOGETHER = 512
 """Cells whose frequency responses are sampled together."""
@@ -67,25 +65,28 @@ class Region:
         return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
 
 
-@np.errstate(all="ignore")
-def region(problem: Problem, plane: Plane, progress: Progress = lambda stage: None) -> Region:
-    """Divide a plane of gains into cells until each is decided or as small as the plane's edges allow.
+def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress = lambda stage: None) -> Region:
+    """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
     Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
     demands ease as m_c and b_0 grow, so that their upper bounds decide.
     """
-    free = DAMPING not in plane.axes and not problem.bounds.damping.fixed
-    squares = plane.start(COARSEST)
     done: list[tuple[Squares, Kinds, Floats]] = []
     while squares.shape[1]:
         progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
-        kinds, damping = _judged(problem, easiest(plane.cells(squares), plane), free=free)
+        kinds, damping = judged(problem, plane, squares)
         size = np.maximum(squares[1] - squares[0], squares[3] - squares[2])
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((squares[:, settled], kinds[settled], damping[settled]))
         squares = halved(squares[:, ~settled])
-    parts = [np.concatenate(part, axis=-1) for part in zip(*done, strict=True)]
-    return Region(plane, *parts)
+    if not done:
+        return Region(plane, squares, np.zeros(0, np.intp), np.zeros(0))
+    return Region(plane, *(np.concatenate(part, axis=-1) for part in zip(*done, strict=True)))
+
+
+def free_damping(plane: Plane) -> bool:
+    """Return whether each cell may have a b_c of its own."""
+    return DAMPING not in plane.axes and not plane.ranges[DAMPING].fixed
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
@@ -104,8 +105,10 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     return Cells(low, high)
 
 
-def _judged(problem: Problem, cells: Cells, *, free: bool) -> tuple[Kinds, Floats]:
+@np.errstate(all="ignore")
+def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free."""
+    cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     demands = demands_of(problem)
     starts = range(0, len(cells), TOGETHER)
     parts = [_estimate(problem, cells.taken(np.arange(i, min(i + TOGETHER, len(cells)))), free=free) for i in starts]

@@ -1,0 +1,47 @@
+"""JSON files read strictly: finite numbers, of a size that the file can have."""
+
+from __future__ import annotations
+
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from vctune.document.errors import InputError, Mistake
+
+
+def read_json(path: Path, kind: str, max_bytes: int) -> Any:
+    """Return what a JSON file holds.
+
+    Parameters
+    ----------
+    path : the file
+    kind : what it ought to be, for the message about a file that is too long
+    max_bytes : the most that such a file can have
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is too long, or is not strict JSON.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(max_bytes + 1)
+    except OSError as error:
+        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+    if len(data) > max_bytes:
+        message = f"is longer than {max_bytes} bytes; this is not {kind}"
+        raise InputError(str(path), [Mistake("", message)])
+    try:
+        return json.loads(data.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite)
+    except RecursionError:
+        raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
+    except ValueError as error:
+        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not isfinite(number):
+        raise ValueError(f"{text} is no finite number")
+    return number

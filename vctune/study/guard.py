@@ -1,0 +1,101 @@
+"""`vctune check --region`: what a baseline had proved, proved again with the problem of today."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from vctune.design.check import Checked
+from vctune.design.variables import KEYS, point
+from vctune.document import toml
+from vctune.document.errors import InputError
+from vctune.document.reading import ProblemFile, read_problem
+from vctune.document.region import read_region
+from vctune.exits import ExitCode
+from vctune.study.baseline import Recheck, recheck
+from vctune.study.plane import Squares, obstacles
+from vctune.study.region import Kind
+
+SCHEMA = "vctune/region-check/1"
+
+
+@dataclass(frozen=True, slots=True)
+class RegionFinding:
+    """What became of a baseline.
+
+    Attributes
+    ----------
+    file : the problem of today
+    again : what was proved again
+    warnings : what the user should know
+    seconds : it took
+    """
+
+    file: ProblemFile
+    again: Recheck
+    warnings: list[str]
+    seconds: float
+
+    def record(self) -> dict[str, Any]:
+        """Return the counts, and the cells and gain sets that have lost their proof, in SI units."""
+        again, plane = self.again, self.again.region.plane
+        x, y = (KEYS[axis] for axis in plane.axes)
+        x_edges, y_edges = plane.edges
+        gone = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
+        return {
+            "schema": SCHEMA,
+            "problem": {"name": self.file.problem.name, "sha256": self.file.sha256},
+            "status": "lost" if again.lost else "kept",
+            "axes": {"x": x, "y": y},
+            "areas": {"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
+            "lost_cells": [[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in _lost(again).T],
+            "lost_designs": [dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in gone],
+            "warnings": self.warnings,
+            "seconds": {"total": self.seconds},
+        }
+
+
+def guard(problem: Path, baseline: Path) -> tuple[Checked, Recheck]:
+    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+
+    Raises
+    ------
+    InputError
+        If the region file cannot be used, or the problem no longer has such a region.
+    """
+    began = perf_counter()
+    file, old = read_problem(problem), read_region(baseline)
+    if mistakes := obstacles(file.problem, old.axes.x, old.axes.y):
+        raise InputError(str(problem), mistakes)
+    again = recheck(file.problem, old)
+    warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]
+    finding = RegionFinding(file, again, warnings, perf_counter() - began)
+    code = ExitCode.FAILED if again.lost else ExitCode.OK
+    line = toml.Lines(file.text).locate(("device",)) or 1
+    return Checked(problem, file.problem.name, code, _message(again), line, finding), again
+
+
+def _lost(again: Recheck) -> Squares:
+    return again.region.squares[:, again.region.kinds != Kind.FEASIBLE]
+
+
+def _lost_area(again: Recheck) -> float:
+    return float(again.region.plane.areas(_lost(again)).sum())
+
+
+def _message(again: Recheck) -> str:
+    kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
+    if not again.lost:
+        return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"
+    message = f"lost their proof: {again.certified.count(False)} of {designs} listed gain sets"
+    squares, plane = _lost(again), again.region.plane
+    if squares.size:
+        spans = [
+            f"{KEYS[axis]} from {edges[squares[k]].min():g} to {edges[squares[k + 1]].max():g}"
+            for axis, edges, k in zip(plane.axes, plane.edges, (0, 2), strict=True)
+        ]
+        share = f"{100 * lost:.4g} of {100 * (kept + lost):.4g} % of the plane"
+        message += f", and {share}, with {spans[0]} and {spans[1]}"
+    return message
