@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -31,3 +31,22 @@ def interrupt_deferred() -> Iterator[None]:
         signal.signal(signal.SIGINT, previous)
         if pending:
             signal.raise_signal(signal.SIGINT)
+
+
+@contextmanager
+def interrupt_noted() -> Iterator[Callable[[], bool]]:
+    """Let SIGINT only be noted within the block; yield a function that tells whether there was one.
+
+    For work that is worth something wherever it stops.
+    """
+    noted = False
+
+    def remember(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal noted
+        noted = True
+
+    previous = signal.signal(signal.SIGINT, remember)
+    try:
+        yield lambda: noted
+    finally:
+        signal.signal(signal.SIGINT, previous)

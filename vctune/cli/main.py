@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import click
 
+from vctune.cli.bound import bound
 from vctune.cli.check import check
 from vctune.cli.front import front
 from vctune.cli.region import region
@@ -52,6 +53,7 @@ main.add_command(sweep)
 main.add_command(front)
 main.add_command(report)
 main.add_command(region)
+main.add_command(bound)
 main.add_command(schema)
 
 

@@ -20,7 +20,14 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is renamed.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
-def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool) -> int:
+@click.option(
+    "--prove-gap",
+    "gap",
+    type=click.FloatRange(1e-4, 10.0),
+    metavar="GAP",
+    help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
+)
+def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, gap: float | None) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
     PROBLEM is a TOML file; only [device] mass, damping and sample_time are required in it.
@@ -32,21 +39,22 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
-    folder = _folder(file, problem, out)
+    folder = design_folder(file, problem, out)
 
-    from vctune.design.judge import EXIT_CODES
+    from vctune.design.judge import EXIT_CODES, Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
     from vctune.design.solve import solve as solve_problem
+    from vctune.exits import ExitCode
     from vctune.interrupt import interrupt_deferred
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solve_problem(file.problem, progress)
+        solved = solve_problem(file.problem, progress, gap=gap)
         record = design_record(file, solved, ipopt_version())
         text = json.dumps(record, indent=2, allow_nan=False)
         judgement = solved.judgement
         with interrupt_deferred():  # the files of a design agree with each other, or are those of the earlier one
-            _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+            write_design(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
             if no_report:
                 _set_report_aside(folder)
             else:
@@ -61,10 +69,11 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
 
         with reader_may_leave():
             print_design(record, folder)
-    return EXIT_CODES[solved.status]
+    open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
+    return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]
 
 
-def _folder(file: ProblemFile, problem: Path, out: Path) -> Path:
+def design_folder(file: ProblemFile, problem: Path, out: Path) -> Path:
     """Return the folder of the design, made and writable, after making sure that nobody else's work is in it."""
     import json
 
@@ -85,7 +94,7 @@ def _folder(file: ProblemFile, problem: Path, out: Path) -> Path:
     return folder
 
 
-def _write(
+def write_design(
     folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
 ) -> None:
     """Write design.json, and gains.toml with it; without a design older gains are set aside, not left beside it."""

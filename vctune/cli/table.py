@@ -71,6 +71,7 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
             ("least Re Z_c / R", _text(proof["min_ratio"]), f"at {_text(proof['worst_hz'])} Hz"),
             *((f"{claim['claim']}", claim["verdict"], _place(claim["witness_hz"])) for claim in _open(proof)),
         ],
+        **({"optimality": _optimality(record["optimality"])} if record.get("optimality") else {}),
         "velocity loop": [
             ("spectral radius", _text(loop["spectral_radius"]), _stable(loop["stable"])),
             ("peak |S|", _text(loop["peak_sensitivity"]), f"at {_text(loop['peak_sensitivity_hz'])} Hz"),
@@ -79,6 +80,13 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
             ("delay margin", _text(loop["delay_margin_s"]), "s"),
         ],
     }
+
+
+def _optimality(found: dict[str, Any]) -> list[tuple[str, str, str]]:
+    rows = [("lower bound", _text(found["lower_bound"]), f"{found['verdict']}, {found['boxes']} boxes")]
+    if found["gap"] is not None:
+        rows.append(("gap", f"{100 * found['gap']:.3g}", "%"))
+    return rows
 
 
 def print_sweep(found: dict[str, Any], folder: Path) -> None:

@@ -22,7 +22,8 @@ class Infeasibility:
     Attributes
     ----------
     reason : which demand fails, where, by how much, and what would repair it
-    proved : whether it follows from a theorem, not from a search that found nothing
+    proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
+        found nothing
     """
 
     reason: str
@@ -78,25 +79,24 @@ def _impossible_at_infinity(problem: Problem) -> str | None:
     )
 
 
-def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult) -> Infeasibility:
+def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult, *, proved: bool) -> Infeasibility:
     """Describe how the scanned point that fails least fails.
 
     Parameters
     ----------
     problem, scaled : in SI and in dimensionless units
     seen : the scan's result
+    proved : whether every box of gains has been searched in vain
     """
+    opening = "there is no admissible design" if proved else "no admissible design was found, nor proved impossible"
     if not seen.starts:
-        return Infeasibility("no design was found within the bounds; widen them", proved=False)
+        return Infeasibility(f"{opening}; widen the bounds", proved)
     start = seen.starts[0]
     Z, T = problem.transparency.reference_impedance, problem.device.sample_time
     gains = Gains(start.gains.velocity * Z, start.gains.position * Z / T)
     coupling = Coupling(start.coupling.damping * Z, start.coupling.mass * Z * T, start.coupling.drag * Z)
-    prefix = (
-        "no admissible design was found; the nearest miss has "
-        f"velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
-    )
-    return Infeasibility(prefix + _first_failure(problem, gains, coupling), proved=False)
+    prefix = f"{opening}; the nearest miss has velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
+    return Infeasibility(prefix + _first_failure(problem, gains, coupling), proved)
 
 
 def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import encirclements, loop_margins
+from vctune.design.bound import Optimality
 from vctune.design.judge import Judgement
 from vctune.design.result import Solved
 from vctune.design.rounding import near
@@ -26,6 +27,8 @@ from vctune.proof.poles import spectral_radius
 from vctune.version import __version__
 
 ACTIVE = 1e-5
+SHOWN = 200
+"""Rounds and open boxes of a search that are kept."""
 HARDLY_TRACKING = 0.9
 """A mean or greatest |1 - G_he| above which the velocity loop is said to be hardly used."""
 
@@ -44,6 +47,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "schema": SCHEMA,
         "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
+        "proved": solved.infeasibility.proved if solved.infeasibility else None,
         "reason": solved.infeasibility.reason if solved.infeasibility else None,
         "gains": None,
         "coupling": None,
@@ -55,6 +59,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "left_out": left_out(solved),
         "warnings": [],
         "solver": _solver(solved),
+        "optimality": optimality_record(solved.optimality) if solved.optimality else None,
         "versions": dict(versions(ipopt)),
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
@@ -244,6 +249,30 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "Z": 0 if poles[0] is Verdict.PROVED else None,
         },
     }
+
+
+def optimality_record(found: Optimality) -> dict[str, Any]:
+    """Return what is proved of every design as a JSON object: bound, gap, history, and the boxes that are open."""
+    leaves = found.rest.leaves
+    lowest = np.argsort(leaves.bound, kind="stable")[:SHOWN]
+    every = max(1, len(found.history) // SHOWN)
+    record: dict[str, Any] = _finite(
+        {
+            "lower_bound": found.bound,
+            "gap": found.gap,
+            "verdict": "proved" if found.proved else "open",
+            "boxes": found.rest.boxes,
+            "seconds": found.rest.seconds,
+            "history": [
+                {"seconds": at.seconds, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
+                for at in [*found.history[:-1:every], found.history[-1]]
+            ],
+            "open": [
+                {"low": leaves.boxes.low[:, i].tolist(), "high": leaves.boxes.high[:, i].tolist()} for i in lowest
+            ],
+        }
+    )
+    return record
 
 
 def _hz(omega: float | None) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.analysis.extrema import Floats
+from vctune.design.bound import Optimality
 from vctune.design.infeasible import Infeasibility
 from vctune.design.judge import Judgement, Status
 from vctune.design.scan import ScanResult, Start
@@ -91,6 +92,7 @@ class Solved:
     infeasibility : why there is no design, else None
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
+    optimality : how much better any design could be, None when nobody asked
     """
 
     problem: Problem
@@ -100,8 +102,12 @@ class Solved:
     infeasibility: Infeasibility | None
     seen: ScanResult | None
     seconds: dict[str, float]
+    optimality: Optimality | None = None
 
     @property
     def status(self) -> Status:
         """Certified, violated, undecided or infeasible."""
-        return self.judgement.status if self.judgement else Status.INFEASIBLE
+        if self.judgement is not None:
+            return self.judgement.status
+        proved = self.infeasibility is not None and self.infeasibility.proved
+        return Status.INFEASIBLE if proved else Status.UNDECIDED

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from math import inf
 from time import perf_counter
 
 import numpy as np
 
+from vctune.design.bound import Glance, bound
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
@@ -18,6 +20,7 @@ from vctune.design.scan import ScanResult, rescan, scan
 from vctune.design.shape import WorkingSet
 from vctune.design.variables import Point, design_of
 from vctune.document.problem import Problem, Range
+from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
@@ -30,18 +33,26 @@ PROOF_ROUNDS = 4
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 SHARPENING = 10.0
+SEARCH_BOXES = 300_000
+"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none."""
+BOUND_BOXES = 20_000_000
+"""Effort of the search for a bound that was asked for."""
 
 Progress = Callable[[str], None]
 
 
 @np.errstate(all="ignore")
-def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
+def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
+
+    Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
+    none, or gives up.
 
     Parameters
     ----------
     problem : Problem
     progress : told the stage of the work
+    gap : prove that no design has an error lower by more than this share
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -64,16 +75,58 @@ def solve(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
         best, judgement = _best_proved(problem, scaled, seen, optima)
     if judgement is not None and problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(problem, judgement)
-    infeasibility = nearest_miss(problem, scaled, seen) if judgement is None else None
     seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
-    return Solved(problem, judgement, best, len(optima), infeasibility, seen, seconds)
+    solved = Solved(problem, judgement, best, len(optima), None, seen, seconds)
+    if judgement is None or gap is not None:
+        solved = _searched(solved, progress, gap)
+    if solved.judgement is None:
+        proved = solved.optimality is not None and solved.optimality.proved
+        solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
+    return solved
+
+
+def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
+    """Search every box of designs: for a design where there is none, for a bound where it was asked for."""
+    problem, began = solved.problem, perf_counter()
+
+    def tell(at: Glance) -> None:
+        progress(f"searching every box: error {at.incumbent:.5g}, bound {at.bound:.5g}, {at.open} open")
+
+    most = SEARCH_BOXES if gap is None else BOUND_BOXES
+    found = bound(problem, solved.judgement, partial(improved, problem), gap=gap or 0.0, most_boxes=most, progress=tell)
+    seconds = {**solved.seconds, "bound": perf_counter() - began}
+    if found.improved is None:
+        return replace(solved, optimality=found, seconds=seconds)
+    return replace(solved, judgement=found.improved, polished=None, optimality=found, seconds=seconds)
+
+
+@np.errstate(all="ignore")
+def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | None:
+    """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
+    scaled = _dimensionless(problem)
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    start = rescan(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
+    target = incumbent / _unit_of_error(problem)
+    if start is None or start.error >= target:
+        return None
+    seen = scan(scaled)
+    optimum = polish(scaled, start, seen, incumbent=target)
+    judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+    if judgement is None or not _meets_demands(problem, judgement) or judgement.transparency.error >= incumbent:
+        return None
+    return judgement
+
+
+def _unit_of_error(problem: Problem) -> float:
+    """Return the greatest weight, in which the dimensionless problem counts its error."""
+    weights = problem.transparency.weights
+    return max(weights.admittance, weights.tracking, weights.coupling)
 
 
 def _dimensionless(problem: Problem) -> Problem:
     """Return the problem with Z_0 = T = 1 and the greatest weight 1."""
     scaled = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
-    weights = scaled.transparency.weights
-    most = max(weights.admittance, weights.tracking, weights.coupling)
+    weights, most = scaled.transparency.weights, _unit_of_error(problem)
     relative = Terms(weights.admittance / most, weights.tracking / most, weights.coupling / most)
     return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
 from vctune.document.problem import Band, Problem
@@ -68,6 +69,8 @@ def figures(design: Design) -> dict[str, Figure]:
         }
         if design.record["solver"].get("rounds"):
             drawn["convergence"] = _convergence(design.record["solver"]["rounds"])
+        if design.record.get("optimality"):
+            drawn["optimality"] = _optimality(design.record["optimality"])
     return drawn
 
 
@@ -206,4 +209,24 @@ def _convergence(rounds: list[dict[str, Any]]) -> Figure:
         outer.annotate(
             f"error {r['error']:.5g}", (time, max(r["violation"], FLOOR)), xytext=(4, 4), textcoords="offset points"
         )
+    return figure
+
+
+def _optimality(found: dict[str, Any]) -> Figure:
+    """Draw the bound and the best design against run time, and the boxes that are still open, by their gains."""
+    seconds, bound, error = (
+        [row[key] if row[key] is not None else np.nan for row in found["history"]]
+        for key in ("seconds", "lower_bound", "error")
+    )
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    axes, boxes = figure.subplots(1, 2, width_ratios=(3, 2))
+    axes.step(seconds, error, where="post", color=GREEN, label="best design known")
+    axes.step(seconds, bound, where="post", color=BLUE, label="no design is below")
+    axes.set(xlabel="seconds", ylabel="transparency error", yscale="log")
+    axes.legend(loc="lower right")
+    for box in found["open"]:
+        (x, y, *_), (x_end, y_end, *_) = box["low"], box["high"]
+        boxes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
+    boxes.autoscale_view()
+    boxes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m", title=f"open boxes: {found['history'][-1]['open']}")
     return figure

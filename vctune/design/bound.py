@@ -1,0 +1,317 @@
+"""How much better any design could be: a lower bound on the error of all of them, by branch and bound (DESIGN 1.9).
+
+Boxes of (K_v, K_p, tau_c, b_0) are halved, the most promising first, and fall when even their lower bound is within
+the gap of the best design known, when no design in them meets the demands, or when their loops are unstable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
+from vctune.analysis.extrema import Floats
+from vctune.design.boxes import Axis, axes_of, settled
+from vctune.design.judge import Judgement
+from vctune.document.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.enclosures import Flags
+from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, least_damping, lower_bounds, relaxation
+
+FREQUENCIES, PLACES = 40, 48
+"""Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""
+MOST_FREQUENCIES = 160
+CHUNK = 1024
+"""Boxes halved together."""
+LOOK_EVERY = 8
+"""After how many rounds the best box is looked at: for frequencies that it violates, for a better design."""
+VIOLATED = 1e-4
+SECOND, TIE = 0.1, 1e-6
+"""What the better half of a box counts when an axis is chosen, and its length, against the worse half's bound."""
+BETTER = 1e-3
+"""A design counts as better than the incumbent when its error is lower by this share."""
+
+Improve = Callable[[Gains, float], Judgement | None]
+"""Return a certified design found from given gains with an error below a limit, or None."""
+
+
+@dataclass(frozen=True, slots=True)
+class Leaves:
+    """Boxes that are still open.
+
+    Attributes
+    ----------
+    boxes : the boxes
+    bound : a lower bound on the error in each
+    settled : whether all of its loops are known to be stable
+    """
+
+    boxes: Boxes
+    bound: Floats
+    settled: Flags
+
+    def taken(self, at: Flags) -> Leaves:
+        """Return some of the leaves."""
+        return Leaves(self.boxes.taken(at), self.bound[at], self.settled[at])
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """Where the search stood: seconds, lower bound, error of the best design known, open boxes."""
+
+    seconds: float
+    bound: float
+    incumbent: float
+    open: int
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """What a search needs to go on.
+
+    Attributes
+    ----------
+    leaves : boxes that are still open
+    fallen : the least lower bound of the boxes that have fallen
+    gap : within which they have
+    boxes, seconds : what it took so far
+    """
+
+    leaves: Leaves
+    fallen: float
+    gap: float
+    boxes: int
+    seconds: float
+
+    def arrays(self) -> dict[str, Floats]:
+        """Return everything as arrays, to be kept in a file."""
+        leaves = self.leaves
+        return {
+            "low": leaves.boxes.low,
+            "high": leaves.boxes.high,
+            "bound": leaves.bound,
+            "settled": leaves.settled.astype(float),
+            "rest": np.array([self.fallen, self.gap, self.boxes, self.seconds]),
+        }
+
+
+ARRAYS = {"low", "high", "bound", "settled", "rest"}
+
+
+def unfinished(arrays: dict[str, Floats]) -> Unfinished:
+    """Return what `Unfinished.arrays` had made of a search."""
+    fallen, gap, boxes, seconds = arrays["rest"].tolist()
+    leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
+    return Unfinished(leaves, fallen, gap, int(boxes), seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class Optimality:
+    """What is proved of the error of every admissible design.
+
+    Attributes
+    ----------
+    bound : no admissible design has a lower error; inf if there is none
+    incumbent : error of the best design known, inf if none is
+    proved : whether the bound is within the gap that was asked for
+    improved : a better design than the one given, if the search has met one
+    history : of the search, the last of it now
+    rest : what is left to do; no leaves when it is proved
+    """
+
+    bound: float
+    incumbent: float
+    proved: bool
+    improved: Judgement | None
+    history: list[Glance]
+    rest: Unfinished
+
+    @property
+    def gap(self) -> float:
+        """By which share the incumbent's error is above the bound at most."""
+        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
+
+
+@dataclass(slots=True)
+class _Search:
+    """What changes as the search goes on.
+
+    Attributes
+    ----------
+    relaxed : the relaxation, with the frequencies known so far
+    incumbent : error of the best design known
+    improved : that design, if the search has found it
+    fallen : the least lower bound of the boxes that have fallen
+    boxes : lower bounds worked out
+    history : so far
+    """
+
+    relaxed: Relaxation
+    incumbent: float
+    improved: Judgement | None
+    fallen: float
+    boxes: int
+    history: list[Glance]
+
+
+def bound(
+    problem: Problem,
+    best: Judgement | None,
+    improve: Improve,
+    *,
+    gap: float,
+    most_boxes: float = inf,
+    time_limit: float = inf,
+    jobs: int = 1,
+    rest: Unfinished | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Callable[[Glance], None] = lambda glance: None,
+) -> Optimality:
+    """Prove a lower bound on the error of every admissible design of a problem.
+
+    The bound is valid whenever the search ends.
+
+    Parameters
+    ----------
+    problem : one that leaves something free
+    best : the best design known; None if none is
+    improve : looks for a design with a lower error near given gains
+    gap : stop when the incumbent's error is at most 1 + gap times the bound
+    most_boxes, time_limit : when to give up; s
+    jobs : threads
+    rest : of an earlier search of the same problem with a gap not above this one's
+    stopped : whether to give up now
+    progress : told where the search stands, every round
+    """
+    began, axes = perf_counter(), axes_of(problem)
+    leaves, fallen, boxes, spent = _root(axes), inf, 0, 0.0
+    if rest is not None:
+        leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
+    search = _Search(_relaxed(problem, best), best.transparency.error if best else inf, None, fallen, boxes, [])
+    rounds = 0
+    with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
+        while True:
+            leaves, seconds = _pruned(leaves, search, gap), perf_counter() - began
+            search.history.append(_glance(search, leaves, spent + seconds))
+            progress(search.history[-1])
+            if not len(leaves.bound) or search.boxes > most_boxes or seconds > time_limit or stopped():
+                break
+            if rounds % LOOK_EVERY == 0:
+                _look(problem, search, leaves, improve)
+            leaves = _halved(problem, axes, search, leaves, pool)
+            rounds += 1
+    last, proved = search.history[-1], not len(leaves.bound)
+    rest = Unfinished(leaves, search.fallen, gap, search.boxes, last.seconds)
+    return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, rest)
+
+
+def _root(axes: tuple[Axis, ...]) -> Leaves:
+    low, high = (np.array([[getattr(axis, end)] for axis in axes]) for end in ("low", "high"))
+    return Leaves(Boxes(low, high), np.zeros(1), np.zeros(1, bool))
+
+
+def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
+    """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
+    omega = [np.geomspace(*sampled_span(problem), FREQUENCIES)]
+    omega_S = [np.geomspace(problem.nyquist * 1e-3, problem.nyquist, FREQUENCIES)]
+    if best is not None:
+        omega.append(ratio_minima(problem, best.gains, best.coupling).omega)
+        omega_S.append(sensitivity_maxima(problem, best.gains).omega)
+    return relaxation(problem, np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S)), PLACES)
+
+
+def _pruned(leaves: Leaves, search: _Search, gap: float) -> Leaves:
+    """Let fall what cannot hold a design better than the incumbent by more than the gap."""
+    open_ = leaves.bound < search.incumbent / (1 + gap)
+    search.fallen = min(search.fallen, float(leaves.bound[~open_].min(initial=inf)))
+    return leaves.taken(open_)
+
+
+def _glance(search: _Search, leaves: Leaves, seconds: float) -> Glance:
+    reached = min(search.fallen, float(leaves.bound.min(initial=inf)), search.incumbent)
+    return Glance(seconds, reached, search.incumbent, len(leaves.bound))
+
+
+def _halved(
+    problem: Problem, axes: tuple[Axis, ...], search: _Search, leaves: Leaves, pool: ThreadPoolExecutor
+) -> Leaves:
+    """Halve the most promising boxes, each along the axis that raises the lower bound most."""
+    chosen = np.zeros(len(leaves.bound), bool)
+    chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
+    parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
+    free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
+    halves = [(index, *_both(axes[index], index, parents.boxes)) for index in free]
+    worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), [h for _, *two in halves for h in two]))
+    search.boxes += len(worth) * len(parents.bound)
+    least = [np.maximum(bounds, parents.bound) for bounds in worth]
+    cap = 2 * search.incumbent if search.incumbent < inf else 2 * float(parents.bound.max()) + 1.0
+    scores = []
+    for k, (index, *_) in enumerate(halves):
+        one, two = (np.minimum(b, cap) for b in least[2 * k : 2 * k + 2])
+        share = axes[index].share(parents.boxes.low[index], parents.boxes.high[index])
+        scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
+    best = np.argmax(scores, axis=0)
+    children = [
+        Leaves(half.taken(best == k), least[2 * k + side][best == k], parents.settled[best == k])
+        for k, (_, *two) in enumerate(halves)
+        for side, half in enumerate(two)
+    ]
+    turned = np.concatenate([np.full(len(child.bound), free[k // 2] < 2) for k, child in enumerate(children)])
+    young = _checked(problem, search, _joined(children), turned)
+    return _joined([rest, young])
+
+
+def _both(axis: Axis, index: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
+    middle = axis.middle(boxes.low[index], boxes.high[index])
+    low, high = boxes.low.copy(), boxes.high.copy()
+    low[index] = high[index] = middle
+    return Boxes(boxes.low, high), Boxes(low, boxes.high)
+
+
+def _joined(parts: list[Leaves]) -> Leaves:
+    low, high = (np.concatenate([getattr(part.boxes, end) for part in parts], axis=1) for end in ("low", "high"))
+    bound, settled = (np.concatenate([getattr(part, name) for part in parts]) for name in ("bound", "settled"))
+    return Leaves(Boxes(low, high), bound, settled)
+
+
+def _checked(problem: Problem, search: _Search, young: Leaves, turned: Flags) -> Leaves:
+    """Let fall the boxes whose loops have just become provably unstable, and mark those that are all stable."""
+    at = np.flatnonzero(turned & ~young.settled & (young.bound < search.incumbent))
+    if not len(at):
+        return young
+    stable, unstable = settled(problem, young.boxes.taken(at))
+    young.settled[at] = stable
+    young.bound[at[unstable]] = inf
+    return young
+
+
+def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -> None:
+    """Look at the middle of the most promising box: which demands does it break, and is there a better design?"""
+    axes, first = axes_of(problem), int(np.argmin(leaves.bound))
+    low, high = leaves.boxes.low[:, [first]], leaves.boxes.high[:, [first]]
+    middle = np.array([axis.middle(low[i], high[i]) for i, axis in enumerate(axes)])
+    bounds = problem.bounds
+    b_c = float(
+        np.clip(least_damping(search.relaxed, Boxes(middle, middle))[0][0], bounds.damping.min, bounds.damping.max)
+    )
+    K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
+    _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
+    found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
+    if found is not None:
+        search.improved, search.incumbent = found, found.transparency.error
+
+
+def _know_more(problem: Problem, search: _Search, gains: Gains, coupling: Coupling) -> None:
+    """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
+    ratio, peaks = ratio_minima(problem, gains, coupling), sensitivity_maxima(problem, gains)
+    relaxed, stability = search.relaxed, problem.stability
+    omega = ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)]
+    omega_S = peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)]
+    known, known_S = relaxed.demand.omega, relaxed.omega_S
+    if len(known) < MOST_FREQUENCIES and (len(omega) or len(omega_S)):
+        search.relaxed = at_frequencies(relaxed, np.union1d(known, omega), np.union1d(known_S, omega_S))

@@ -1,0 +1,92 @@
+"""Boxes of designs for branch and bound: the variables, how they are halved, and which loops in them are unstable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.judge import demands_of
+from vctune.design.variables import coordinates
+from vctune.document.problem import Problem
+from vctune.proof.batch import by_integrator, claims_of, encirclements, steady
+from vctune.proof.cells import Cells
+from vctune.proof.enclosures import Flags
+from vctune.proof.relaxation import Boxes
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """A variable in the coordinate in which it is halved, log(scale + x).
+
+    Attributes
+    ----------
+    low, high : its range
+    scale : 0, or the size below which it hardly matters when it may be 0
+    """
+
+    low: float
+    high: float
+    scale: float
+
+    def middle(self, low: Floats, high: Floats) -> Floats:
+        """Return where intervals are halved."""
+        if self.scale == 0:
+            return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
+        z = 0.5 * (np.log1p(low / self.scale) + np.log1p(high / self.scale))
+        return np.clip(self.scale * np.expm1(z), low, high)
+
+    def share(self, low: Floats, high: Floats) -> Floats:
+        """Return which share of the axis intervals take."""
+        if self.low == self.high:
+            return np.zeros_like(low)
+        whole = np.log((self.scale + self.high) / (self.scale + self.low))
+        return np.log((self.scale + high) / (self.scale + low)) / whole
+
+
+def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
+    """Return the axes K_v, K_p, tau_c and b_0 of a problem, SI units."""
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    units = {0: impedance, 1: impedance / time, 4: impedance}
+    scaled = coordinates(problem.in_units(impedance, time), integrator=True)
+    scale = {c.index: c.scale * units[c.index] for c in scaled if c.index in units}
+    bounds = problem.bounds
+    return (
+        Axis(bounds.velocity.min, bounds.velocity.max, scale.get(0, 0.0)),
+        Axis(bounds.position.min, bounds.position.max, scale.get(1, 0.0)),
+        Axis(bounds.mass.min / bounds.damping.max, bounds.mass.max / bounds.damping.min, 0.0),
+        Axis(bounds.drag.min, bounds.drag.max, scale.get(4, 0.0)),
+    )
+
+
+def settled(problem: Problem, boxes: Boxes) -> tuple[Flags, Flags]:
+    """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
+
+    A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
+    """
+    corners = np.concatenate((boxes.low[:2], boxes.high[:2]))
+    rectangles, place = np.unique(corners, axis=1, return_inverse=True)
+    low, high = rectangles[:2], rectangles[2:]
+    stable, unstable = _settled(problem, low, high)
+    face = (low[1] == 0) & (high[1] > 0)
+    if face.any():
+        flat = high[:, face] * np.array([[1.0], [0.0]])
+        as_well = _settled(problem, low[:, face], flat)
+        stable[face] &= as_well[0]
+        unstable[face] &= as_well[1]
+    place = place.ravel()
+    return stable[place], unstable[place]
+
+
+def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]:
+    count = low.shape[1]
+    cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
+    stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
+    for integrator, at in by_integrator(cells):
+        claims, part = claims_of(demands_of(problem), integrator=integrator), cells.taken(at)
+        number = encirclements(claims, problem.device, part.centres(), integrator=integrator).number
+        same = steady(claims, problem.device, part)
+        stable[at] = ((number == 0) & same).all(axis=0)
+        unstable[at] = ((number != 0) & np.isfinite(number) & same).any(axis=0)
+    return stable, unstable
