@@ -11,6 +11,9 @@ settings.register_profile("reproducible", derandomize=True, deadline=None, print
 settings.load_profile("reproducible")
 
 ROOT = Path(__file__).parent.parent
+PROBLEM_FILES = sorted(
+    path for path in (ROOT / "problems").rglob("*.toml") if path.parent != ROOT / "problems" / "studies"
+)
 
 
 @pytest.fixture(scope="session")
