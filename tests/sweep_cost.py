@@ -1,5 +1,7 @@
 """Measures what a sweep costs. `python tests/sweep_cost.py` prints it and writes results/sweep-cost.csv, .svg and .png.
 
+`curve` or `pairs` as an argument measures only that. Other work on the machine shows in every number.
+
 The friction wheel over damping and band, 10,000 points with two workers: seconds and memory against points. Then pairs
 of short sweeps with one worker and with two, one after the other, for the parallel efficiency.
 """
@@ -27,7 +29,7 @@ problem = "{ROOT / "problems/friction-wheel.toml"}"
 "device.damping" = {{ log = [0.1, 10.0], n = %d }}
 "stability.band_hz[1]" = {{ log = [50.0, 200.0], n = %d }}
 """
-SIDE, PAIRS = 100, 7
+SIDE, PAIRS = 100, 5
 SHORT = 16
 WARM = 0.2
 """Share of a short sweep that is left out of its rate: workers start and compile."""
@@ -87,24 +89,28 @@ def draw(rows: list[tuple[int, float, float, float]], folder: Path) -> None:
         figure.savefig(folder / f"sweep-cost.{kind}")
 
 
-def main(side: int) -> None:
-    rows = curve(side)
+def measure_curve() -> None:
+    """Print the cost of a long sweep and write it to results/."""
+    rows, folder = curve(SIDE), ROOT / "results"
     lines = ["points,seconds,parent_mb,worker_mb", *(f"{n},{s:.3f},{p:.1f},{w:.1f}" for n, s, p, w in rows)]
-    folder = ROOT / "results"
     (folder / "sweep-cost.csv").write_text("\n".join(lines) + "\n")
     draw(rows, folder)
     print(*lines, sep="\n")
+
+
+def measure_pairs() -> None:
+    """Print the rates with one worker and with two, in pairs, and the median efficiency."""
     pairs = []
     for number in range(PAIRS):
-        order = (1, 2) if number % 2 else (2, 1)
-        rates = {jobs: rate(timed(SHORT, jobs)) for jobs in order}
+        rates = {jobs: rate(timed(SHORT, jobs)) for jobs in ((1, 2) if number % 2 else (2, 1))}
         pairs.append(rates)
         load = os.getloadavg()[0]
         print(f"jobs 1: {rates[1]:.1f}/s, jobs 2: {rates[2]:.1f}/s, ratio {rates[2] / rates[1]:.2f}, load {load:.1f}")
-    one, two, ratio = (statistics.median(p[1] for p in pairs), statistics.median(p[2] for p in pairs),
-                       statistics.median(p[2] / p[1] for p in pairs))  # fmt: skip
+    one, two = (statistics.median(pair[jobs] for pair in pairs) for jobs in (1, 2))
+    ratio = statistics.median(pair[2] / pair[1] for pair in pairs)
     print(f"median: jobs 1 {one:.1f}/s, jobs 2 {two:.1f}/s, efficiency {ratio / 2:.0%}")
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else SIDE)
+    for part in sys.argv[1:] or ("curve", "pairs"):
+        {"curve": measure_curve, "pairs": measure_pairs}[part]()

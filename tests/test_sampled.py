@@ -8,6 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from oracles import Case, sampled_radius
 
+from vctune.analysis.stability import clearly_stable, sampled_stable, unit_circle
 from vctune.model.arithmetic import FLOATS
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, whole_samples
@@ -39,6 +40,38 @@ def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
     assert spectral_radius(device, gains) == pytest.approx(radius, rel=1e-6)
     assume(abs(radius - 1) > 1e-6)
     assert prove_sampled_poles(device, gains).verdict is (Verdict.PROVED if radius < 1 else Verdict.REFUTED)
+
+
+@settings(max_examples=300, deadline=None)
+@given(loops())
+def test_crossings_of_the_negative_axis_count_the_turns(case):
+    """The scan's count against np.unwrap, and against the poles wherever those are not too near the circle."""
+    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
+    gains, integrator = Gains(np.array([case.K_v]), np.array([case.K_p])), case.K_p > 0
+    stable = bool(sampled_stable(device, gains))
+    F = unit_circle(device, integrator=integrator).closed(gains, integrator=integrator)
+    turns = np.unwrap(np.arctan2(F.im, F.re))
+    assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
+    radius = sampled_radius(case)
+    assume(abs(radius - 1) > 1e-2)
+    assert stable == (radius < 1)
+
+
+@settings(max_examples=300, deadline=None)
+@given(loops(), st.sampled_from(["zoh", "lag"]))
+def test_what_is_clearly_stable_is_proved_so_and_what_clearly_is_not_is_not(case, hold):
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, hold), Gains(case.K_v, case.K_p)
+    estimate = clearly_stable(device, gains)
+    assume(estimate is not None)
+    verdicts = {prove(device, gains).verdict for prove in (prove_sampled_poles, prove_model_poles)}
+    assert estimate == (verdicts == {Verdict.PROVED})
+
+
+def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
+    """With tau K_p > K_v the argument of F starts beyond -pi, which looks like just below pi."""
+    device, gains = Device(280.0, 0.0, 1.0, 5.0, "zoh"), Gains(32.0, 9.7)
+    assert prove_sampled_poles(device, gains).verdict is Verdict.REFUTED
+    assert clearly_stable(device, gains) is False
 
 
 @given(loops(), st.floats(0.01, np.pi))

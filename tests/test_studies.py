@@ -44,7 +44,7 @@ BAD = {
     '"device.damping" = { log = [1.0], n = 3 }': ("log", "is not a pair of numbers"),
     '"device.damping" = { linear = ["x", 2], n = 3 }': ("linear", "is not a pair of numbers"),
     '"device.damping" = { log = [1.0, 2.0] }': ("3:", "lacks n"),
-    '"device.damping" = { log = [1.0, 2.0], n = 1 }': ("n: 1", "at least 2"),
+    '"device.damping" = { log = [1.0, 2.0], n = 1 }': ("n: 1", "from 2 to"),
     '"device.damping" = { log = [1.0, 2.0], n = 2.5 }': ("2.5", "whole number"),
     '"device.damping" = { lg = [1.0, 2.0], n = 3 }': ("lg", "did you mean log?"),
     '"device.damping" = { log = [1.0, 2.0], linear = [1, 2], n = 3 }': ("3:", "has both linear and log"),
@@ -68,6 +68,26 @@ def test_every_mistake_has_its_place_and_its_remedy(tmp_path, text):
     with pytest.raises(InputError) as refused:
         study(tmp_path, text)
     assert all(part in str(refused.value) for part in BAD[text]), str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "= 3",
+        "problem = 3\naxes = 3\nsample = 3",
+        'problem = "device.toml"\nsample = 3\n[axes]\n"device.mass" = [1.0]',
+        'problem = "x\\u0000y"\n[axes]\n"device.mass" = [1.0]',
+        'problem = "."\n[axes]\n"device.mass" = [1.0]',
+        'problem = "device.toml"\nname = "x"\n[axes]\n"device.mass" = [1.0]',
+        'problem = "device.toml"\n[axes]\n"device.mass" = { linear = [0, 1' + 400 * "0" + "], n = 3 }",
+    ],
+)
+def test_odd_files_are_refused(tmp_path, text):
+    (tmp_path / "device.toml").write_text(PROBLEM)
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(InputError):
+        read_study(tmp_path / "study.toml")
 
 
 def test_all_mistakes_at_once(tmp_path):

@@ -93,7 +93,7 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
         turns = np.unwrap(np.angle(F))
         if np.abs(F).min() < TOO_CLOSE or np.abs(np.diff(turns)).max() > 1:
             return None
-        stable &= bool(abs(turns[-1] - np.angle(F[-1])) < 1 and F[-1].real > 0)
+        stable &= bool(turns[0] < 1 and abs(turns[-1] - np.angle(F[-1])) < 1 and F[-1].real > 0)
     return stable
 
 

@@ -30,8 +30,9 @@ if TYPE_CHECKING:
 def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
 
-    Two sweeps with a name: the weights over six decades, and the stability band's upper edge up to the Nyquist
-    frequency. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures; an interrupted run goes on.
+    Two sweeps with a name: K_p over its range with the coupling's weight over six decades, and the stability band's
+    upper edge up to the Nyquist frequency. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures; an
+    interrupted run goes on.
     """
     from math import pi
 

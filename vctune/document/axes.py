@@ -11,6 +11,7 @@ from math import inf
 from typing import Any, Literal
 
 from vctune.document.schema import json_schema
+from vctune.document.study_schema import MOST_VALUES
 from vctune.document.validation import Fault, KeyPath, dotted, shown
 
 Scale = Literal["list", "linear", "log"]
@@ -130,6 +131,6 @@ def _range(at: KeyPath, table: dict[str, Any], *, sampled: bool) -> tuple[list[F
         faults.append((place, f"{ends[0]:g} has no logarithm; start above 0 or use linear"))
     if n is None and not sampled:
         faults.append((at, "lacks n, the number of values"))
-    elif n is not None and (not isinstance(n, int) or isinstance(n, bool) or n < 2):
-        faults.append(((*at, "n"), f"{shown(n)} is not a whole number of at least 2"))
+    elif n is not None and (not isinstance(n, int) or isinstance(n, bool) or not 2 <= n <= MOST_VALUES):
+        faults.append(((*at, "n"), f"{shown(n)} is not a whole number from 2 to {MOST_VALUES}"))
     return faults, scale, ends, n

@@ -95,6 +95,8 @@ def read_study(path: Path) -> Study:
         problem_text = toml.read_text(target)
     except InputError as error:
         raise refusal([(("problem",), f"{target}: {error.mistakes[0].message}")], text, str(path)) from None
+    except ValueError:
+        raise refusal([(("problem",), "is no path: it contains a null character")], text, str(path)) from None
     name = path.stem.encode("utf-8", "replace").decode()
     sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
     study = Study(name, toml.parse(problem_text, str(target)), tuple(axis for axis in axes if axis), sample)
@@ -120,12 +122,11 @@ def placed(document: dict[str, Any], axes: Iterable[Axis], values: Iterable[floa
 
 def _contradictions(raw: dict[str, Any]) -> list[Fault]:
     """Return what is wrong with the axes, each by itself, with each other and with the sample."""
-    table = raw.get("axes")
-    sample = raw.get("sample", {})
-    kind, n = (sample.get("kind", "grid"), sample.get("n")) if isinstance(sample, dict) else ("grid", None)
+    table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
+    kind = sample.get("kind", "grid")
     faults: list[Fault] = []
     axes = []
-    for key, value in table.items() if isinstance(table, dict) else ():
+    for key, value in table.items():
         axis, found = read_axis(key, value, sampled=kind == "lhs")
         faults += found
         axes += [axis] if axis else []
@@ -145,7 +146,7 @@ def _contradictions(raw: dict[str, Any]) -> list[Fault]:
             for axis in lists
             if axis.n != lists[0].n
         ]
-    if kind == "lhs" and n is None:
+    if kind == "lhs" and "n" not in sample:
         faults.append((("sample",), "a Latin hypercube needs n, the number of points"))
     if kind in ("grid", "list"):
         faults += [(("sample", key), 'is of kind = "lhs"; leave it out') for key in ("n", "seed") if key in sample]

@@ -36,7 +36,9 @@ def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
     table : of the sweep
     grid : whether the points are every combination of the axes' values
     """
-    varied = {key: column for key, column in table.axes.items() if np.unique(column[np.isfinite(column)]).size > 1}
+    finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
+    table = table.subset(np.flatnonzero(finite))
+    varied = {key: column for key, column in table.axes.items() if np.unique(column).size > 1}
     with rc_context(STYLE):
         if len(varied) == 1:
             return _line(table, *varied.items())
@@ -49,13 +51,11 @@ def _line(table: Table, axis: tuple[str, Floats]) -> Figure:
     figure, axes = _frame()
     key, x = axis
     order, certified = np.argsort(x, kind="stable"), table.certified
-    inside = order[certified[order]]
-    style = "o-" if len(x) <= FEW else "-"
-    axes.plot(x[inside], table.numbers["error"][inside], style, color=BLUE, markersize=4, label="certified")
-    for place in x[~certified]:
-        axes.axvline(place, color=RED, linewidth=1, alpha=0.5)
+    error = np.where(certified, table.numbers["error"], np.nan)[order]
+    axes.plot(x[order], error, "o-", color=BLUE, markersize=4 if x.size <= FEW else 1.5, label="certified")
     if not certified.all():
-        axes.plot([], [], color=RED, alpha=0.5, label="no certified design")
+        floor, at_floor = np.zeros(np.count_nonzero(~certified)), axes.get_xaxis_transform()
+        axes.plot(x[~certified], floor, "x", color=RED, transform=at_floor, clip_on=False, label="no certified design")
     _scale(axes, "x", x)
     axes.set(xlabel=key, ylabel="transparency error")
     axes.legend(loc="best")
@@ -67,7 +67,7 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
     (x_key, x), (y_key, y) = across, up
     certified = table.certified
     error = np.where(certified, table.numbers["error"], np.nan)
-    norm = LogNorm() if certified.any() else None
+    norm = LogNorm() if _wide(error[certified]) else None
     if grid:
         columns, i = np.unique(x, return_inverse=True)
         rows, j = np.unique(y, return_inverse=True)
@@ -95,7 +95,7 @@ def terms_figure(front: Table) -> Figure:
     with rc_context(STYLE):
         figure, axes = _frame()
         x, y, colour = (front.numbers[term] for term in ("coupling", "tracking", "admittance"))
-        drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if colour.size else None, s=26)
+        drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
         if colour.size:
             figure.colorbar(drawn, label=TERM_LABELS["admittance"])
         _scale(axes, "x", x)
@@ -124,5 +124,9 @@ def _frame() -> tuple[Figure, Axes]:
 
 
 def _scale(axes: Axes, which: str, values: Floats) -> None:
-    if values.size and values.min() > 0 and values.max() > WIDE * values.min():
+    if _wide(values):
         (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+
+
+def _wide(values: Floats) -> bool:
+    return bool(values.size and values.min() > 0 and values.max() > WIDE * values.min())
