@@ -9,6 +9,7 @@ import click
 from vctune.cli.check import check
 from vctune.cli.report import report
 from vctune.cli.schema import schema
+from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.document.errors import InputError
 from vctune.exits import ExitCode
@@ -45,6 +46,7 @@ def main() -> None:
 
 main.add_command(solve)
 main.add_command(check)
+main.add_command(simulate)
 main.add_command(report)
 main.add_command(schema)
 

@@ -32,7 +32,7 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
-    folder = _folder(file, problem, out)
+    folder = design_folder(file, problem, out)
 
     from vctune.design.judge import EXIT_CODES
     from vctune.design.nlp import ipopt_version
@@ -44,12 +44,13 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
         record = design_record(file, solved, ipopt_version())
         text = json.dumps(record, indent=2, allow_nan=False)
         judgement = solved.judgement
-        _write(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+        write_design(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
         if not no_report:
             progress("drawing the report")
+            from vctune.document.simulation import simulation_beside
             from vctune.report.report import write_report
 
-            write_report(record, folder)
+            write_report(record, folder, simulation_beside(folder, record))
     if as_json:
         emit(text)
     elif not quiet:
@@ -60,7 +61,7 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool)
     return EXIT_CODES[solved.status]
 
 
-def _folder(file: ProblemFile, problem: Path, out: Path) -> Path:
+def design_folder(file: ProblemFile, problem: Path, out: Path) -> Path:
     """Return the folder of the design, made and writable, after making sure that nobody else's work is in it."""
     import json
 
@@ -81,7 +82,7 @@ def _folder(file: ProblemFile, problem: Path, out: Path) -> Path:
     return folder
 
 
-def _write(
+def write_design(
     folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
 ) -> None:
     """Write design.json, and gains.toml with it; without a design older gains are set aside, not left beside it."""

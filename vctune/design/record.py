@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import version
-from math import degrees, inf, isfinite, log10, pi
+from math import degrees, inf, log10, pi
 from typing import Any
 
 from vctune.design.judge import Judgement
@@ -15,6 +15,7 @@ from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
+from vctune.document.strict import finite
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -57,8 +58,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
         record["warnings"] = warnings(problem, judgement)
-    finite: dict[str, Any] = _finite(record)
-    return finite
+    checked: dict[str, Any] = finite(record)
+    return checked
 
 
 @cache
@@ -247,14 +248,3 @@ def _proved_hz(problem: Problem, proved: tuple[float, float]) -> list[float | No
     low = proved[0] if proved[0] in (0.0, band.min) else min(proved[0] * (1 + 1e-9), band.min)
     high = proved[1] if proved[1] in (inf, band.max, problem.nyquist) else max(proved[1] * (1 - 1e-9), band.max)
     return [_hz(low), _hz(high)]
-
-
-def _finite(value: Any) -> Any:
-    """Return the value with every number that does not exist replaced by None."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    return value

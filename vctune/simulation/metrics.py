@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.document.experiment import Environment, Operator
 from vctune.simulation.motion import Floats, stroke_time
@@ -38,8 +39,8 @@ class Metrics:
 
     Attributes
     ----------
-    non_overlap : greatest distance between force curves over position of loading and unloading strokes, turning
-        points apart, N
+    non_overlap : of a spring: greatest distance between force curves over position of loading and unloading strokes,
+        turning points apart, N
     fits : felt mass, damping, stiffness: those that the environment has, damping for free motion
     offset : the fit's force at the origin, N
     residual : root mean square of the force about the fit, N
@@ -82,8 +83,8 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     asked = {"mass": environment.mass, "damping": environment.damping, "stiffness": environment.stiffness}
     found = fitted.parameters
     return Metrics(
-        non_overlap=_non_overlap(traces, counted, stroke),
-        fits={name: Fit(found[i], asked[name], fitted.errors[i]) for i, name in enumerate(names) if found.size},
+        non_overlap=_non_overlap(traces, counted, stroke) if environment.stiffness > 0 else None,
+        fits={name: Fit(float(found[i]), asked[name], float(fitted.errors[i])) for i, name in enumerate(names) if found.size},
         offset=float(found[-1]) if found.size else None,
         residual=float(np.sqrt(np.mean(about**2))) if found.size else None,
         ripple=float(np.ptp(about[slow])) if found.size and slow.any() else None,
@@ -105,7 +106,7 @@ class _Fitted:
     expected: Floats
 
 
-def _fit(traces: Traces, environment: Environment, counted: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> tuple[list[str], _Fitted]:
+def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> tuple[list[str], _Fitted]:
     """Return the fitted names and the least squares of the force over position, velocity and acceleration."""
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
@@ -125,7 +126,7 @@ def _fit(traces: Traces, environment: Environment, counted: np.ndarray[tuple[int
     return names, _Fitted(solution / scale, errors / scale, expected)
 
 
-def _non_overlap(traces: Traces, counted: np.ndarray[tuple[int], np.dtype[np.bool_]], stroke: float) -> float | None:
+def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:
     """Return the greatest distance between the force curves of different directions at the same position."""
     number = np.floor(traces.time / stroke + 1e-9).astype(int)
     strokes = [np.flatnonzero((number == k) & counted) for k in np.unique(number[counted])]

@@ -38,6 +38,31 @@ class Scene:
         return Carriage(device.mass + hand.mass, device.damping + hand.damping, hand.stiffness)
 
 
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """Where a scene starts, at rest: handle x and environment x_e, m, and the motor's force, N."""
+
+    position: float
+    reference: float
+    motor: float
+
+
+def rest(scene: Scene) -> Rest:
+    """Return the equilibrium at the start of the motion: the springs of hand, controller and environment in a row.
+
+    Without a position gain the controller holds nothing, and the handle starts where hand and environment agree.
+    """
+    hand, law, begin = scene.operator, scene.law, scene.operator.start
+    there = law.environment
+    if hand.stiffness == 0 or there.stiffness == 0:
+        return Rest(begin, begin, 0.0)
+    compliance = 1 / hand.stiffness + 1 / there.stiffness + (1 / law.position if law.position > 0 else 0.0)
+    force = (begin - there.zero) / compliance
+    if there.wall and force < 0:
+        return Rest(begin, begin, 0.0)
+    return Rest(begin - force / hand.stiffness, there.zero + force / there.stiffness, -force if law.position > 0 else 0.0)
+
+
 def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:
     """Return the scene with the velocity loop and the coupling of a design (paper's figures b)."""
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)

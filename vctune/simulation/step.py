@@ -21,15 +21,19 @@ from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, friction_force, slide_step
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing, transition
-from vctune.simulation.scene import Scene
+from vctune.simulation.scene import Scene, rest
 
 CHUNK = 1024
 """Samples per call of the compiled function."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
 """What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u."""
-STEPS_PER_RADIAN = 2
 INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
+
+
+STEPS_PER_RADIAN = 32
+"""Fixed steps per radian of the bristles' oscillation; see results/work-precision.csv."""
+LEAST_STEPS, MOST_STEPS = 4, 256
 
 
 class _SymbolArithmetic:
@@ -92,10 +96,13 @@ class Step:
 
 
 def default_substeps(scene: Scene) -> int:
-    """Return how many fixed steps a sample gets: enough for the bristles' oscillation with device and hand."""
+    """Return how many fixed steps a sample gets, by the bristles' oscillation with device and hand.
+
+    No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
+    """
     assert scene.friction is not None
     bristles = (scene.friction.stiffness / scene.carriage.mass) ** 0.5
-    return max(2, ceil(bristles * scene.device.sample_time * STEPS_PER_RADIAN))
+    return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
 
 
 def build(scene: Scene, method: Method) -> Step:
@@ -117,20 +124,17 @@ def build(scene: Scene, method: Method) -> Step:
     told = [command.force, *queue]
     state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
     kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *told[:-1])
+    begin = rest(scene)
     start = np.zeros(state.shape[0])
-    start[0] = scene.operator.start
-    start[body.shape[0] : -len(queue)] = [_rest(scene, name) for name in changed]
+    start[0], start[-len(queue) :] = begin.position, begin.motor
+    known = {"reference": begin.reference, "seen": begin.position}
+    start[body.shape[0] : -len(queue)] = [known.get(name, 0.0) for name in changed]
     if scene.friction is None:
         one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
     else:
         firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
         one = _with_friction(scene, method, firmware)
     return Step(one, start)
-
-
-def _rest(scene: Scene, name: str) -> float:
-    """Return what a memory of the firmware holds before the first sample."""
-    return scene.operator.start if name in ("reference", "seen") else 0.0
 
 
 def _hand_force(scene: Scene, at: Slide, given: Any, motor: Any) -> Any:
