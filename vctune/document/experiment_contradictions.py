@@ -65,7 +65,9 @@ def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
         yield ("environment", "wall"), "a wall needs a stiffness"
-    if number_at(table, "baseline", "mass") == 0 and number_at(table, "baseline", "damping") == 0:
+    inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
+    held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
+    if inertia == [0, 0] and not any(_value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")):
         yield ("baseline",), "mass and damping are both 0: a free handle would have no limit to its speed; give one of them"
 
 

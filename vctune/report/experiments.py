@@ -38,7 +38,7 @@ def _draw(axes: Axes, experiment: dict[str, Any], name: str, title: str, colour:
     curve = np.array(run["curve"])
     axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
     ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 101)
-    axes.plot(ends, _asked(experiment, ends), color=RED, linewidth=1, linestyle="--")
+    axes.plot(ends, _asked(experiment, ends), color=RED, linewidth=1, linestyle="--", scaley=False)
     if run["diverged_s"] is not None:
         note = f"diverged from {run['diverged_s']:.4g} s on"
         axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)

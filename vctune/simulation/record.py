@@ -17,7 +17,7 @@ from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 from vctune.version import __version__
 
-CURVE_BINS = 350
+CURVE_BINS = 800
 
 
 def simulation_record(file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated]) -> dict[str, Any]:

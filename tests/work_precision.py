@@ -1,0 +1,117 @@
+"""Error against run time of every way to integrate the friction. `python tests/work_precision.py` writes results/.
+
+The friction wheel's spring experiment, one cycle, without quantisation, with its regular PID and with its design. The
+error is the greatest difference of the hand's force from CVODES at a tolerance of 1e-12. scipy's solvers integrate
+the same samples with the same firmware, restarted at each sample as the motor's force jumps; they are given fewer
+samples, and their time is scaled to all of them.
+"""
+
+from __future__ import annotations
+
+import csv
+import sys
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.integrate import solve_ivp
+
+from vctune.document.reading import read_gains, read_problem
+from vctune.simulation.arithmetic import FLOATS
+from vctune.simulation.controller import Measurement, State, control
+from vctune.simulation.friction import friction_force
+from vctune.simulation.motion import hand_force_derivatives, intended_motion
+from vctune.simulation.run import run
+from vctune.simulation.scene import baseline_scene, designed_scene, rest
+from vctune.simulation.step import Method, Scheme, default_substeps
+
+ROOT = Path(__file__).parent.parent
+FIXED = [Method(scheme, 2**k) for scheme in (Scheme.MIDPOINT, Scheme.EULER) for k in range(0, 13, 2)]
+VARIABLE = [Method(scheme, tolerance=10.0**-k) for scheme in (Scheme.CVODES, Scheme.IDAS) for k in range(4, 12)]
+SCIPY = [(solver, 10.0**-k) for solver in ("LSODA", "BDF") for k in range(4, 11, 2)]
+SCIPY_SAMPLES = 300
+COLOURS = {"midpoint": "#3b82d0", "euler": "#2f9e62", "cvodes": "#d6453d", "idas": "#e08a1e", "LSODA": "#8a8f98", "BDF": "#444444"}
+
+
+def scenes():
+    """Return the two scenes of the comparison: name to scene."""
+    problem = read_problem(ROOT / "problems/friction-wheel.toml").problem
+    design = read_gains(ROOT / "results/friction-wheel/gains.toml")
+    spring = next(one for one in problem.experiments if one.name == "spring")
+    spring = replace(
+        spring, operator=replace(spring.operator, cycles=1), sensors=replace(spring.sensors, position_resolution=0.0)
+    )
+    return {
+        "design": designed_scene(problem.device, design.gains, design.coupling, spring),
+        "baseline": baseline_scene(problem.device, spring, mass=0.5, damping=10.0),
+    }
+
+
+def scipy_forces(scene, solver, tolerance, samples):
+    """Return the hand's force over the first samples with solve_ivp restarted at each; no delay, no hand mass."""
+    T, carriage, friction = scene.device.sample_time, scene.carriage, scene.friction
+    motion = intended_motion(scene.operator, T, 0, samples)
+    matrix, hand, begin = hand_force_derivatives(scene.operator, T), scene.operator, rest(scene)
+    body, state, forces = np.array([begin.position, 0.0, 0.0]), State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0), []
+    for k in range(samples):
+        nodes = [motion.position[k], motion.velocity[k], motion.position[k + 1], motion.velocity[k + 1]]
+        push = matrix @ nodes
+        force = push[0] - hand.stiffness * body[0] - hand.damping * body[1]
+        state, command = control(scene.law, state, Measurement(body[0], body[1], force), FLOATS)
+        forces.append(force)
+
+        def rates(t, y, push=push, motor=command.force):
+            rubbing, creep = friction_force(friction, y[1], y[2], FLOATS)
+            given = motor + push[0] + t * (push[1] + t / 2 * (push[2] + t / 3 * push[3]))
+            return [y[1], (given - carriage.damping * y[1] - carriage.stiffness * y[0] - rubbing) / carriage.mass, creep]
+
+        body = solve_ivp(rates, (0, T), body, method=solver, rtol=tolerance, atol=tolerance * 1e-3).y[:, -1]
+    return np.array(forces)
+
+
+def measure():
+    """Return the rows: controller, scheme, setting, greatest error in N, seconds."""
+    rows = []
+    for name, scene in scenes().items():
+        exact = run(scene, Method(Scheme.CVODES, tolerance=1e-12)).force
+        for method in FIXED + VARIABLE:
+            setting = method.substeps if method in FIXED else method.tolerance
+            times = []
+            for _ in range(3 if method in FIXED else 1):
+                began = perf_counter()
+                force = run(scene, method).force
+                times.append(perf_counter() - began)
+            rows.append([name, method.scheme.value, setting, np.abs(force - exact).max(), sorted(times)[len(times) // 2]])
+        for solver, tolerance in SCIPY:
+            began = perf_counter()
+            force = scipy_forces(scene, solver, tolerance, SCIPY_SAMPLES)
+            seconds = (perf_counter() - began) * len(exact) / SCIPY_SAMPLES
+            rows.append([name, solver, tolerance, np.abs(force - exact[:SCIPY_SAMPLES]).max(), seconds])
+        print(f"{name}: the default is midpoint with {default_substeps(scene)} steps a sample", file=sys.stderr)
+    return rows
+
+
+def draw(rows):
+    """Return the figure of the rows."""
+    figure = Figure(figsize=(9, 4.2), layout="constrained")
+    for axes, name in zip(figure.subplots(1, 2, sharey=True), ("baseline", "design"), strict=True):
+        for scheme, colour in COLOURS.items():
+            points = sorted((row[4], row[3]) for row in rows if row[:2] == [name, scheme])
+            axes.loglog(*zip(*points, strict=True), "o-", color=colour, label=scheme, markersize=4, linewidth=1.2)
+        axes.axhline(1e-4, color="#8a8f98", linewidth=1, linestyle=":")
+        axes.set(title=f"spring, {name}", xlabel="run time, s")
+        axes.grid(alpha=0.3)
+    axes.legend()
+    figure.axes[0].set_ylabel("greatest error of the hand's force, N")
+    return figure
+
+
+if __name__ == "__main__":
+    measured = measure()
+    with (ROOT / "results/work-precision.csv").open("w", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(["controller", "scheme", "setting", "error_N", "seconds"])
+        writer.writerows([*row[:3], f"{row[3]:.3g}", f"{row[4]:.3g}"] for row in measured)
+    draw(measured).savefig(ROOT / "results/work-precision.png", dpi=120)
