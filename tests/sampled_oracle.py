@@ -41,7 +41,9 @@ def simulate(case: Linear, intended: np.ndarray, rates: np.ndarray) -> dict[str,
     x_e = y = intended[0]  # x_e by the trapezoidal rule, y, where the spring is, by backward Euler
     v_e = v_c = total_error = 0.0
     past = [0.0] * (whole + 2)  # u[k-1], u[k-2], ...
-    out: dict[str, list[float]] = {name: [] for name in ("position", "velocity", "force", "reference", "desired", "motor")}
+    out: dict[str, list[float]] = {
+        name: [] for name in ("position", "velocity", "force", "reference", "desired", "motor")
+    }
     for k in range(len(intended) - 1):
         x_i, v_i = intended[k], rates[k]
         push = k_h * x_i + b_h * v_i

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -58,16 +59,20 @@ def test_linear_scene_is_the_exact_sampled_data_response(delay, hand_mass, envir
     coupling = Coupling(160.0, 0.35, 0.7)
     e = experiment(soft, hand, baseline=replace(PID, ki=300.0))
     cases = [
-        (designed_scene(device, GAINS, coupling, e), (GAINS.velocity, GAINS.position, 0.0), (160.0, 0.35, 0.7), (0.0, 0.0)),
+        (
+            designed_scene(device, GAINS, coupling, e),
+            (GAINS.velocity, GAINS.position, 0.0),
+            (160.0, 0.35, 0.7),
+            (0.0, 0.0),
+        ),
         (baseline_scene(device, e, mass=1.0, damping=20.0), (20.0, 2000.0, 300.0), None, (1.0, 20.0)),
     ]
     count = sample_count(hand, device.sample_time)
     motion = intended_motion(hand, device.sample_time, 0, count)
     for scene, law, couple, virtual in cases:
-        case = Linear(
-            device.mass, device.damping, device.sample_time, delay, (hand.mass, hand.damping, hand.stiffness), law, couple,
-            virtual, (soft.mass, soft.damping, soft.stiffness, soft.zero),
-        )  # fmt: skip
+        rendered = (soft.mass, soft.damping, soft.stiffness, soft.zero)
+        held = (hand.mass, hand.damping, hand.stiffness)
+        case = Linear(device.mass, device.damping, device.sample_time, delay, held, law, couple, virtual, rendered)
         expected, traces = oracle(case, motion.position, motion.velocity), run(scene)
         for name, values in expected.items():
             assert np.abs(getattr(traces, name) - values).max() <= 1e-9 * np.abs(values).max(), name
@@ -131,7 +136,7 @@ def test_steady_sliding_follows_stribeck():
 def test_bristles_are_springs_at_rest():
     """Under less than the stiction a handle comes to rest where the bristles carry the push."""
     friction = lugre(1e4)
-    x, v, force = slid(friction, Carriage(0.4, 0.0, 0.0), Slide(0.0, 0.0, 0.0), lambda t: 0.1, 3.0, 30_000, 0.5)
+    _, v, force = slid(friction, Carriage(0.4, 0.0, 0.0), Slide(0.0, 0.0, 0.0), lambda t: 0.1, 3.0, 30_000, 0.5)
     assert force == pytest.approx(0.1, rel=1e-3)
     assert abs(v) < 1e-5
 
@@ -141,16 +146,19 @@ def test_order_on_a_smooth_case(theta, order):
     """Sliding one way under a smooth push; differences of halved steps fall by 2^order."""
     friction, carriage = lugre(2e3, coulomb=0.3, stiction=0.3, damping=5.0), Carriage(0.4, 2.0, 50.0)
     start = Slide(0.0, 0.2, 1e-5)
-    ends = [
-        slid(friction, carriage, start, lambda t: 2.0 + np.sin(20 * t), 0.1, 200 * 2**k, theta) for k in range(5)
-    ]
-    gaps = [np.abs(b - a).max() for a, b in zip(ends[:-1], ends[1:], strict=True)]
-    for coarse, fine in zip(gaps[:-1], gaps[1:], strict=True):
+    ends = [slid(friction, carriage, start, lambda t: 2.0 + np.sin(20 * t), 0.1, 200 * 2**k, theta) for k in range(5)]
+    gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(ends)]
+    for coarse, fine in itertools.pairwise(gaps):
         assert np.log2(coarse / fine) == pytest.approx(order, abs=0.1)
 
 
 @given(
-    st.floats(3, 8), st.floats(-5, 1), st.floats(-6, -1), st.floats(-1, 1), st.floats(0, 1000), st.sampled_from([0.5, 1.0])
+    st.floats(3, 8),
+    st.floats(-5, 1),
+    st.floats(-6, -1),
+    st.floats(-1, 1),
+    st.floats(0, 1000),
+    st.sampled_from([0.5, 1.0]),
 )
 def test_no_step_creates_energy_in_a_free_slide(stiffness, speed, h, bristle, k, theta):
     """Kinetic, bristle and spring energy never rise, however stiff, fast and coarse."""
@@ -195,7 +203,7 @@ def test_order_in_the_loop(scheme, order, delay):
     e = experiment(NOTHING, replace(HAND, mass=0.1), lugre(1e3))
     scene = designed_scene(replace(DEVICE, delay=delay), GAINS, COUPLING, e)
     forces = [run(scene, Method(scheme, 10 * 2**k)).force for k in range(6)]
-    gaps = [np.abs(b - a).max() for a, b in zip(forces[:-1], forces[1:], strict=True)]
+    gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(forces)]
     assert np.log2(gaps[0] / gaps[4]) / 4 == pytest.approx(order, abs=0.15)
 
 
@@ -205,7 +213,10 @@ def test_nearly_no_friction_is_none():
     e = experiment(SPRING)
     exact = run(designed_scene(DEVICE, GAINS, COUPLING, e))
     gaps = [
-        np.abs(run(designed_scene(DEVICE, GAINS, COUPLING, replace(e, friction=faint)), Method(substeps=n)).force - exact.force).max()
+        np.abs(
+            run(designed_scene(DEVICE, GAINS, COUPLING, replace(e, friction=faint)), Method(substeps=n)).force
+            - exact.force
+        ).max()
         for n in (8, 16)
     ]
     assert gaps[1] < 1e-6

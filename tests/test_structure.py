@@ -8,7 +8,19 @@ import sys
 
 from conftest import ROOT
 
-FLOORS = ["version", "model", "exits", "interrupt", "document", "proof", "analysis", "simulation", "design", "report", "cli"]
+FLOORS = [
+    "version",
+    "model",
+    "exits",
+    "interrupt",
+    "document",
+    "proof",
+    "analysis",
+    "simulation",
+    "design",
+    "report",
+    "cli",
+]
 """A room imports only from itself and from what stands before it."""
 PACKAGE = ROOT / "vctune"
 

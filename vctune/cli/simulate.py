@@ -72,7 +72,9 @@ def _chosen(file: ProblemFile, problem: Path, name: str | None) -> tuple[Experim
 
     experiments = file.problem.experiments
     if not experiments:
-        raise InputError(str(problem), [Mistake("experiment", "there is none to simulate; add an [[experiment]] table")])
+        raise InputError(
+            str(problem), [Mistake("experiment", "there is none to simulate; add an [[experiment]] table")]
+        )
     chosen = tuple(one for one in experiments if name in (None, one.name))
     if not chosen:
         known = ", ".join(one.name for one in experiments)

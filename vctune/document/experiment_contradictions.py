@@ -41,7 +41,8 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:
     start, end, speed, cycles, damping, stiffness = (
-        _value(table, OperatorTable, "operator", key) for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
+        _value(table, OperatorTable, "operator", key)
+        for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
     )
     if damping == 0 and stiffness == 0:
         yield ("operator",), "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
@@ -55,9 +56,15 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:
         return
     samples = abs(end - start) / speed / sample_time
     if samples < LEAST_STROKE:
-        yield ("operator", "speed"), f"a stroke takes {samples:.3g} sample times; move slower or further: at least {LEAST_STROKE}"
+        yield (
+            ("operator", "speed"),
+            f"a stroke takes {samples:.3g} sample times; move slower or further: at least {LEAST_STROKE}",
+        )
     if cycles and pi * cycles * samples > MOST_SAMPLES:
-        yield ("operator",), f"about {pi * cycles * samples:.3g} samples; at most {MOST_SAMPLES}: fewer cycles, faster or less far"
+        yield (
+            ("operator",),
+            f"about {pi * cycles * samples:.3g} samples; at most {MOST_SAMPLES}: fewer cycles, faster or less far",
+        )
 
 
 def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
@@ -67,8 +74,13 @@ def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
         yield ("environment", "wall"), "a wall needs a stiffness"
     inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
     held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
-    if inertia == [0, 0] and not any(_value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")):
-        yield ("baseline",), "mass and damping are both 0: a free handle would have no limit to its speed; give one of them"
+    if inertia == [0, 0] and not any(
+        _value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")
+    ):
+        yield (
+            ("baseline",),
+            "mass and damping are both 0: a free handle would have no limit to its speed; give one of them",
+        )
 
 
 def _hardware(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:

@@ -60,7 +60,8 @@ class SensorsTable(Table):
         "measured", description="A sensor of its own, or filtered differences of the measured position."
     )
     filter_hz: Positive | None = Field(
-        None, description='Corner of the filter with velocity = "difference", Hz. Default: a tenth of the sampling rate.'
+        None,
+        description='Corner of the filter with velocity = "difference", Hz. Default: a tenth of the sampling rate.',
     )
 
 

@@ -75,7 +75,7 @@ class Stability:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in, which it does not depend on."""
+    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in; it does not depend on them."""
 
     name: str
     description: str
@@ -100,7 +100,7 @@ class Problem:
         )
 
     def in_units(self, impedance: float, time: float) -> Problem:
-        """Return the same problem, its experiments apart, with impedances in `impedance` [N s/m], times in `time` [s]."""
+        """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s]."""
         Z, t = 1 / impedance, 1 / time
         device, bounds, transparency, stability = self.device, self.bounds, self.transparency, self.stability
         return replace(

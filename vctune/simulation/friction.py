@@ -67,7 +67,7 @@ def slide_step(
     the work of friction at velocity w, no step creates energy, whatever h and the stiffness.
     """
     w = at.v
-    phi = psi = damping = rate = None
+    rate = phi = 0.0
     for _ in range(PASSES if theta < 1 else 1):
         rate, damping = relaxation(friction, w, ops)
         phi, psi = _decays(rate * h, ops)

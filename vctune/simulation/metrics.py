@@ -84,7 +84,11 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     found = fitted.parameters
     return Metrics(
         non_overlap=_non_overlap(traces, counted, stroke) if environment.stiffness > 0 else None,
-        fits={name: Fit(float(found[i]), asked[name], float(fitted.errors[i])) for i, name in enumerate(names) if found.size},
+        fits={
+            name: Fit(float(found[i]), asked[name], float(fitted.errors[i]))
+            for i, name in enumerate(names)
+            if found.size
+        },
         offset=float(found[-1]) if found.size else None,
         residual=float(np.sqrt(np.mean(about**2))) if found.size else None,
         ripple=float(np.ptp(about[slow])) if found.size and slow.any() else None,

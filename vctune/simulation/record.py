@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import asdict, fields
 from typing import Any
 
@@ -20,7 +21,9 @@ from vctune.version import __version__
 CURVE_BINS = 800
 
 
-def simulation_record(file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated]) -> dict[str, Any]:
+def simulation_record(
+    file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated]
+) -> dict[str, Any]:
     """Return the JSON object of simulated experiments; every number in it is finite or null.
 
     Curves are thinned for drawing: of each of `CURVE_BINS` equal times the least and the greatest force.
@@ -69,7 +72,7 @@ def axis(environment: Environment) -> str:
 
 
 def _run(one: Simulated, made: Run) -> dict[str, Any]:
-    measured = {**asdict(made.metrics)} if made.metrics else None
+    measured = asdict(made.metrics) if made.metrics else None
     return {
         "diverged_s": made.traces.diverged,
         "metrics": finite(measured),
@@ -84,7 +87,6 @@ def _curve(traces: Traces, name: str, cycle: float) -> list[list[float]]:
     first = first if len(traces.time) - first > 1 else 0
     abscissa, force = getattr(traces, name)[first:], traces.force[first:]
     edges = np.linspace(0, len(force), min(CURVE_BINS, len(force)) + 1).astype(int)
-    kept = sorted(
-        {int(low + pick(force[low:high])) for low, high in zip(edges[:-1], edges[1:], strict=True) for pick in (np.argmin, np.argmax)}
-    )
+    bins = [(int(low), force[low:high]) for low, high in itertools.pairwise(edges)]
+    kept = sorted({low + int(extreme(part)) for low, part in bins for extreme in (np.argmin, np.argmax)})
     return [[float(f"{x:.5g}"), float(f"{f:.5g}")] for x, f in zip(abscissa[kept], force[kept], strict=True)]

@@ -102,4 +102,3 @@ def _traces(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -
         recorded, wanted, began = recorded[:length], wanted[:length], length * T
     columns = dict(zip(COLUMNS, recorded.T, strict=True))
     return Traces(time=np.arange(len(wanted)) * T, intended=wanted, **columns, diverged=began)
-

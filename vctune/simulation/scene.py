@@ -60,7 +60,8 @@ def rest(scene: Scene) -> Rest:
     force = (begin - there.zero) / compliance
     if there.wall and force < 0:
         return Rest(begin, begin, 0.0)
-    return Rest(begin - force / hand.stiffness, there.zero + force / there.stiffness, -force if law.position > 0 else 0.0)
+    motor = -force if law.position > 0 else 0.0
+    return Rest(begin - force / hand.stiffness, there.zero + force / there.stiffness, motor)
 
 
 def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:

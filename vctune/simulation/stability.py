@@ -29,15 +29,13 @@ class Mode:
 
 
 def linear_scenes(scene: Scene) -> list[Scene]:
-    """Return a scene without friction, quantisation, saturation and noise; at a wall, pressed to it and away from it."""
+    """Return a scene without friction, quantisation, limit and noise; at a wall, pressed to it and away from it."""
     law = replace(scene.law, position_resolution=0.0, limit=None)
     there = law.environment
     places = [replace(there, wall=False)]
     if there.wall:
         places.append(Environment(there.mass, 0.0, 0.0, 0.0, wall=False))
-    return [
-        replace(scene, friction=None, force_noise=0.0, law=replace(law, environment=environment)) for environment in places
-    ]
+    return [replace(scene, friction=None, force_noise=0.0, law=replace(law, environment=place)) for place in places]
 
 
 def loop_matrix(scene: Scene) -> Floats:

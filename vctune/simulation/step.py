@@ -15,7 +15,6 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from vctune.model.arithmetic import Number
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, friction_force, slide_step
@@ -118,9 +117,7 @@ def build(scene: Scene, method: Method) -> Step:
     seen = Measurement(at.x, at.v, hand + given[4] if scene.force_noise > 0 else hand)
     remembered, command = control(scene.law, State(**memory), seen, SYMBOLS)
     changed = [name for name in names if getattr(remembered, name) is not memory[name]]
-    record = ca.vertcat(
-        at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force
-    )
+    record = ca.vertcat(at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force)
     told = [command.force, *queue]
     state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
     kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *told[:-1])
