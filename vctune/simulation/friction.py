@@ -10,6 +10,7 @@ damping(v) = damping/(1 + damping |v|/(4 coulomb)).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from vctune.document.experiment import Friction
@@ -17,8 +18,6 @@ from vctune.model.arithmetic import Number
 from vctune.simulation.arithmetic import Arithmetic
 
 SERIES = 0.01
-PASSES = 2
-"""How often a step looks for the velocity at its middle: the second look makes it of second order."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -56,27 +55,56 @@ class Carriage:
     stiffness: float
 
 
-def slide_step(
-    carriage: Carriage, friction: Friction, at: Slide, push: Number, h: float, theta: float, ops: Arithmetic
+def slide(
+    carriage: Carriage,
+    friction: Friction,
+    at: Slide,
+    push: Callable[[float], Number],
+    time: float,
+    steps: int,
+    theta: float,
+    ops: Arithmetic,
 ) -> Slide:
-    """Advance by h under the force `push`, with the step's velocity w = v + theta (v_new - v).
+    """Advance by `time` in equal steps under the force push(t), t counted from the beginning.
 
-    For a velocity w that stays the same over the step the bristles are followed exactly: with y = a h their mean is
-    phi z + psi h w, phi = (1 - e^-y)/y, psi = (1 - phi)/y. The force is then linear in w, and the momentum balance is
-    solved for it. Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of the first. Since F does exactly
-    the work of friction at velocity w, no step creates energy, whatever h and the stiffness.
+    Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
+    that is foreseen from the step before, in the first step from a trial.
     """
-    w = at.v
-    rate = phi = 0.0
-    for _ in range(PASSES if theta < 1 else 1):
-        rate, damping = relaxation(friction, w, ops)
-        phi, psi = _decays(rate * h, ops)
-        held = friction.stiffness * phi - damping * rate * phi
-        slope = friction.stiffness * h * psi + damping * phi
-        free = push - carriage.stiffness * at.x - held * at.z
-        inertia = carriage.mass / (theta * h)
-        w = (inertia * at.v + free) / (inertia + carriage.damping + carriage.stiffness * theta * h + slope)
-    return Slide(at.x + h * w, at.v + (w - at.v) / theta, at.z + h * phi * (w - rate * at.z))
+    h = time / steps
+    foreseen = at.v
+    if theta < 1:
+        _, foreseen = slide_step(carriage, friction, at, foreseen, push(theta * h), h, theta, ops)
+    for k in range(steps):
+        at, w = slide_step(carriage, friction, at, foreseen, push((k + theta) * h), h, theta, ops)
+        foreseen = 2 * at.v - w if theta < 1 else at.v
+    return at
+
+
+def slide_step(
+    carriage: Carriage,
+    friction: Friction,
+    at: Slide,
+    foreseen: Number,
+    push: Number,
+    h: float,
+    theta: float,
+    ops: Arithmetic,
+) -> tuple[Slide, Number]:
+    """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
+
+    With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
+    exactly: with y = a h their mean is phi z + psi h w, phi = (1 - e^-y)/y, psi = (1 - phi)/y. The friction is then
+    linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that friction does
+    at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+    """
+    rate, damping = relaxation(friction, foreseen, ops)
+    phi, psi = _decays(rate * h, ops)
+    held = (friction.stiffness - damping * rate) * phi
+    slope = friction.stiffness * h * psi + damping * phi
+    inertia = carriage.mass / (theta * h)
+    free = inertia * at.v + push - carriage.stiffness * at.x - held * at.z
+    w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + slope)
+    return Slide(at.x + h * w, at.v + (w - at.v) / theta, at.z + h * phi * (w - rate * at.z)), w
 
 
 def _decays(y: Number, ops: Arithmetic) -> tuple[Number, Number]:

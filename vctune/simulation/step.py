@@ -17,7 +17,7 @@ import numpy as np
 
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
-from vctune.simulation.friction import Slide, friction_force, slide_step
+from vctune.simulation.friction import Slide, friction_force, slide
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing, transition
 from vctune.simulation.scene import Scene, rest
@@ -54,7 +54,7 @@ class Scheme(StrEnum):
     """How a device with friction moves on between samples."""
 
     MIDPOINT = "midpoint"
-    """Fixed steps of second order (`friction.slide_step`)."""
+    """Fixed steps of second order (`friction.slide`)."""
     EULER = "euler"
     """Fixed steps of first order."""
     CVODES = "cvodes"
@@ -175,15 +175,14 @@ def _stretch(scene: Scene, method: Method, begin: float, length: float) -> Any:
     share = length / scene.device.sample_time
     count = max(1, ceil((method.substeps or default_substeps(scene)) * share * (1 - 1e-12)))
     theta = 0.5 if method.scheme is Scheme.MIDPOINT else 1.0
-    h = length / count
-    body, motor, push, time = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4), ca.SX.sym("time")
-    force = motor + _push_at(push, time + theta * h)
-    moved = slide_step(scene.carriage, scene.friction, Slide(*ca.vertsplit(body)), force, h, theta, SYMBOLS)
-    carried = ca.vertcat(moved.x, moved.v, moved.z, motor, push, time + h)
-    step = ca.Function("step", [ca.vertcat(body, motor, push, time)], [carried])
-    whole = step.fold(count) if count > 1 else step
-    ends = whole(ca.vertcat(*(start := [ca.MX.sym("body", 3), ca.MX.sym("motor"), ca.MX.sym("push", 4)]), begin))
-    return ca.Function("stretch", start, [ends[:3]])
+    body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
+
+    def force(time: float) -> Any:
+        return motor + _push_at(push, begin + time)
+
+    start = Slide(*ca.vertsplit(body))
+    end = slide(scene.carriage, scene.friction, start, force, length, count, theta, SYMBOLS)
+    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
 
 
 def _push_at(push: Any, time: Any) -> Any:
