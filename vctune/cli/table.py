@@ -58,6 +58,8 @@ def print_simulation(record: dict[str, Any], folder: Path) -> None:
 
 
 def _least(least: dict[str, float]) -> str:
+    if least["share"] == 0:
+        return "the regular PID is stable without a virtual mass and damping"
     return (
         f"the regular PID is stable from a virtual mass of {least['mass']:.4g} kg and a damping of "
         f"{least['damping']:.4g} N s/m on"

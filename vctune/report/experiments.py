@@ -37,8 +37,11 @@ def _draw(axes: Axes, experiment: dict[str, Any], name: str, title: str, colour:
         return
     curve = np.array(run["curve"])
     axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
-    ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 101)
-    axes.plot(ends, _asked(experiment, ends), color=RED, linewidth=1, linestyle="--", scaley=False)
+    ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
+    asked = _asked(experiment, ends)
+    reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
+    axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
+    axes.locator_params(axis="x", nbins=5)
     if run["diverged_s"] is not None:
         note = f"diverged from {run['diverged_s']:.4g} s on"
         axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
@@ -70,8 +73,8 @@ def _cells(run: dict[str, Any]) -> tuple[str, ...]:
         return (f"diverged from {run['diverged_s']:.4g} s on", "", "", "", "", "", stable)
     measured = run["metrics"]
     fits = measured["fits"]
-    felt = ", ".join(f"{fit['value']:.4g} {UNITS[name]}" for name, fit in fits.items())
-    off = ", ".join(f"{fit['value'] / fit['asked'] - 1:+.2%}" for fit in fits.values() if fit["asked"])
+    felt = ", ".join(f"{fit['value']:.5g} {UNITS[name]}" for name, fit in fits.items())
+    off = ", ".join(f"{100 * (fit['value'] / fit['asked'] - 1):+.3g} %" for fit in fits.values() if fit["asked"])
     saturated = f", {measured['saturated']:.1%} saturated" if measured["saturated"] else ""
     return (
         felt,

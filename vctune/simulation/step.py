@@ -30,7 +30,7 @@ INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
 
 
-STEPS_PER_RADIAN = 32
+STEPS_PER_RADIAN = 64
 """Fixed steps per radian of the bristles' oscillation; see results/work-precision.csv."""
 LEAST_STEPS, MOST_STEPS = 4, 256
 
