@@ -74,6 +74,7 @@ FAULTS = {
         ("17", "experiment[2].sensors.filter_hz", 'only for velocity = "difference"'),
         ("18", "experiment[2].actuator.limit", "too small"),
         ("19", "experiment[2].baseline", "both 0"),
+        ("21", "experiment[3].name", "other characters than letters"),
         ("22", "experiment[3].operator.motion", "is not one of"),
         ("22", "experiment[3].operator", "at most 5000000"),
         ("23", "experiment[3].sensors.filter_hz", "above the Nyquist frequency 500 Hz"),

@@ -84,7 +84,12 @@ class BaselineTable(Table):
 class ExperimentTable(Table):
     """An experiment for `vctune simulate`; designing does not look at it."""
 
-    name: Text = Field(min_length=1, max_length=100, description="Name, unlike that of any other experiment.")
+    name: Text = Field(
+        min_length=1,
+        max_length=100,
+        pattern=r"^[A-Za-z0-9 _.,+-]*$",
+        description="Name, unlike that of any other experiment: letters, digits, spaces and _ . , + -",
+    )
     environment: EnvironmentTable = Field(default_factory=EnvironmentTable)
     operator: OperatorTable = Field(default_factory=OperatorTable)
     friction: FrictionTable | None = Field(None)

@@ -98,6 +98,9 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
         "model_type": lambda: f"{_show(value)} is not a table",
         "tuple_type": lambda: f"{_show(value)} is not a pair of numbers [lower, upper]",
         "too_long": lambda: f"{_show(value)} has more than two numbers; write [lower, upper]",
+        "string_pattern_mismatch": lambda: (
+            f"{_show(value)} has other characters than letters, digits, spaces and _.,+-"
+        ),
         "string_too_short": lambda: f"is empty; {_documentation(model, path)}",
         "string_too_long": lambda: f"{_show(value)} is too long: at most {context['max_length']}",
     }
