@@ -57,7 +57,7 @@ def test_linear_scene_is_the_exact_sampled_data_response(delay, hand_mass, envir
     hand = replace(HAND, mass=hand_mass, start=0.001)
     soft = replace(environment, zero=0.001)  # so that everything is at rest without a force
     coupling = Coupling(160.0, 0.35, 0.7)
-    e = experiment(soft, hand, baseline=replace(PID, ki=300.0))
+    e = experiment(soft, hand)
     cases = [
         (
             designed_scene(device, GAINS, coupling, e),
@@ -65,7 +65,7 @@ def test_linear_scene_is_the_exact_sampled_data_response(delay, hand_mass, envir
             (160.0, 0.35, 0.7),
             (0.0, 0.0),
         ),
-        (baseline_scene(device, e, mass=1.0, damping=20.0), (20.0, 2000.0, 300.0), None, (1.0, 20.0)),
+        (baseline_scene(device, e, replace(PID, ki=300.0)), (20.0, 2000.0, 300.0), None, (1.0, 20.0)),
     ]
     count = sample_count(hand, device.sample_time)
     motion = intended_motion(hand, device.sample_time, 0, count)
@@ -190,7 +190,7 @@ def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
     e = experiment(replace(SPRING, zero=0.01), hand, lugre())
     scene = designed_scene(DEVICE, GAINS, COUPLING, e)
     if controller == "baseline":
-        scene = baseline_scene(DEVICE, e, mass=1.0, damping=20.0)
+        scene = baseline_scene(DEVICE, e, PID)
     reference = run(scene, Method(Scheme.CVODES))
     assert np.abs(run(scene).force - reference.force).max() < 1e-4
     assert np.abs(run(scene, Method(Scheme.IDAS)).force - reference.force).max() < 1e-6
@@ -275,10 +275,11 @@ def test_length_of_a_run_does_not_depend_on_the_chunk():
 
 def test_least_virtual_mass_is_the_edge_of_stability():
     e = experiment(operator=replace(HAND, mass=0.1))
-    share = least_virtual(DEVICE, e)
+    share = least_virtual(DEVICE, e, PID)
 
     def radius(factor):
-        return fastest_mode(baseline_scene(DEVICE, e, mass=factor * PID.mass, damping=factor * PID.damping)).radius
+        lighter = replace(PID, mass=factor * PID.mass, damping=factor * PID.damping)
+        return fastest_mode(baseline_scene(DEVICE, e, lighter)).radius
 
     assert radius(share * (1 + 1e-6)) < 1 < radius(share * (1 - 1e-6))
 

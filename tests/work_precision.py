@@ -50,7 +50,7 @@ def scenes():
     )
     return {
         "design": designed_scene(problem.device, design.gains, design.coupling, spring),
-        "baseline": baseline_scene(problem.device, spring, mass=0.5, damping=10.0),
+        "baseline": baseline_scene(problem.device, spring, replace(spring.baseline, mass=0.5, damping=10.0)),
     }
 
 

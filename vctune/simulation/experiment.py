@@ -12,9 +12,7 @@ from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
 from vctune.simulation.stability import Mode, fastest_mode, least_virtual
-from vctune.simulation.step import Method
-
-DEFAULT = Method()
+from vctune.simulation.step import DEFAULT, Method
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +70,14 @@ def simulate(
     def ran(scene: Scene, name: str) -> Run:
         title = f"{experiment.name}, {name}"
         traces = run(scene, method, lambda share: progress(f"{title} {share:.0%}"))
-        measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)
-        return Run(traces, measured if traces.diverged is None else None, fastest_mode(scene))
+        measured = None
+        if traces.diverged is None:
+            measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)
+        return Run(traces, measured, fastest_mode(scene))
 
     design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")
     pid = experiment.baseline
     if pid is None:
         return Simulated(experiment, None, design, None)
-    baseline = ran(baseline_scene(problem.device, experiment, mass=pid.mass, damping=pid.damping), "baseline")
-    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment))
+    baseline = ran(baseline_scene(problem.device, experiment, pid), "baseline")
+    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid))

@@ -75,23 +75,15 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
     if environment.wall:
         counted &= traces.environment_force > 0
-    names, fitted = _fit(traces, environment, counted)
-    about = traces.force[counted] - fitted.expected
-    slow = np.abs(traces.velocity[counted]) < EDGE * np.abs(traces.velocity[counted]).max(initial=0.0)
+    fitted = _fit(traces, environment, counted)
     handle = _energy(traces.time, traces.force * traces.velocity)
     rendered = _energy(traces.time, traces.environment_force * traces.desired)
-    asked = {"mass": environment.mass, "damping": environment.damping, "stiffness": environment.stiffness}
-    found = fitted.parameters
     return Metrics(
         non_overlap=_non_overlap(traces, counted, stroke) if environment.stiffness > 0 else None,
-        fits={
-            name: Fit(float(found[i]), asked[name], float(fitted.errors[i]))
-            for i, name in enumerate(names)
-            if found.size
-        },
-        offset=float(found[-1]) if found.size else None,
-        residual=float(np.sqrt(np.mean(about**2))) if found.size else None,
-        ripple=float(np.ptp(about[slow])) if found.size and slow.any() else None,
+        fits=fitted.fits if fitted else {},
+        offset=fitted.offset if fitted else None,
+        residual=float(np.sqrt(np.mean(fitted.about**2))) if fitted else None,
+        ripple=_ripple(fitted.about, np.abs(traces.velocity[counted])) if fitted else None,
         handle_energy=float(handle[-1]),
         environment_energy=float(rendered[-1]),
         motor_energy=float(_energy(traces.time, traces.motor * traces.velocity)[-1]),
@@ -105,29 +97,40 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
-    parameters: Floats
-    errors: Floats
-    expected: Floats
+    fits: dict[str, Fit]
+    offset: float
+    about: Floats
 
 
-def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> tuple[list[str], _Fitted]:
-    """Return the fitted names and the least squares of the force over position, velocity and acceleration."""
+def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
+    """Return the least squares of the force over what the environment has: position, velocity, acceleration."""
     columns = {"stiffness": traces.position, "damping": traces.velocity}
     if environment.mass > 0:
         columns["mass"] = np.gradient(traces.velocity, traces.time)
     names = [name for name in columns if getattr(environment, name) > 0] or ["damping"]
     force = traces.force[counted]
     if force.size <= len(names) + 1:
-        return names, _Fitted(np.zeros(0), np.zeros(0), force)
+        return None
     regressors = np.column_stack([*(columns[name][counted] for name in names), np.ones(force.size)])
     scale = np.abs(regressors).max(axis=0)
     scale[scale == 0] = 1.0
     scaled = regressors / scale
     solution = np.linalg.lstsq(scaled, force, rcond=None)[0]
-    expected = scaled @ solution
-    variance = np.sum((force - expected) ** 2) / (force.size - solution.size)
-    errors = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled)))
-    return names, _Fitted(solution / scale, errors / scale, expected)
+    about = force - scaled @ solution
+    variance = np.sum(about**2) / (force.size - solution.size)
+    errors = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled))) / scale
+    values = solution / scale
+    fits = {
+        name: Fit(float(value), getattr(environment, name), float(error))
+        for name, value, error in zip(names, values, errors, strict=False)
+    }
+    return _Fitted(fits, float(values[-1]), about)
+
+
+def _ripple(about: Floats, speed: Floats) -> float | None:
+    """Return the greatest less the least force about the fit near zero velocity."""
+    slow = about[speed < EDGE * speed.max()]
+    return float(np.ptp(slow)) if slow.size else None
 
 
 def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.simulation.motion import Floats, intended_motion, sample_count
 from vctune.simulation.scene import Scene
-from vctune.simulation.step import CHUNK, COLUMNS, INPUTS, Method, build
+from vctune.simulation.step import CHUNK, COLUMNS, DEFAULT, INPUTS, Method, build
 
 ASTRAY = 1e3
 """A handle this many times the hand's travel away from where the hand wants it has diverged."""
@@ -44,7 +44,7 @@ class Traces:
     diverged: float | None
 
 
-def run(scene: Scene, method: Method = Method(), progress: Callable[[float], None] = lambda share: None) -> Traces:  # noqa: B008
+def run(scene: Scene, method: Method = DEFAULT, progress: Callable[[float], None] = lambda share: None) -> Traces:
     """Simulate a scene.
 
     Parameters

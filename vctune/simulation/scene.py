@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, pi
 
-from vctune.document.experiment import Experiment, Friction, Operator
+from vctune.document.experiment import Baseline, Experiment, Friction, Operator
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.controller import Law
 from vctune.simulation.friction import Carriage
@@ -69,11 +69,9 @@ def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment:
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
 
 
-def baseline_scene(device: Device, experiment: Experiment, *, mass: float, damping: float) -> Scene:
-    """Return the scene with the experiment's regular PID and a virtual mass and damping (paper's figures a)."""
-    pid = experiment.baseline
-    assert pid is not None
-    return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, mass, damping)
+def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Scene:
+    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a)."""
+    return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 
 def _scene(

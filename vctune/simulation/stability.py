@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.experiment import Environment, Experiment
+from vctune.document.experiment import Baseline, Environment, Experiment
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Device
 from vctune.simulation.motion import Floats
@@ -60,8 +60,8 @@ def _fastest(matrix: Floats, sample_time: float) -> Mode:
     return Mode(float(abs(leader)), float(abs(np.angle(leader)) / (2 * pi * sample_time)))
 
 
-def least_virtual(device: Device, experiment: Experiment) -> float | None:
-    """Return the least share of the baseline's virtual mass and damping from which on its loop is stable.
+def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> float | None:
+    """Return the least share of a regular PID's virtual mass and damping from which on its loop is stable.
 
     Looked for from 10^-`DECADES` to 10^`DECADES` times what the file says.
 
@@ -70,12 +70,10 @@ def least_virtual(device: Device, experiment: Experiment) -> float | None:
     float or None
         The share; 0 if it is stable with next to nothing, None if it is with nothing that was tried.
     """
-    pid = experiment.baseline
-    assert pid is not None
 
     def stable(share: float) -> bool:
-        scene = baseline_scene(device, experiment, mass=share * pid.mass, damping=share * pid.damping)
-        return fastest_mode(scene).radius < 1
+        lighter = replace(pid, mass=share * pid.mass, damping=share * pid.damping)
+        return fastest_mode(baseline_scene(device, experiment, lighter)).radius < 1
 
     shares = np.geomspace(10.0**DECADES, 10.0**-DECADES, 4 * DECADES + 1)
     found = [stable(share) for share in shares]

@@ -15,6 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from vctune.document.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, friction_force, slide
@@ -79,6 +80,9 @@ class Method:
     tolerance: float = 1e-10
 
 
+DEFAULT = Method()
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
@@ -94,13 +98,12 @@ class Step:
         return self.one.mapaccum(CHUNK)
 
 
-def default_substeps(scene: Scene) -> int:
+def default_substeps(scene: Scene, friction: Friction) -> int:
     """Return how many fixed steps a sample gets, by the bristles' oscillation with device and hand.
 
     No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
     """
-    assert scene.friction is not None
-    bristles = (scene.friction.stiffness / scene.carriage.mass) ** 0.5
+    bristles = (friction.stiffness / scene.carriage.mass) ** 0.5
     return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
 
 
@@ -130,7 +133,7 @@ def build(scene: Scene, method: Method) -> Step:
         one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
     else:
         firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
-        one = _with_friction(scene, method, firmware)
+        one = _with_friction(scene, scene.friction, method, firmware)
     return Step(one, start)
 
 
@@ -155,7 +158,7 @@ def _moved_exactly(scene: Scene, body: Any, given: Any, told: list[Any]) -> Any:
     return moved + ca.DM(exact.early) * told[-1] if exact.early.any() else moved
 
 
-def _with_friction(scene: Scene, method: Method, firmware: Any) -> Any:
+def _with_friction(scene: Scene, friction: Friction, method: Method, firmware: Any) -> Any:
     """Return the step of a device with friction: firmware, then one or two stretches of constant motor force."""
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, given = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("given", INPUTS)
@@ -163,17 +166,16 @@ def _with_friction(scene: Scene, method: Method, firmware: Any) -> Any:
     body = state[:3]
     for begin, length, motor in ((0.0, when.early, early), (when.early, when.late, late)):
         if length > 0:
-            body = _stretch(scene, method, begin, length)(body, motor, ca.mtimes(push, given[:4]))
+            body = _stretch(scene, friction, method, begin, length)(body, motor, ca.mtimes(push, given[:4]))
     return ca.Function("one", [state, given], [ca.vertcat(body, kept), record])
 
 
-def _stretch(scene: Scene, method: Method, begin: float, length: float) -> Any:
+def _stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
     """Return the function (body, motor, push) -> body over a stretch of a sample."""
     if method.scheme in (Scheme.CVODES, Scheme.IDAS):
-        return _reference_stretch(scene, method, begin, length)
-    assert scene.friction is not None
+        return _reference_stretch(scene, friction, method, begin, length)
     share = length / scene.device.sample_time
-    count = max(1, ceil((method.substeps or default_substeps(scene)) * share * (1 - 1e-12)))
+    count = max(1, ceil((method.substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
     theta = 0.5 if method.scheme is Scheme.MIDPOINT else 1.0
     body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
 
@@ -181,7 +183,7 @@ def _stretch(scene: Scene, method: Method, begin: float, length: float) -> Any:
         return motor + _push_at(push, begin + time)
 
     start = Slide(*ca.vertsplit(body))
-    end = slide(scene.carriage, scene.friction, start, force, length, count, theta, SYMBOLS)
+    end = slide(scene.carriage, friction, start, force, length, count, theta, SYMBOLS)
     return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
 
 
@@ -189,11 +191,10 @@ def _push_at(push: Any, time: Any) -> Any:
     return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))
 
 
-def _reference_stretch(scene: Scene, method: Method, begin: float, length: float) -> Any:
-    assert scene.friction is not None
+def _reference_stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
     carriage = scene.carriage
     body, given, time = ca.SX.sym("body", 3), ca.SX.sym("given", 5), ca.SX.sym("time")
-    rubbing, creep = friction_force(scene.friction, body[1], body[2], SYMBOLS)
+    rubbing, creep = friction_force(friction, body[1], body[2], SYMBOLS)
     force = given[0] + _push_at(given[1:], begin + time * length)
     acceleration = (force - carriage.damping * body[1] - carriage.stiffness * body[0] - rubbing) / carriage.mass
     problem = {"x": body, "p": given, "t": time, "ode": length * ca.vertcat(body[1], acceleration, creep)}
