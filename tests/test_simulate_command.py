@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -46,12 +47,27 @@ def problem(tmp_path):
     return path
 
 
-def test_it_solves_simulates_and_reports(problem, tmp_path):
-    done = vctune("simulate", problem, cwd=tmp_path)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """What `vctune simulate` made of the problem, once: the finished process and its folder."""
+    folder = tmp_path_factory.mktemp("made")
+    (folder / "device.toml").write_text(DEVICE + FIXED + EXPERIMENTS)
+    return vctune("simulate", "device.toml", cwd=folder), folder
+
+
+@pytest.fixture
+def again(made, tmp_path):
+    """A copy of that folder, to go on from."""
+    shutil.copytree(made[1], tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def test_it_solves_simulates_and_reports(made):
+    done, place = made
     assert (done.returncode, done.stderr) == (ExitCode.OK, "")
     for part in ("spring", "free", "regular PID", "this design", "N/m", "written to"):
         assert part in done.stdout
-    folder = tmp_path / "results/device"
+    folder = place / "results/device"
     written = {path.name for path in folder.iterdir()}
     assert {"gains.toml", "design.json", "simulation.json", "traces.npz", "simulation.svg", "report.html"} <= written
     record = strict((folder / "simulation.json").read_text())
@@ -65,28 +81,26 @@ def test_it_solves_simulates_and_reports(problem, tmp_path):
         assert len(traces["spring/design/force"]) == record["experiments"][0]["samples"]
 
 
-def test_reports_with_experiments_are_made_again_to_the_byte(problem, tmp_path):
-    vctune("simulate", problem, cwd=tmp_path)
-    folder = tmp_path / "results/device"
+def test_reports_with_experiments_are_made_again_to_the_byte(again):
+    folder = again / "results/device"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    assert vctune("report", folder / "design.json", cwd=tmp_path).returncode == 0
+    assert vctune("report", folder / "design.json", cwd=again).returncode == 0
     assert (folder / "report.html").read_bytes() == before["report.html"]
-    vctune("simulate", problem, folder / "gains.toml", cwd=tmp_path)
+    vctune("simulate", "device.toml", folder / "gains.toml", cwd=again)
     for name in ("simulation.json", "traces.npz", "simulation.svg", "simulation.png", "report.html"):
         assert (folder / name).read_bytes() == before[name], name
 
 
-def test_another_design_does_not_show_the_experiments(problem, tmp_path):
+def test_another_design_does_not_show_the_experiments(again):
     """A report shows a simulation only of its own gains; a simulation of other gains leaves the report alone."""
-    vctune("simulate", problem, cwd=tmp_path)
-    folder = tmp_path / "results/device"
+    folder = again / "results/device"
     before = (folder / "report.html").read_bytes()
-    mine = tmp_path / "mine.toml"
+    mine = again / "mine.toml"
     mine.write_text((folder / "gains.toml").read_text().replace("velocity = 150.0", "velocity = 140.0"))
-    assert vctune("simulate", problem, mine, cwd=tmp_path).returncode == 0
+    assert vctune("simulate", "device.toml", mine, cwd=again).returncode == 0
     assert (folder / "report.html").read_bytes() == before
     assert strict((folder / "simulation.json").read_text())["gains"]["velocity"] == 140.0
-    vctune("report", folder / "design.json", cwd=tmp_path)
+    vctune("report", folder / "design.json", cwd=again)
     assert b"Experiments</h2>" not in (folder / "report.html").read_bytes()
     assert not (folder / "simulation.svg").exists()
 

@@ -196,7 +196,7 @@ def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
     assert np.abs(run(scene, Method(Scheme.IDAS)).force - reference.force).max() < 1e-6
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.4e-3, 1.4e-3])
+@pytest.mark.parametrize("delay", [0.0, 1.4e-3])
 @pytest.mark.parametrize(("scheme", "order"), [(Scheme.MIDPOINT, 2), (Scheme.EULER, 1)])
 def test_order_in_the_loop(scheme, order, delay):
     """Soft bristles, the mean of four halvings; delays split a sample into two stretches."""
