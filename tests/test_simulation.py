@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.linalg
+from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
 
 from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.document.reading import read_gains, read_problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
@@ -194,6 +196,20 @@ def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
     reference = run(scene, Method(Scheme.CVODES))
     assert np.abs(run(scene).force - reference.force).max() < 1e-4
     assert np.abs(run(scene, Method(Scheme.IDAS)).force - reference.force).max() < 1e-6
+
+
+@pytest.mark.slow
+def test_default_step_in_the_papers_experiments():
+    """The friction wheel's own experiments, both controllers; quantisers apart, which turn any error into a quantum."""
+    file = read_problem(ROOT / "problems/friction-wheel.toml").problem
+    design = read_gains(ROOT / "results/friction-wheel/gains.toml")
+    for one in file.experiments:
+        e = replace(one, sensors=PERFECT, operator=replace(one.operator, cycles=2))
+        for scene in (
+            designed_scene(file.device, design.gains, design.coupling, e),
+            baseline_scene(file.device, e, e.baseline),
+        ):
+            assert np.abs(run(scene).force - run(scene, Method(Scheme.CVODES)).force).max() < 1e-4
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.4e-3])

@@ -30,6 +30,7 @@ ROOT = Path(__file__).parent.parent
 FIXED = [Method(scheme, 2**k) for scheme in (Scheme.MIDPOINT, Scheme.EULER) for k in range(9)]
 VARIABLE = [Method(scheme, tolerance=10.0**-k) for scheme in (Scheme.CVODES, Scheme.IDAS) for k in range(4, 12)]
 SCIPY = [("LSODA", 10.0**-k) for k in (3, 4, 6, 8)] + [("BDF", 1e-3), ("BDF", 1e-5)]
+REPEATS = 3
 COLOURS = {
     "midpoint": "#3b82d0",
     "euler": "#2f9e62",
@@ -80,6 +81,16 @@ def scipy_forces(scene, solver, tolerance, samples):
     return np.array(forces)
 
 
+def timed(work, *arguments):
+    """Return what work(*arguments) returns and the shortest of `REPEATS` times that it took, s."""
+    times = []
+    for _ in range(REPEATS):
+        began = perf_counter()
+        made = work(*arguments)
+        times.append(perf_counter() - began)
+    return made, min(times)
+
+
 def measure():
     """Return the rows: controller, scheme, setting, greatest error in N, seconds."""
     rows = []
@@ -87,18 +98,11 @@ def measure():
         exact = run(scene, Method(Scheme.CVODES, tolerance=1e-12)).force
         for method in FIXED + VARIABLE:
             setting = method.substeps if method in FIXED else method.tolerance
-            times = []
-            for _ in range(3 if method in FIXED else 1):
-                began = perf_counter()
-                force = run(scene, method).force
-                times.append(perf_counter() - began)
-            rows.append(
-                [name, method.scheme.value, setting, np.abs(force - exact).max(), sorted(times)[len(times) // 2]]
-            )
+            traces, seconds = timed(run, scene, method)
+            rows.append([name, method.scheme.value, setting, np.abs(traces.force - exact).max(), seconds])
         for solver, tolerance in SCIPY:
-            began = perf_counter()
-            force = scipy_forces(scene, solver, tolerance, len(exact))
-            rows.append([name, solver, tolerance, np.abs(force - exact).max(), perf_counter() - began])
+            force, seconds = timed(scipy_forces, scene, solver, tolerance, len(exact))
+            rows.append([name, solver, tolerance, np.abs(force - exact).max(), seconds])
     return rows
 
 
