@@ -271,7 +271,9 @@ def test_divergence_is_said_with_its_time():
     scene = designed_scene(DEVICE, GAINS, Coupling(16.0, 0.02, 0.0), experiment(operator=replace(HAND, mass=0.5)))
     mode, traces = fastest_mode(scene), run(scene)
     assert mode.radius > 1
-    assert traces.diverged == len(traces.time) * 1e-3
+    assert traces.diverged == pytest.approx(len(traces.time) * 1e-3)
+    assert np.abs(traces.position - traces.intended).max() < 1e3 * 0.01
+    assert len(traces.time) < 50
     assert all(np.isfinite(getattr(traces, name)).all() for name in ("position", "force", "motor"))
 
 

@@ -66,21 +66,19 @@ def run(scene: Scene, method: Method = DEFAULT, progress: Callable[[float], None
     wanted = np.empty(samples)
     noise = np.random.default_rng(scene.seed)
     reach = ASTRAY * abs(scene.operator.end - scene.operator.start)
-    state, done = step.start, 0
-    while done < samples:
+    state, done, astray = step.start, 0, False
+    while done < samples and not astray:
         count = min(CHUNK, samples - done)
         inputs = _inputs(scene, done, noise)
         with interrupt_deferred():
             states, records = chunk(state, inputs)
         state = np.asarray(states)[:, -1]
-        recorded[done : done + count] = np.asarray(records).T[:count]
+        block = recorded[done : done + count] = np.asarray(records).T[:count]
         wanted[done : done + count] = inputs[0, :count]
         done += count
-        with np.errstate(invalid="ignore"):
-            if not np.abs(recorded[done - count : done, 0]).max() < reach + np.abs(inputs[0]).max():
-                break
+        astray = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
-    return _traces(scene, recorded[:done], wanted[:done], diverged=done < samples or not np.isfinite(recorded).all())
+    return _traces(scene, recorded[:done], wanted[:done], diverged=astray)
 
 
 def _inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
@@ -97,7 +95,7 @@ def _traces(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -
     T, began = scene.device.sample_time, None
     if diverged:
         travel = abs(scene.operator.end - scene.operator.start)
-        near = np.flatnonzero(np.abs(recorded[:, 0] - wanted) <= travel)
+        near = np.flatnonzero(np.isfinite(recorded).all(axis=1) & (np.abs(recorded[:, 0] - wanted) <= travel))
         length = int(near[-1]) + 1 if near.size else 1
         recorded, wanted, began = recorded[:length], wanted[:length], length * T
     columns = dict(zip(COLUMNS, recorded.T, strict=True))
