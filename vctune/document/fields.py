@@ -10,7 +10,7 @@ LEAST, MOST = 1e-20, 1e20
 
 
 def _zero_or_sizeable(value: float) -> float:
-    if 0 < abs(value) < LEAST:
+    if 0 < value < LEAST:
         raise ValueError(f"{value:g} is too small: must be 0 or at least {LEAST:g}")
     return value
 
