@@ -52,14 +52,16 @@ def reference() -> str:
 
     def add(prefix: str, table: dict) -> None:
         for key, entry in table["properties"].items():
-            target = schema["$defs"].get(entry.get("$ref", "").removeprefix("#/$defs/"))
+            form = entry.get("items", entry) if entry.get("type") == "array" else entry
+            target = schema["$defs"].get(form.get("$ref", "").removeprefix("#/$defs/"))
             name = f"{prefix}{key}"
             if target and "properties" in target:
-                rows.append(f"| **`[{name}]`** | {target['description']} |")
+                shown = f"[{name}]" if form is entry else f"[[{name}]]"
+                rows.append(f"| **`{shown}`** | {target['description']} |")
                 add(f"{name}.", target)
             else:
                 default = entry.get("default")
-                shown = "" if default in (None, "") else f" Default {default if default is not True else 'true'}."
+                shown = "" if default in (None, "") else f" Default {str(default).lower()}."
                 rows.append(f"| `{name}` | {entry.get('description', '')}{shown} |")
 
     add("", schema)

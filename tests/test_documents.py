@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from vctune.document import toml
 from vctune.document.errors import InputError
+from vctune.document.experiment import Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.files import folder_name, write_together
 from vctune.document.gains import gains_text
 from vctune.document.problem import Band, Range
@@ -55,6 +56,29 @@ FAULTS = {
     "safety-below-one": [("6", "stability.safety_factor", "below 1")],
     "default-band-empty": [("6", "transparency.band_hz", "is empty")],
     "name-empty": [("1", "name", "is empty")],
+    "experiment-not-in-a-list": [("5", "experiment", "write [[experiment]]")],
+    "experiments": [
+        ("5", "experiment[0].name", "is missing"),
+        ("6", "experiment[0].environment.wall", "needs a stiffness"),
+        ("7", "experiment[0].operator", "does not move the handle"),
+        ("7", "experiment[0].operator", "both 0.05"),
+        ("8", "experiment[0].friction.stiction", "below coulomb = 0.3"),
+        ("11", "experiment[1].environment.stifness", "did you mean stiffness?"),
+        ("12", "experiment[1].operator.speed", '"fast" is not a number; write a number'),
+        ("12", "experiment[1].operator", "both 0"),
+        ("13", "experiment[1].friction.coulomb", "is missing; it is required: Sliding friction"),
+        ("15", "experiment[2].name", "another experiment"),
+        ("16", "experiment[2].operator.cycles", "not a whole number"),
+        ("16", "experiment[2].operator.speed", "2.5 sample times"),
+        ("17", "experiment[2].sensors.seed", "too small"),
+        ("17", "experiment[2].sensors.filter_hz", 'only for velocity = "difference"'),
+        ("18", "experiment[2].actuator.limit", "too small"),
+        ("19", "experiment[2].baseline", "both 0"),
+        ("21", "experiment[3].name", "other characters than letters"),
+        ("22", "experiment[3].operator.motion", "is not one of"),
+        ("22", "experiment[3].operator", "at most 5000000"),
+        ("23", "experiment[3].sensors.filter_hz", "above the Nyquist frequency 500 Hz"),
+    ],
     "everything-at-once": [
         ("1", "name", "not a text"),
         ("2", "device.damping", "is missing"),
@@ -122,6 +146,35 @@ def test_defaults_are_the_documented_formulas():
     assert problem.bounds.drag == Range(0.0, 0.0)
     assert problem.stability.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 100))
     assert (problem.stability.safety_factor, problem.stability.max_sensitivity) == (1.05, 2.0)
+
+
+def test_an_experiment_needs_but_a_name():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + '[[experiment]]\nname = "e"\n', "x.toml", "x")
+    assert problem.experiments == (
+        Experiment(
+            "e",
+            Environment(0.0, 0.0, 0.0, 0.0, False),
+            Operator("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
+            None,
+            Sensors(0.0, 0.0, 0, None),
+            None,
+            None,
+        ),
+    )
+
+
+def test_defaults_of_friction_and_filter():
+    text = '[[experiment]]\nname = "e"\nfriction = { coulomb = 0.3 }\nsensors = { velocity = "difference" }\n'
+    one = parse_problem(THREE.format(0.4, 2.0, 1e-3) + text, "x.toml", "x").experiments[0]
+    assert one.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
+    assert one.sensors.filter_hz == pytest.approx(100.0)
+
+
+def test_experiments_do_not_change_the_design_problem():
+    text = THREE.format(0.4, 2.0, 1e-3)
+    bare, full = (parse_problem(t, "x", "x") for t in (text, text + '[[experiment]]\nname = "e"\n'))
+    assert bare.experiments == ()
+    assert bare.in_units(2.0, 1e-3) == full.in_units(2.0, 1e-3)
 
 
 @given(st.floats(-3, 3), st.floats(-2, 2))

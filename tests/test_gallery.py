@@ -10,7 +10,10 @@ from conftest import ROOT
 
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
+from vctune.document.simulation import simulation_beside
 from vctune.document.study import read_study
+from vctune.model.quantities import Coupling, Gains
+from vctune.simulation.experiment import simulate
 from vctune.study.points import points
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
@@ -30,6 +33,22 @@ def test_gallery_is_as_new_as_the_code(path):
     if solved.judgement is not None:
         assert record["transparency"]["error"] == pytest.approx(solved.judgement.transparency.error, rel=1e-5)
         assert record["gains"]["velocity"] == pytest.approx(solved.judgement.gains.velocity, rel=1e-3)
+
+
+@pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
+def test_simulations_are_as_new_as_the_code(path):
+    file, folder = read_problem(path), ROOT / "results" / path.stem
+    assert (folder / "simulation.json").exists() == bool(file.problem.experiments)
+    if not file.problem.experiments:
+        return
+    design = json.loads((folder / "design.json").read_text())
+    stored = simulation_beside(folder, design)
+    gains, coupling = Gains(**design["gains"]), Coupling(**design["coupling"])
+    for here, there in zip(file.problem.experiments, stored["experiments"], strict=True):
+        made = simulate(file.problem, gains, coupling, here)
+        for run, name in ((made.design, "design"), (made.baseline, "baseline")):
+            assert there[name]["metrics"]["peak_force"] == pytest.approx(run.metrics.peak_force, rel=1e-3)
+            assert there[name]["metrics"]["residual"] == pytest.approx(run.metrics.residual, rel=1e-2)
 
 
 def test_gallery_holds_nothing_else():

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from vctune.model.quantities import Gains as Gains
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
+    from vctune.simulation.experiment import Simulated as Simulated
+    from vctune.simulation.experiment import simulate as simulate
 
 
 _HOME = {
@@ -36,12 +38,14 @@ _HOME = {
     "Judgement": "design.judge",
     "Problem": "document.problem",
     "ProblemFile": "document.reading",
+    "Simulated": "simulation.experiment",
     "Solved": "design.result",
     "Status": "design.judge",
     "certify": "proof.certificate",
     "design_record": "design.record",
     "judge": "design.judge",
     "read_problem": "document.reading",
+    "simulate": "simulation.experiment",
     "solve": "design.solve",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""

@@ -50,6 +50,7 @@ def bound(
         raise InputError(str(problem), [Mistake("", "fixes every number: there is nothing to choose; free one")])
     path = design or design_folder(file, problem, out) / "design.json"
 
+    from vctune.document.simulation import simulation_beside
     from vctune.exits import ExitCode
     from vctune.report.report import write_report
 
@@ -60,7 +61,7 @@ def bound(
         text = json.dumps(record, indent=2, allow_nan=False)
         _write(file, path, record, text, found.improved or best)
         progress("drawing the report")
-        write_report(record, path.parent)
+        write_report(record, path.parent, simulation_beside(path.parent, record))
     if as_json:
         emit(text)
     else:

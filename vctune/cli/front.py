@@ -59,9 +59,11 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     from vctune.report.sweep import band_figure, figure_files, terms_figure
 
     edge = file.problem.transparency.band.max / (2 * pi)
-    files = table_files(terms, folder, "terms") | table_files(band, folder, "band")
-    files |= figure_files(terms_figure(terms), folder, "terms")
-    write_together(files | figure_files(band_figure(band, edge), folder, "band"))
+    tables = table_files(terms, folder, "terms") | table_files(band, folder, "band")
+    pictures = figure_files(terms_figure(terms), folder, "terms") | figure_files(
+        band_figure(band, edge), folder, "band"
+    )
+    write_together({**tables, **pictures})
     emit(f"{file.problem.name}: {len(terms.status)} designs on the front of the three terms,")
     emit(f"{len(band.status)} on the front of error against band; written to {folder}")
     return ExitCode.OK if terms.status and band.status else ExitCode.FAILED

@@ -12,6 +12,7 @@ from vctune.cli.front import front
 from vctune.cli.region import region
 from vctune.cli.report import report
 from vctune.cli.schema import schema
+from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.cli.sweep import sweep
 from vctune.document.errors import InputError
@@ -51,6 +52,7 @@ main.add_command(solve)
 main.add_command(check)
 main.add_command(sweep)
 main.add_command(front)
+main.add_command(simulate)
 main.add_command(report)
 main.add_command(region)
 main.add_command(bound)

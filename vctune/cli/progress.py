@@ -6,6 +6,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+Progress = Callable[[str], None]
+
 
 @contextmanager
 def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], None]]:

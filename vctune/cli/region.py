@@ -69,7 +69,7 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
 
         text = json.dumps(record, allow_nan=False)
         pictures = figure_files(region_figure(file.problem, found, designs), folder, "region")
-        write_together({folder / "region.json": text + "\n"} | pictures)
+        write_together({folder / "region.json": text + "\n", **pictures})
     for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED):
         count = int((found.kinds == kind).sum())
         emit(f"{kind.name.lower():10} {100 * found.area(kind):7.3f} %  {count:6} cells")

@@ -59,9 +59,10 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
                 _set_report_aside(folder)
             else:
                 progress("drawing the report")
+                from vctune.document.simulation import simulation_beside
                 from vctune.report.report import write_report
 
-                write_report(record, folder)
+                write_report(record, folder, simulation_beside(folder, record))
     if as_json:
         emit(text)
     elif not quiet:

@@ -75,7 +75,7 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
 
     figure = sweep_figure(table, grid=plan.sample.kind == "grid")
     pictures = figure_files(figure, folder, "error") if figure else {}
-    write_together(table_files(table, folder, "table") | pictures)
+    write_together({**table_files(table, folder, "table"), **pictures})
     found = summary(plan.name, table)
     _print(found, folder, style)
     return _exit_code(found)

@@ -12,6 +12,7 @@ from rich.table import Table
 from vctune.document.errors import printable
 
 LEAST_WIDTH = 80
+WIDE = 120
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
@@ -33,6 +34,36 @@ def print_design(record: dict[str, Any], folder: Path) -> None:
             console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
         console.print(f"written to {escape(str(folder))}", soft_wrap=True)
     console.file.write(page.get())
+
+
+def print_simulation(record: dict[str, Any], folder: Path) -> None:
+    """Print the object of simulation.json and where the files are."""
+    from vctune.report.experiments import HEADINGS, measured_rows
+
+    console = Console(highlight=False)
+    console.width = max(console.width, WIDE)
+    with console.capture() as page:
+        console.print(f"[bold]{escape(printable(record['problem']['name']))}[/bold]")
+        table = Table(box=None, pad_edge=False)
+        for heading in HEADINGS:
+            table.add_column(heading, no_wrap=True, header_style="dim")
+        for row in measured_rows(record):
+            table.add_row(*(escape(printable(cell)) for cell in row))
+        console.print(table)
+        for one in record["experiments"]:
+            if (least := one["least_virtual"]) is not None:
+                console.print(f"{escape(printable(one['name']))}: {_least(least)}", soft_wrap=True)
+        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    console.file.write(page.get())
+
+
+def _least(least: dict[str, float]) -> str:
+    if least["share"] == 0:
+        return "the regular PID is stable without a virtual mass and damping"
+    return (
+        f"the regular PID is stable from a virtual mass of {least['mass']:.4g} kg and a damping of "
+        f"{least['damping']:.4g} N s/m on"
+    )
 
 
 def _table(record: dict[str, Any]) -> Table:

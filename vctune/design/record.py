@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 from importlib.metadata import version
-from math import degrees, inf, isfinite, log10, pi
+from math import degrees, inf, log10, pi
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
+from vctune.document.strict import finite
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -47,7 +48,6 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "schema": SCHEMA,
         "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
-        "proved": solved.infeasibility.proved if solved.infeasibility else None,
         "reason": solved.infeasibility.reason if solved.infeasibility else None,
         "gains": None,
         "coupling": None,
@@ -55,6 +55,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "certificate": None,
         "inner_loop": None,
         "active": active(solved),
+        "proved": solved.infeasibility.proved if solved.infeasibility else None,
         "at_bound": [],
         "left_out": left_out(solved),
         "warnings": [],
@@ -67,8 +68,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
         record["warnings"] = warnings(problem, judgement)
-    finite: dict[str, Any] = _finite(record)
-    return finite
+    checked: dict[str, Any] = finite(record)
+    return checked
 
 
 @cache
@@ -256,7 +257,7 @@ def optimality_record(found: Optimality) -> dict[str, Any]:
     leaves = found.rest.leaves
     lowest = np.argsort(leaves.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)
-    record: dict[str, Any] = _finite(
+    record: dict[str, Any] = finite(
         {
             "lower_bound": found.bound,
             "gap": found.gap,
@@ -288,14 +289,3 @@ def _proved_hz(problem: Problem, proved: tuple[float, float]) -> list[float | No
     low = proved[0] if proved[0] in (0.0, band.min) else min(proved[0] * (1 + 1e-9), band.min)
     high = proved[1] if proved[1] in (inf, band.max, problem.nyquist) else max(proved[1] * (1 - 1e-9), band.max)
     return [_hz(low), _hz(high)]
-
-
-def _finite(value: Any) -> Any:
-    """Return the value with every number that does not exist replaced by None."""
-    if isinstance(value, dict):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_finite(item) for item in value]
-    if isinstance(value, float):
-        return value if isfinite(value) else None
-    return value

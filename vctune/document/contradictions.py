@@ -6,6 +6,8 @@ from collections.abc import Iterator
 from math import inf, isfinite
 from typing import Any
 
+from vctune.document.experiment_contradictions import impossible_experiments
+from vctune.document.raw import number_at
 from vctune.document.validation import Fault
 
 MAX_DELAY_SAMPLES = 200
@@ -15,34 +17,24 @@ VARIABLES = ("gains.velocity", "gains.position", "coupling.damping", "coupling.m
 
 def contradictions(raw: dict[str, Any]) -> list[Fault]:
     """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
-    return [*_empty_ranges(raw), *_impossible_bands(raw), *_impossible_numbers(raw)]
-
-
-def _number(raw: dict[str, Any], *path: str | int) -> float | None:
-    node: Any = raw
-    for step in path:
-        try:
-            node = node[step]
-        except (KeyError, IndexError, TypeError):
-            return None
-    return float(node) if isinstance(node, int | float) and not isinstance(node, bool) and abs(node) < 1e300 else None
+    return [*_empty_ranges(raw), *_impossible_bands(raw), *_impossible_numbers(raw), *impossible_experiments(raw)]
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
     for key in VARIABLES:
         path = tuple(key.split("."))
-        low, high = _number(raw, *path, "min"), _number(raw, *path, "max")
+        low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:
             yield path, f"min = {low:g} is above max = {high:g}; swap them"
 
 
 def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
-    sample_time, delay = _number(raw, "device", "sample_time"), _number(raw, "device", "delay") or 0.0
+    sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay") or 0.0
     to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
     to_infinity = to_infinity and delay == 0
     for table in ("transparency", "stability"):
         path = (table, "band_hz")
-        low, high = _number(raw, *path, 0), _number(raw, *path, 1)
+        low, high = number_at(raw, *path, 0), number_at(raw, *path, 1)
         endless = _is_infinite(raw, table, 1)
         if low is not None and high is not None and low >= high:
             yield path, f"the lower edge {low:g} Hz is not below the upper edge {high:g} Hz; a band needs a width"
@@ -67,13 +59,13 @@ def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
 
 
 def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
-    factor = _number(raw, "stability", "safety_factor")
+    factor = number_at(raw, "stability", "safety_factor")
     if factor is not None and isfinite(factor) and 0 < factor < 1:
         yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"
-    weights = [_number(raw, "transparency", "weights", term) for term in ("admittance", "tracking", "coupling")]
+    weights = [number_at(raw, "transparency", "weights", term) for term in ("admittance", "tracking", "coupling")]
     if all(weight == 0 for weight in weights):
         yield ("transparency", "weights"), "all three are 0: nothing is left to optimise; give one a positive weight"
-    sample_time, delay = _number(raw, "device", "sample_time"), _number(raw, "device", "delay")
+    sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay")
     if sample_time and delay and delay > MAX_DELAY_SAMPLES * sample_time > 0:
         samples = delay / sample_time
         yield (

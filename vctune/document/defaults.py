@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
+from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency
 from vctune.document.schema import ProblemDocument, StabilityTable
 from vctune.model.quantities import Device
@@ -46,6 +48,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             Terms(weights.admittance, weights.tracking, weights.coupling),
         ),
         stability=_stability(document.stability, device, f1),
+        experiments=tuple(_experiment(table, device) for table in document.experiment),
     )
 
 
@@ -62,3 +65,26 @@ def _range(value: object, low: float, high: float) -> Range:
     if isinstance(value, float):
         return Range(value, value)
     return Range(value.min, value.max)  # type: ignore[attr-defined]
+
+
+def _experiment(table: ExperimentTable, device: Device) -> Experiment:
+    return Experiment(
+        name=table.name,
+        environment=Environment(**table.environment.model_dump()),
+        operator=Operator(**table.operator.model_dump()),
+        friction=_friction(table.friction, device) if table.friction else None,
+        sensors=_sensors(table.sensors, device),
+        limit=table.actuator.limit,
+        baseline=Baseline(**table.baseline.model_dump()) if table.baseline else None,
+    )
+
+
+def _friction(table: FrictionTable, device: Device) -> Friction:
+    stiction = table.coulomb if table.stiction is None else table.stiction
+    damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
+    return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)
+
+
+def _sensors(table: SensorsTable, device: Device) -> Sensors:
+    filter_hz = (table.filter_hz or 0.1 / device.sample_time) if table.velocity == "difference" else None
+    return Sensors(table.position_resolution, table.force_noise, table.seed, filter_hz)

@@ -14,7 +14,7 @@ from vctune.interrupt import interrupt_deferred
 MAX_NAME_BYTES = 100
 
 
-def write_together(files: Mapping[Path, str | bytes]) -> None:
+def write_together(files: Mapping[Path, str | bytes | memoryview]) -> None:
     """Write files that belong together, replacing older ones only when all the new ones are complete.
 
     Ctrl-C waits until they are in place.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 from math import pi
 from typing import Literal
 
+from vctune.document.experiment import Experiment
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms
 
@@ -74,7 +75,7 @@ class Stability:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem (DESIGN 1.9, 2.1)."""
+    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in; it does not depend on them."""
 
     name: str
     description: str
@@ -82,6 +83,7 @@ class Problem:
     bounds: Bounds
     transparency: Transparency
     stability: Stability
+    experiments: tuple[Experiment, ...] = ()
 
     @property
     def nyquist(self) -> float:
@@ -98,7 +100,7 @@ class Problem:
         )
 
     def in_units(self, impedance: float, time: float) -> Problem:
-        """Return the same problem with impedances counted in `impedance` [N s/m] and times in `time` [s]."""
+        """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s]."""
         Z, t = 1 / impedance, 1 / time
         device, bounds, transparency, stability = self.device, self.bounds, self.transparency, self.stability
         return replace(
@@ -123,4 +125,5 @@ class Problem:
                 reference_impedance=transparency.reference_impedance * Z,
             ),
             stability=replace(stability, band=Band(stability.band.min / t, stability.band.max / t)),
+            experiments=(),
         )

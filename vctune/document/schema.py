@@ -1,41 +1,26 @@
 """The problem file as written: types, ranges and documentation of every key (DESIGN 2.1).
 
-This is the only place that imports pydantic. `vctune schema` prints the JSON Schema made from it.
+`vctune schema` prints the JSON Schema made from it.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import Discriminator, Field, Tag
 
-LEAST, MOST = 1e-20, 1e20
-
-
-def _zero_or_sizeable(value: float) -> float:
-    if 0 < value < LEAST:
-        raise ValueError(f"{value:g} is too small: must be 0 or at least {LEAST:g}")
-    return value
+from vctune.document.experiment_schema import ExperimentTable
+from vctune.document.fields import Edge, NotNegative, Positive, Table, Text
 
 
-Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
-NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
-Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
-Text = Annotated[str, Field(strict=True)]
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class PositiveRange(_Table):
+class PositiveRange(Table):
     """Bounds of a free variable that cannot be 0."""
 
     min: Positive
     max: Positive
 
 
-class NotNegativeRange(_Table):
+class NotNegativeRange(Table):
     """Bounds of a free variable that may be 0."""
 
     min: NotNegative
@@ -43,7 +28,7 @@ class NotNegativeRange(_Table):
 
 
 def _form(value: Any) -> str:
-    return "<range>" if isinstance(value, dict | _Table) else "<number>"
+    return "<range>" if isinstance(value, dict | Table) else "<number>"
 
 
 PositiveVariable = Annotated[
@@ -54,7 +39,7 @@ Variable = Annotated[
 ]
 
 
-class DeviceTable(_Table):
+class DeviceTable(Table):
     """The mechanism, as an admittance display: Z_d = mass s + damping."""
 
     mass: Positive = Field(description="Moving mass, kg.")
@@ -68,7 +53,7 @@ class DeviceTable(_Table):
     )
 
 
-class GainsTable(_Table):
+class GainsTable(Table):
     """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
 
     velocity: Variable | None = Field(
@@ -79,7 +64,7 @@ class GainsTable(_Table):
     position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
 
 
-class CouplingTable(_Table):
+class CouplingTable(Table):
     """The virtual coupling Z_c = drag + damping and mass in series."""
 
     damping: PositiveVariable | None = Field(None, description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }.")
@@ -91,7 +76,7 @@ class CouplingTable(_Table):
     drag: Variable = Field(0.0, description="b_0, N s/m.")
 
 
-class WeightsTable(_Table):
+class WeightsTable(Table):
     """Weights of the three terms of the error; a term with weight 0 is left out."""
 
     admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|.")
@@ -99,7 +84,7 @@ class WeightsTable(_Table):
     coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0.")
 
 
-class TransparencyTable(_Table):
+class TransparencyTable(Table):
     """The objective: distance from G_hh = 0, G_he = 1, Z_c = 0 over a band."""
 
     band_hz: tuple[Positive, Positive] | None = Field(
@@ -114,7 +99,7 @@ class TransparencyTable(_Table):
     weights: WeightsTable = Field(default_factory=WeightsTable)
 
 
-class StabilityTable(_Table):
+class StabilityTable(Table):
     """The demands: Llewellyn's conditions on a band, and a bound on the sensitivity up to Nyquist."""
 
     band_hz: tuple[Edge, Edge] | None = Field(
@@ -126,7 +111,7 @@ class StabilityTable(_Table):
     max_sensitivity: Positive = Field(2.0, description="Greatest |S| = |1 - G_he| up to the Nyquist frequency.")
 
 
-class ProblemDocument(_Table):
+class ProblemDocument(Table):
     """A vctune problem file. Only [device] mass, damping and sample_time are required."""
 
     name: Text | None = Field(
@@ -141,16 +126,19 @@ class ProblemDocument(_Table):
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)
     stability: StabilityTable = Field(default_factory=StabilityTable)
+    experiment: list[ExperimentTable] = Field(
+        default_factory=list, description="Experiments for `vctune simulate`; designing does not look at them."
+    )
 
 
-class FixedGainsTable(_Table):
+class FixedGainsTable(Table):
     """Gains of a gains file."""
 
     velocity: NotNegative = Field(description="K_v, N s/m.")
     position: NotNegative = Field(description="K_p, N/m.")
 
 
-class FixedCouplingTable(_Table):
+class FixedCouplingTable(Table):
     """Coupling of a gains file."""
 
     damping: Positive = Field(description="b_c, N s/m.")
@@ -158,7 +146,7 @@ class FixedCouplingTable(_Table):
     drag: NotNegative = Field(0.0, description="b_0, N s/m.")
 
 
-class GainsDocument(_Table):
+class GainsDocument(Table):
     """A vctune gains file: a design as plain numbers, and where it comes from."""
 
     gains: FixedGainsTable

@@ -7,9 +7,10 @@ import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from math import isnan
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
@@ -92,13 +93,18 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
         "less_than_equal": lambda: f"{shown(value)} is out of range: must be at most {context['le']:g}",
         "float_type": lambda: f"{shown(value)} is not a number; write a number{_or_range(model, path)}",
         "int_type": lambda: f"{shown(value)} is not a whole number; write one without a point",
+        "bool_type": lambda: f"{shown(value)} is not true or false",
+        "list_type": lambda: f"{shown(value)} is not a list of tables; write [[{dotted(path)}]]",
         "dict_type": lambda: f"{shown(value)} is not a table",
         "string_type": lambda: f"{shown(value)} is not a text; put it in quotes",
         "literal_error": lambda: f"{shown(value)} is not one of {context['expected']}",
         "model_type": lambda: f"{shown(value)} is not a table",
         "tuple_type": lambda: f"{shown(value)} is not a pair of numbers [lower, upper]",
         "too_long": lambda: f"{shown(value)} has more than two numbers; write [lower, upper]",
-        "string_too_short": lambda: "is empty; leave it out to use the file's name",
+        "string_pattern_mismatch": lambda: (
+            f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
+        ),
+        "string_too_short": lambda: f"is empty; {_documentation(model, path)}",
         "string_too_long": lambda: f"{shown(value)} is too long: at most {context['max_length']}",
     }
     return path, messages[kind]() if kind in messages else f"{shown(value)}: {details['msg']}"
@@ -118,25 +124,36 @@ def _short(text: str) -> str:
 
 
 def _or_range(model: type[BaseModel], path: KeyPath) -> str:
-    table = _table_at(model, path[:-1])
-    field = table.model_fields.get(str(path[-1])) if table else None
+    field = _field_at(model, path)
     return " or { min = ..., max = ... }" if field and "Range" in str(field.annotation) else ""
 
 
+def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
+    table = _table_at(model, path[:-1])
+    fields = table.model_fields.items() if table else ()
+    return next((field for name, field in fields if path[-1] == (field.alias or name)), None)
+
+
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
+    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out."""
     table = model
     for step in path:
-        field = table.model_fields.get(step) if isinstance(step, str) else None
-        annotation = field.annotation if field else None
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        if isinstance(step, int):
+            continue
+        field = next((field for name, field in table.model_fields.items() if step == (field.alias or name)), None)
+        if field is None:
             return None
-        table = annotation
+        forms = (field.annotation, *get_args(field.annotation))
+        found = [form for form in forms if isinstance(form, type) and issubclass(form, BaseModel)]
+        if not found or "<number>" in str(field.annotation):
+            return None
+        table = found[0]
     return table
 
 
 def _suggestion(model: type[BaseModel], path: KeyPath) -> str:
     table = _table_at(model, path[:-1])
-    known = list(table.model_fields) if table else ["min", "max"]
+    known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
         return f"; did you mean {meant[0]}?"
@@ -155,5 +172,6 @@ def _documentation(model: type[BaseModel], path: KeyPath) -> str:
     table = _table_at(model, path[:-1])
     if table is None or not isinstance(path[-1], str):
         return "write two numbers [lower, upper]" if isinstance(path[-1], int) else "both min and max are needed"
-    text = table.model_fields[path[-1]].description or (_table_at(model, path) or table).__doc__ or ""
-    return f"it is required: {text}"
+    field = _field_at(model, path)
+    text = (field.description if field else None) or (_table_at(model, path) or table).__doc__ or ""
+    return f"it is required: {text}" if field is None or field.is_required() else text

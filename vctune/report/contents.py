@@ -33,6 +33,12 @@ READINGS = {
         "Error against run time of this very solve: each round of IPOPT, on the left, poses the demands at more "
         "frequencies, until, on the right, none is violated anywhere.",
     ),
+    "simulation": (
+        "Experiments",
+        "The force of the hand over position (springs) or velocity, first cycle apart: left a regular PID, right this "
+        "design, on the same device with the same friction, simulated. Dashed: what the environment asks for. Loading "
+        "and unloading should lie on one another and on the dashed line.",
+    ),
     "optimality": (
         "How much better could any design be?",
         "No design that meets the demands has an error below the blue line, proved by searching every box of gains and "

@@ -13,10 +13,13 @@ from matplotlib.figure import Figure
 
 from vctune.document.problem import Problem
 from vctune.report.contents import READINGS
+from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.report.figures import INK
 
 
-def page(record: dict[str, Any], problem: Problem, drawn: dict[str, str]) -> str:
+def page(
+    record: dict[str, Any], problem: Problem, drawn: dict[str, str], simulation: dict[str, Any] | None = None
+) -> str:
     """Return the HTML of a design.
 
     Parameters
@@ -24,6 +27,7 @@ def page(record: dict[str, Any], problem: Problem, drawn: dict[str, str]) -> str
     record : the object of design.json, which the page embeds
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
+    simulation : the object of simulation.json, if there is one
     """
     environment = Environment(
         loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
@@ -33,7 +37,15 @@ def page(record: dict[str, Any], problem: Problem, drawn: dict[str, str]) -> str
     ]
     embedded = json.dumps(record, indent=1, allow_nan=False).replace("<", "\\u003c")
     template = environment.get_template("page.html.j2")
-    return template.render(record=record, problem=problem, figures=shown, numbers=_numbers(record), embedded=embedded)
+    return template.render(
+        record=record,
+        problem=problem,
+        figures=shown,
+        numbers=_numbers(record),
+        embedded=embedded,
+        measured=measured_rows(simulation) if simulation else [],
+        headings=HEADINGS,
+    )
 
 
 def inline(text: str) -> str:

@@ -11,12 +11,19 @@ from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.contents import READINGS, REPORT, remove_figures
+from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
 from vctune.report.page import page, png, svg
 
 
-def write_report(record: dict[str, Any], folder: Path) -> None:
+def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> None:
     """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
+
+    Parameters
+    ----------
+    record : the object of design.json
+    folder : for report.html and the figures
+    simulation : the object of simulation.json of this design; None without one
 
     Raises
     ------
@@ -27,9 +34,23 @@ def write_report(record: dict[str, Any], folder: Path) -> None:
     drawn: dict[str, Figure] = {}
     if record["gains"] is not None:
         drawn = figures(Design(problem, Gains(**record["gains"]), Coupling(**record["coupling"]), record))
+    if simulation is not None:
+        drawn["simulation"] = simulation_figure(simulation)
     vector = {name: svg(figure, name) for name, figure in drawn.items()}
-    files: dict[Path, str | bytes] = {folder / REPORT: page(record, problem, vector)}
-    files |= {folder / f"{name}.svg": text for name, text in vector.items()}
-    files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
+    files: dict[Path, str | bytes | memoryview] = {folder / REPORT: page(record, problem, vector, simulation)}
+    files |= _figure_files(drawn, vector, folder)
     write_together(files)
     remove_figures(folder, set(READINGS) - set(drawn))  # of an earlier design that had them
+
+
+def write_simulation(simulation: dict[str, Any], folder: Path) -> None:
+    """Write the figure of a simulation alone."""
+    figure = simulation_figure(simulation)
+    write_together(_figure_files({"simulation": figure}, {"simulation": svg(figure, "simulation")}, folder))
+
+
+def _figure_files(
+    drawn: dict[str, Figure], vector: dict[str, str], folder: Path
+) -> dict[Path, str | bytes | memoryview]:
+    files: dict[Path, str | bytes | memoryview] = {folder / f"{name}.svg": text for name, text in vector.items()}
+    return files | {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}

@@ -23,7 +23,7 @@ TERM_LABELS = {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling":
 FEW = 40
 
 
-def figure_files(figure: Figure, folder: Path, stem: str) -> dict[Path, str | bytes]:
+def figure_files(figure: Figure, folder: Path, stem: str) -> dict[Path, str | bytes | memoryview]:
     """Return a figure as SVG and PNG files."""
     return {folder / f"{stem}.svg": svg(figure, stem), folder / f"{stem}.png": png(figure)}
 

@@ -1,0 +1,127 @@
+"""An experiment with every default filled in: who moves the handle, what is rendered, on which hardware. SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Motion = Literal["reciprocate", "sine"]
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """The virtual environment f_e = mass dv_e/dt + damping v_e + stiffness (x_e - zero) (paper eq. 2).
+
+    Attributes
+    ----------
+    mass : kg
+    damping : N s/m
+    stiffness : N/m
+    zero : where the spring is without force, m
+    wall : whether damping and stiffness only push, towards negative x
+    """
+
+    mass: float
+    damping: float
+    stiffness: float
+    zero: float
+    wall: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """A hand: a mass on the handle, held to an intended motion by a spring and a damper.
+
+    Attributes
+    ----------
+    motion : how the intended motion goes to and fro
+    start, end : between which places, m
+    speed : greatest speed of the intended motion, m/s
+    cycles : how many times to and fro
+    mass, damping, stiffness : of the hand, kg, N s/m, N/m
+    """
+
+    motion: Motion
+    start: float
+    end: float
+    speed: float
+    cycles: int
+    mass: float
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """The device's friction, LuGre.
+
+    Attributes
+    ----------
+    coulomb, stiction : sliding friction at high and at vanishing speed, N
+    stribeck_velocity : speed at which one becomes the other, m/s
+    stiffness : of the bristles, N/m
+    damping : of the bristles, N s/m
+    """
+
+    coulomb: float
+    stiction: float
+    stribeck_velocity: float
+    stiffness: float
+    damping: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sensors:
+    """What the controller sees.
+
+    Attributes
+    ----------
+    position_resolution : of the encoder, m; 0 for none
+    force_noise : standard deviation of each force sample, N
+    seed : of the noise
+    filter_hz : corner of the filter on differences of the position; None where the velocity itself is measured
+    """
+
+    position_resolution: float
+    force_noise: float
+    seed: int
+    filter_hz: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Baseline:
+    """A regular PID on the position of a virtual mass and damping, without a coupling.
+
+    Attributes
+    ----------
+    kp, ki, kd : N/m, N/(m s), N s/m
+    mass, damping : kg, N s/m
+    """
+
+    kp: float
+    ki: float
+    kd: float
+    mass: float
+    damping: float
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One experiment.
+
+    Attributes
+    ----------
+    name : unlike that of any other
+    environment, operator, sensors : as described there
+    friction : None for none
+    limit : greatest force of the actuator, N; None for none
+    baseline : a regular controller to compare with; None for none
+    """
+
+    name: str
+    environment: Environment
+    operator: Operator
+    friction: Friction | None
+    sensors: Sensors
+    limit: float | None
+    baseline: Baseline | None

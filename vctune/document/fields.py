@@ -1,0 +1,29 @@
+"""Kinds of keys that the documents are made of."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+LEAST, MOST = 1e-20, 1e20
+
+
+def _zero_or_sizeable(value: float) -> float:
+    if 0 < value < LEAST:
+        raise ValueError(f"{value:g} is too small: must be 0 or at least {LEAST:g}")
+    return value
+
+
+Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
+NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
+Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
+Place = Annotated[float, Field(strict=True, ge=-MOST, le=MOST)]
+Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
+Text = Annotated[str, Field(strict=True)]
+
+
+class Table(BaseModel):
+    """A table that refuses keys that it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,0 +1,89 @@
+"""The experiments of simulation.json as a figure in the manner of the paper's 6 and 7, and as a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vctune.report.figures import BLUE, GREY, ORANGE, RED, STYLE
+
+HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
+UNITS = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
+
+
+def simulation_figure(simulation: dict[str, Any]) -> Figure:
+    """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
+    experiments = simulation["experiments"]
+    with rc_context(STYLE):
+        figure = Figure(figsize=(8, 3.1 * len(experiments)), layout="constrained")
+        rows = figure.subplots(len(experiments), 2, squeeze=False, sharey="row", sharex="row")
+        for (left, right), experiment in zip(rows, experiments, strict=True):
+            _draw(left, experiment, "baseline", "a) regular PID", ORANGE)
+            _draw(right, experiment, "design", "b) this design", BLUE)
+            left.set_ylabel("force of the hand, N")
+    return figure
+
+
+def _draw(axes: Axes, experiment: dict[str, Any], name: str, title: str, colour: str) -> None:
+    axes.set_title(f"{experiment['name']}: {title}", fontsize=10)
+    axes.set_xlabel({"position": "position, m", "velocity": "velocity, m/s"}[experiment["axis"]])
+    run = experiment[name]
+    if run is None:
+        axes.text(0.5, 0.5, "no baseline in the file", transform=axes.transAxes, ha="center", color=GREY)
+        return
+    curve = np.array(run["curve"])
+    axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
+    ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
+    asked = _asked(experiment, ends)
+    reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
+    axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
+    axes.locator_params(axis="x", nbins=5)
+    if run["diverged_s"] is not None:
+        note = f"diverged from {run['diverged_s']:.4g} s on"
+        axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
+
+
+def _asked(experiment: dict[str, Any], at: np.ndarray[Any, Any]) -> Any:
+    """Return the force that the environment asks for over the figure's axis, as if at rest or at constant speed."""
+    environment = experiment["environment"]
+    if experiment["axis"] == "velocity":
+        return environment["damping"] * at
+    force = environment["stiffness"] * (at - environment["zero"])
+    return np.maximum(force, 0.0) if environment["wall"] else force
+
+
+def measured_rows(simulation: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Return the rows of the table under `HEADINGS`, as texts."""
+    return [
+        (experiment["name"], controller, *_cells(experiment[name]))
+        for experiment in simulation["experiments"]
+        for name, controller in (("baseline", "regular PID"), ("design", "this design"))
+        if experiment[name] is not None
+    ]
+
+
+def _cells(run: dict[str, Any]) -> tuple[str, ...]:
+    loop = run["loop"]
+    stable = "stable" if loop["stable"] else f"unstable at {loop['hz']:.4g} Hz"
+    if run["metrics"] is None:
+        return (f"diverged from {run['diverged_s']:.4g} s on", "", "", "", "", "", stable)
+    measured = run["metrics"]
+    fits = measured["fits"]
+    felt = ", ".join(f"{fit['value']:.5g} {UNITS[name]}" for name, fit in fits.items())
+    off = ", ".join(f"{100 * (fit['value'] / fit['asked'] - 1):+.3g} %" for fit in fits.values() if fit["asked"])
+    saturated = f", {measured['saturated']:.1%} saturated" if measured["saturated"] else ""
+    return (
+        felt,
+        off,
+        *(_newtons(measured[key]) for key in ("non_overlap", "residual", "ripple")),
+        _newtons(measured["peak_motor"]) + saturated,
+        stable,
+    )
+
+
+def _newtons(value: float | None) -> str:
+    return "" if value is None else f"{value:.3g} N"

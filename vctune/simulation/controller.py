@@ -1,0 +1,145 @@
+"""The firmware: one pure function from (state, measurement) to (state, force), to be ported line by line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.document.experiment import Environment
+from vctune.model.arithmetic import Number
+from vctune.model.quantities import Coupling
+from vctune.simulation.arithmetic import Arithmetic
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The numbers of the firmware.
+
+    Attributes
+    ----------
+    sample_time : s
+    velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
+    coupling : damping b_c and mass m_c in series and the drag b_0 beside them; None for no coupling
+    virtual_mass, virtual_damping : beside the environment, kg, N s/m
+    environment : what is rendered
+    position_resolution : of the encoder, m; 0 for none
+    smoothing : weight of the newest difference in the filtered velocity; None where the velocity is measured
+    limit : greatest force, N; None for none
+    """
+
+    sample_time: float
+    velocity: float
+    position: float
+    integral: float
+    coupling: Coupling | None
+    virtual_mass: float
+    virtual_damping: float
+    environment: Environment
+    position_resolution: float
+    smoothing: float | None
+    limit: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What the sensors say at a sample: position [m], velocity [m/s], force of the hand [N]."""
+
+    position: Number
+    velocity: Number
+    force: Number
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What the firmware remembers.
+
+    Attributes
+    ----------
+    reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
+    coupling : velocity of the coupling's mass, m/s
+    integral : of the position error, m s
+    seen, filtered : last measured position and filtered velocity, m, m/s
+    """
+
+    reference: Number
+    desired: Number
+    coupling: Number
+    integral: Number
+    seen: Number
+    filtered: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The force that the motor is told, and the environment's share f_e of the hand's force, N."""
+
+    force: Number
+    environment: Number
+
+
+def control(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple[State, Command]:
+    """Run the firmware for one sample.
+
+    The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
+    What is stiff is implicit: v_e solves this equation at the end of the sample. Coupling and x_e follow the
+    trapezoidal rule, whose impedances at omega are the continuous ones at (2/T) tan(omega T/2): it takes nothing
+    from Re Z_c, on which the certificate rests. The environment follows backward Euler, which stays passive and
+    damps what it cannot resolve, so that a wall may be as stiff as one likes.
+    """
+    T = law.sample_time
+    position, velocity, filtered = _measured(law, state, seen, ops)
+
+    mass = (law.virtual_mass + law.environment.mass) / T
+    resistance, memory = mass + law.virtual_damping, mass * state.desired
+    alpha = share = 0.0
+    if law.coupling is not None:
+        alpha = T * law.coupling.damping / (2 * law.coupling.mass)
+        share = law.coupling.damping / (1 + alpha)
+        resistance = resistance + share + law.coupling.drag
+        memory = memory + share * ((1 - alpha) * state.coupling + alpha * state.desired)
+    middle = state.reference + T / 2 * state.desired
+    desired, environment = _rendered(law, seen.force + memory, resistance, middle, ops)
+    environment = environment + law.environment.mass / T * (desired - state.desired)
+    reference = middle + T / 2 * desired
+    coupling = state.coupling
+    if law.coupling is not None:
+        coupling = ((1 - alpha) * state.coupling + alpha * (desired + state.desired)) / (1 + alpha)
+
+    error = reference - position
+    force = law.velocity * (desired - velocity) + law.position * error
+    integral = state.integral
+    if law.integral > 0:
+        integral = state.integral + T * error
+        force = force + law.integral * integral
+    if law.limit is not None:
+        force = ops.maximum(-law.limit, ops.minimum(law.limit, force))
+    remembered = State(reference, desired, coupling, integral, position if law.smoothing else state.seen, filtered)
+    return remembered, Command(force, environment)
+
+
+def _measured(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple[Number, Number, Number]:
+    """Return position and velocity as the firmware sees them, and its filtered velocity."""
+    position = seen.position
+    if law.position_resolution > 0:
+        position = law.position_resolution * ops.floor(position / law.position_resolution + 0.5)
+    if law.smoothing is None:
+        return position, seen.velocity, state.filtered
+    difference = (position - state.seen) / law.sample_time
+    filtered = state.filtered + law.smoothing * (difference - state.filtered)
+    return position, filtered, filtered
+
+
+def _rendered(law: Law, force: Number, resistance: Number, middle: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return v_e with resistance v_e + damping v_e + stiffness (middle + T v_e - zero) = force, and f_e without mass.
+
+    At a wall the last two terms are left out where their sum would pull.
+    """
+    T, Z_e = law.sample_time, law.environment
+    if Z_e.stiffness == 0 and Z_e.damping == 0:
+        return force / resistance, 0.0
+    offset, slope = Z_e.stiffness * (middle - Z_e.zero), Z_e.damping + T * Z_e.stiffness
+    desired = (force - offset) / (resistance + slope)
+    if Z_e.wall:
+        free = force / resistance
+        desired = ops.where(offset + slope * free > 0, desired, free)
+        return desired, ops.maximum(0.0, offset + slope * desired)
+    return desired, offset + slope * desired

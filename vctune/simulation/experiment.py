@@ -1,0 +1,83 @@
+"""An experiment from its description to its two runs: a) the regular PID and b) the design."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vctune.document.experiment import Experiment
+from vctune.document.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.simulation.metrics import Metrics, metrics
+from vctune.simulation.run import Traces, run
+from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+from vctune.simulation.stability import Mode, fastest_mode, least_virtual
+from vctune.simulation.step import DEFAULT, Method
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One controller in one experiment.
+
+    Attributes
+    ----------
+    traces : what was recorded
+    metrics : what that says; None if the run diverged
+    mode : of the linear sampled loop of device, hand and environment that grows the fastest
+    """
+
+    traces: Traces
+    metrics: Metrics | None
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """An experiment that was simulated.
+
+    Attributes
+    ----------
+    experiment : its description
+    baseline, design : the two runs; no baseline without one in the description
+    least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
+    """
+
+    experiment: Experiment
+    baseline: Run | None
+    design: Run
+    least_virtual: float | None
+
+
+def simulate(
+    problem: Problem,
+    gains: Gains,
+    coupling: Coupling,
+    experiment: Experiment,
+    method: Method = DEFAULT,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Simulated:
+    """Simulate an experiment with a design and with its regular PID.
+
+    Parameters
+    ----------
+    problem : the device
+    gains, coupling : the design
+    experiment : one of the problem's, or any other
+    method : how friction is integrated
+    progress : told the stage of the work
+    """
+
+    def ran(scene: Scene, name: str) -> Run:
+        title = f"{experiment.name}, {name}"
+        traces = run(scene, method, lambda share: progress(f"{title} {share:.0%}"))
+        measured = None
+        if traces.diverged is None:
+            measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)
+        return Run(traces, measured, fastest_mode(scene))
+
+    design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")
+    pid = experiment.baseline
+    if pid is None:
+        return Simulated(experiment, None, design, None)
+    baseline = ran(baseline_scene(problem.device, experiment, pid), "baseline")
+    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid))

@@ -1,0 +1,160 @@
+"""What the traces of a run say: rendering, non-overlap, ripple, energies, effort."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.experiment import Environment, Operator
+from vctune.simulation.motion import Floats, stroke_time
+from vctune.simulation.run import Traces
+
+EDGE = 0.1
+"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero."""
+GRID = 400
+SATURATED = 1 - 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A parameter of the environment as felt at the handle, by least squares.
+
+    Attributes
+    ----------
+    value : what is felt
+    asked : what the environment says
+    standard_error : of the value, from the residual
+    """
+
+    value: float
+    asked: float
+    standard_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class Metrics:
+    """The measures of a run; the first cycle does not count if there are more. None is what cannot be measured.
+
+    Attributes
+    ----------
+    non_overlap : of a spring: greatest distance between force curves over position of loading and unloading strokes,
+        turning points apart, N
+    fits : felt mass, damping, stiffness: those that the environment has, damping for free motion
+    offset : the fit's force at the origin, N
+    residual : root mean square of the force about the fit, N
+    ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
+    handle_energy : what the hand has put into the handle, J
+    environment_energy : what the environment has taken in, J
+    motor_energy : what the motor has put into the device, J
+    handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
+    peak_motor : greatest |u|, N
+    saturated : share of the samples at the actuator's limit
+    peak_force : greatest |f_h|, N
+    """
+
+    non_overlap: float | None
+    fits: dict[str, Fit]
+    offset: float | None
+    residual: float | None
+    ripple: float | None
+    handle_energy: float
+    environment_energy: float
+    motor_energy: float
+    handle_deficit: float
+    environment_deficit: float
+    peak_motor: float
+    saturated: float
+    peak_force: float
+
+
+def metrics(traces: Traces, environment: Environment, operator: Operator, limit: float | None) -> Metrics:
+    """Measure a run."""
+    stroke = stroke_time(operator)
+    counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
+    if environment.wall:
+        counted &= traces.environment_force > 0
+    fitted = _fit(traces, environment, counted)
+    handle = _energy(traces.time, traces.force * traces.velocity)
+    rendered = _energy(traces.time, traces.environment_force * traces.desired)
+    return Metrics(
+        non_overlap=_non_overlap(traces, counted, stroke) if environment.stiffness > 0 else None,
+        fits=fitted.fits if fitted else {},
+        offset=fitted.offset if fitted else None,
+        residual=float(np.sqrt(np.mean(fitted.about**2))) if fitted else None,
+        ripple=_ripple(fitted.about, np.abs(traces.velocity[counted])) if fitted else None,
+        handle_energy=float(handle[-1]),
+        environment_energy=float(rendered[-1]),
+        motor_energy=float(_energy(traces.time, traces.motor * traces.velocity)[-1]),
+        handle_deficit=float(abs(handle.min())),
+        environment_deficit=float(abs(rendered.min())),
+        peak_motor=float(np.abs(traces.motor).max()),
+        saturated=float(np.mean(np.abs(traces.motor) >= limit * SATURATED)) if limit is not None else 0.0,
+        peak_force=float(np.abs(traces.force).max()),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    fits: dict[str, Fit]
+    offset: float
+    about: Floats
+
+
+def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -> _Fitted | None:
+    """Return the least squares of the force over what the environment has: position, velocity, acceleration."""
+    columns = {"stiffness": traces.position, "damping": traces.velocity}
+    if environment.mass > 0:
+        columns["mass"] = np.gradient(traces.velocity, traces.time)
+    names = [name for name in columns if getattr(environment, name) > 0] or ["damping"]
+    force = traces.force[counted]
+    if force.size <= len(names) + 1:
+        return None
+    regressors = np.column_stack([*(columns[name][counted] for name in names), np.ones(force.size)])
+    scale = np.abs(regressors).max(axis=0)
+    scale[scale == 0] = 1.0
+    scaled = regressors / scale
+    solution = np.linalg.lstsq(scaled, force, rcond=None)[0]
+    about = force - scaled @ solution
+    variance = np.sum(about**2) / (force.size - solution.size)
+    errors = np.sqrt(variance * np.diag(np.linalg.pinv(scaled.T @ scaled))) / scale
+    values = solution / scale
+    fits = {
+        name: Fit(float(value), getattr(environment, name), float(error))
+        for name, value, error in zip(names, values, errors, strict=False)
+    }
+    return _Fitted(fits, float(values[-1]), about)
+
+
+def _ripple(about: Floats, speed: Floats) -> float | None:
+    """Return the greatest less the least force about the fit near zero velocity."""
+    slow = about[speed < EDGE * speed.max()]
+    return float(np.ptp(slow)) if slow.size else None
+
+
+def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> float | None:
+    """Return the greatest distance between the force curves of different directions at the same position."""
+    number = np.floor(traces.time / stroke + 1e-9).astype(int)
+    strokes = [np.flatnonzero((number == k) & counted) for k in np.unique(number[counted])]
+    strokes = [at for at in strokes if at.size > 1]
+    if len({number[at[0]] % 2 for at in strokes}) < 2:
+        return None
+    low = max(traces.position[at].min() for at in strokes)
+    high = min(traces.position[at].max() for at in strokes)
+    if high <= low:
+        return None
+    places = np.linspace(low + EDGE * (high - low), high - EDGE * (high - low), GRID)
+    curves: dict[int, list[Floats]] = {0: [], 1: []}
+    for at in strokes:
+        order = np.argsort(traces.position[at], kind="stable")
+        curves[number[at[0]] % 2].append(np.interp(places, traces.position[at][order], traces.force[at][order]))
+    there, back = np.array(curves[0]), np.array(curves[1])
+    apart = np.maximum(there.max(axis=0) - back.min(axis=0), back.max(axis=0) - there.min(axis=0))
+    return float(apart.max())
+
+
+def _energy(time: Floats, power: Floats) -> Floats:
+    """Return the running integral of a power by the trapezoidal rule, J."""
+    steps = np.diff(time) * (power[1:] + power[:-1]) / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])

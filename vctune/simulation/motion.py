@@ -1,0 +1,71 @@
+"""The intended motion: where the hand wants to be at each sample, and on a cubic between samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.experiment import Operator
+
+Floats = NDArray[np.float64]
+TURN = 0.1
+"""Share of a stroke's time that each of its two ends takes to gain or lose speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Intended:
+    """Positions [m] and velocities [m/s] of the intended motion at the sample times."""
+
+    position: Floats
+    velocity: Floats
+
+
+def stroke_time(operator: Operator) -> float:
+    """Return how long a stroke takes from one end to the other, s."""
+    travel = abs(operator.end - operator.start)
+    mean = 1 - TURN if operator.motion == "reciprocate" else 2 / pi
+    return travel / (mean * operator.speed)
+
+
+def sample_count(operator: Operator, sample_time: float) -> int:
+    """Return the number of sample intervals of an experiment."""
+    return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
+
+
+def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> Intended:
+    """Return the intended motion at samples `first` to `last`, both included."""
+    stroke = stroke_time(operator)
+    strokes = np.arange(first, last + 1) * (sample_time / stroke)
+    phase, travel = np.mod(strokes, 2.0), operator.end - operator.start
+    back = phase > 1
+    local = np.where(back, 2 - phase, phase)
+    if operator.motion == "sine":
+        place, rate = (1 - np.cos(pi * local)) / 2, pi / 2 * np.sin(pi * local)
+    else:
+        place, rate = _ramped(local)
+    return Intended(operator.start + travel * place, np.where(back, -1.0, 1.0) * rate * (travel / stroke))
+
+
+def _ramped(u: Floats) -> tuple[Floats, Floats]:
+    """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate but for the ends."""
+    top = 1 / (1 - TURN)
+    end = np.minimum(u, 1 - u)
+    rate = top * np.minimum(end / TURN, 1.0)
+    from_end = np.where(end < TURN, top * end * end / (2 * TURN), top * (end - TURN / 2))
+    return np.where(u <= 0.5, from_end, 1 - from_end), rate
+
+
+def hand_force_derivatives(operator: Operator, sample_time: float) -> Floats:
+    """Return the matrix from (x, v, x', v') of two samples to the hand's push and its three derivatives at the first.
+
+    The push is stiffness x_i + damping v_i with x_i the cubic that has these positions and velocities.
+    """
+    T, k, b = sample_time, operator.stiffness, operator.damping
+    position = np.array([1.0, 0.0, 0.0, 0.0])
+    velocity = np.array([0.0, 1.0, 0.0, 0.0])
+    second = np.array([-6.0, -4.0 * T, 6.0, -2.0 * T]) / T**2
+    third = np.array([12.0, 6.0 * T, -12.0, 6.0 * T]) / T**3
+    return np.array([k * position + b * velocity, k * velocity + b * second, k * second + b * third, k * third])

@@ -1,0 +1,76 @@
+"""Device and hand between two samples, without friction: exact, by matrix exponentials (DESIGN 1.7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+import numpy as np
+
+from vctune.model.sampled import whole_samples
+from vctune.simulation.motion import Floats, hand_force_derivatives
+from vctune.simulation.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """When the held forces act within a sample interval: u[k-whole-1] for `early` seconds, then u[k-whole].
+
+    Attributes
+    ----------
+    whole : whole samples of delay
+    early, late : s; early is 0 without a fraction of a sample of delay
+    """
+
+    whole: int
+    early: float
+    late: float
+
+
+def timing(scene: Scene) -> Timing:
+    """Return the timing of a scene's actuator; the real zero-order hold, whatever `hold` the frequency model has."""
+    T = scene.device.sample_time
+    whole, fraction = whole_samples(scene.device.delay, T)
+    return Timing(whole, fraction * T, T - fraction * T)
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """(x, v) after a sample: state @ (x, v) + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i')."""
+
+    state: Floats
+    early: Floats
+    late: Floats
+    motion: Floats
+
+
+def transition(scene: Scene) -> Transition:
+    """Return the exact transition of a scene without friction over one sample."""
+    when, carriage = timing(scene), scene.carriage
+    # x, v, force of the motor, push of the hand and its three derivatives
+    rates = np.zeros((7, 7))
+    rates[0, 1] = 1.0
+    rates[1, :4] = np.array([-carriage.stiffness, -carriage.damping, 1.0, 1.0]) / carriage.mass
+    rates[[3, 4, 5], [4, 5, 6]] = 1.0
+    early, late = exponential(rates * when.early), exponential(rates * when.late)
+    push = hand_force_derivatives(scene.operator, scene.device.sample_time)
+    return Transition(
+        state=late[:2, :2] @ early[:2, :2],
+        early=late[:2, :2] @ early[:2, 2],
+        late=late[:2, 2],
+        motion=(late[:2, :2] @ early[:2, 3:] + late[:2, 3:] @ early[3:, 3:]) @ push,
+    )
+
+
+def exponential(matrix: Floats) -> Floats:
+    """Return e^matrix of a small matrix, by scaling, Taylor's series and squaring of e^A - 1."""
+    norm = float(np.abs(matrix).sum(axis=1).max())
+    halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
+    scaled = matrix / 2.0**halvings
+    excess = term = scaled
+    for order in range(2, 18):
+        term = term @ scaled / order
+        excess = excess + term
+    for _ in range(halvings):
+        excess = 2 * excess + excess @ excess
+    return np.eye(len(matrix)) + excess

@@ -1,0 +1,102 @@
+"""A scene from its first sample to its last: traces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.interrupt import interrupt_deferred
+from vctune.simulation.motion import Floats, intended_motion, sample_count
+from vctune.simulation.scene import Scene
+from vctune.simulation.step import CHUNK, COLUMNS, DEFAULT, INPUTS, Method, build
+
+ASTRAY = 1e3
+"""A handle this many times the hand's travel away from where the hand wants it has diverged."""
+
+
+@dataclass(frozen=True, slots=True)
+class Traces:
+    """What a run recorded at its samples; all arrays have the same length.
+
+    Attributes
+    ----------
+    time : s
+    intended : position that the hand wants, m
+    position, velocity : of the handle, m, m/s
+    force : f_h, the hand's force on the handle, N
+    reference, desired : x_e and v_e, of the rendered environment, m, m/s
+    environment_force : f_e, N
+    motor : u, the force that the motor is told, N
+    diverged : when the handle began to go astray for good, s, and the traces end; None if it did not
+    """
+
+    time: Floats
+    intended: Floats
+    position: Floats
+    velocity: Floats
+    force: Floats
+    reference: Floats
+    desired: Floats
+    environment_force: Floats
+    motor: Floats
+    diverged: float | None
+
+
+def run(scene: Scene, method: Method = DEFAULT, progress: Callable[[float], None] = lambda share: None) -> Traces:
+    """Simulate a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    method : how friction is integrated; not looked at without friction, where the device moves on exactly
+    progress : told the share of the samples that is done
+
+    Returns
+    -------
+    Traces
+        Finite; a run that diverges ends where it began to.
+    """
+    samples = sample_count(scene.operator, scene.device.sample_time)
+    with interrupt_deferred():
+        step = build(scene, method)
+        chunk = step.chunk()
+    recorded = np.empty((samples, len(COLUMNS)))
+    wanted = np.empty(samples)
+    noise = np.random.default_rng(scene.seed)
+    reach = ASTRAY * abs(scene.operator.end - scene.operator.start)
+    state, done, astray = step.start, 0, False
+    while done < samples and not astray:
+        count = min(CHUNK, samples - done)
+        inputs = _inputs(scene, done, noise)
+        with interrupt_deferred():
+            states, records = chunk(state, inputs)
+        state = np.asarray(states)[:, -1]
+        block = recorded[done : done + count] = np.asarray(records).T[:count]
+        wanted[done : done + count] = inputs[0, :count]
+        done += count
+        astray = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        progress(done / samples)
+    return _traces(scene, recorded[:done], wanted[:done], diverged=astray)
+
+
+def _inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
+    motion = intended_motion(scene.operator, scene.device.sample_time, first, first + CHUNK)
+    inputs = np.zeros((INPUTS, CHUNK))
+    inputs[0], inputs[2] = motion.position[:-1], motion.position[1:]
+    inputs[1], inputs[3] = motion.velocity[:-1], motion.velocity[1:]
+    if scene.force_noise > 0:
+        inputs[4] = noise.normal(0.0, scene.force_noise, CHUNK)
+    return inputs
+
+
+def _traces(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
+    T, began = scene.device.sample_time, None
+    if diverged:
+        travel = abs(scene.operator.end - scene.operator.start)
+        near = np.flatnonzero(np.isfinite(recorded).all(axis=1) & (np.abs(recorded[:, 0] - wanted) <= travel))
+        length = int(near[-1]) + 1 if near.size else 1
+        recorded, wanted, began = recorded[:length], wanted[:length], length * T
+    columns = dict(zip(COLUMNS, recorded.T, strict=True))
+    return Traces(time=np.arange(len(wanted)) * T, intended=wanted, **columns, diverged=began)

@@ -1,0 +1,204 @@
+"""One sample of a scene as a compiled function, assembled from what the scene contains. Imports casadi.
+
+A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
+arrived. Friction, quantisation, saturation, filters and the coupling are operations of the function only where the
+scene has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from math import ceil
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from vctune.document.experiment import Friction
+from vctune.simulation.arithmetic import Arithmetic
+from vctune.simulation.controller import Measurement, State, control
+from vctune.simulation.friction import Slide, friction_force, slide
+from vctune.simulation.motion import Floats, hand_force_derivatives
+from vctune.simulation.plant import timing, transition
+from vctune.simulation.scene import Scene, rest
+
+CHUNK = 1024
+"""Samples per call of the compiled function."""
+COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
+"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u."""
+INPUTS = 5
+"""x_i, v_i at this sample and at the next, and the noise of the force sensor."""
+
+
+STEPS_PER_RADIAN = 64
+"""Fixed steps per radian of the bristles' oscillation; see results/work-precision.csv."""
+LEAST_STEPS, MOST_STEPS = 4, 256
+
+
+class _SymbolArithmetic:
+    """CasADi symbols."""
+
+    exp = staticmethod(ca.exp)
+    expm1 = staticmethod(ca.expm1)
+    absolute = staticmethod(ca.fabs)
+    floor = staticmethod(ca.floor)
+    minimum = staticmethod(ca.fmin)
+    maximum = staticmethod(ca.fmax)
+    where = staticmethod(ca.if_else)
+
+
+SYMBOLS: Arithmetic = _SymbolArithmetic()
+
+
+class Scheme(StrEnum):
+    """How a device with friction moves on between samples."""
+
+    MIDPOINT = "midpoint"
+    """Fixed steps of second order (`friction.slide`)."""
+    EULER = "euler"
+    """Fixed steps of first order."""
+    CVODES = "cvodes"
+    """SUNDIALS' variable-step BDF, started anew at each sample: the reference."""
+    IDAS = "idas"
+    """SUNDIALS' variable-step DAE solver: a second reference."""
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """A scheme with its accuracy.
+
+    Attributes
+    ----------
+    scheme : Scheme
+    substeps : per sample, for fixed steps; None for `default_substeps`
+    tolerance : relative, for variable steps
+    """
+
+    scheme: Scheme = Scheme.MIDPOINT
+    substeps: int | None = None
+    tolerance: float = 1e-10
+
+
+DEFAULT = Method()
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
+
+    The state is x, v and with friction z; what the firmware remembers and changes; the forces on their way.
+    """
+
+    one: Any
+    start: Floats
+
+    def chunk(self) -> Any:
+        """Return the function for `CHUNK` samples: samples(state, inputs) -> (states, records), a column a sample."""
+        return self.one.mapaccum(CHUNK)
+
+
+def default_substeps(scene: Scene, friction: Friction) -> int:
+    """Return how many fixed steps a sample gets, by the bristles' oscillation with device and hand.
+
+    No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
+    """
+    bristles = (friction.stiffness / scene.carriage.mass) ** 0.5
+    return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
+
+
+def build(scene: Scene, method: Method) -> Step:
+    """Assemble and compile the step of a scene."""
+    when = timing(scene)
+    names = [field.name for field in fields(State)]
+    body, given = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("given", INPUTS)
+    queue = [ca.SX.sym(f"u{age}") for age in range(when.whole + 1)]  # forces told and not yet spent, the newest first
+    memory = {name: ca.SX.sym(name) for name in names}
+
+    at = Slide(body[0], body[1], body[2] if scene.friction else 0.0)
+    hand = _hand_force(scene, at, given, queue[-1])
+    seen = Measurement(at.x, at.v, hand + given[4] if scene.force_noise > 0 else hand)
+    remembered, command = control(scene.law, State(**memory), seen, SYMBOLS)
+    changed = [name for name in names if getattr(remembered, name) is not memory[name]]
+    record = ca.vertcat(at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force)
+    told = [command.force, *queue]
+    state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
+    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *told[:-1])
+    begin = rest(scene)
+    start = np.zeros(state.shape[0])
+    start[0], start[-len(queue) :] = begin.position, begin.motor
+    known = {"reference": begin.reference, "seen": begin.position}
+    start[body.shape[0] : -len(queue)] = [known.get(name, 0.0) for name in changed]
+    if scene.friction is None:
+        one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
+    else:
+        firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
+        one = _with_friction(scene, scene.friction, method, firmware)
+    return Step(one, start)
+
+
+def _hand_force(scene: Scene, at: Slide, given: Any, motor: Any) -> Any:
+    """Return f_h just before the sample: spring, damper and, with the acceleration at that moment, the hand's mass."""
+    hand, carriage = scene.operator, scene.carriage
+    push = hand.stiffness * given[0] + hand.damping * given[1]
+    pull = hand.stiffness * at.x + hand.damping * at.v
+    if hand.mass == 0:
+        return push - pull
+    resisting = scene.device.damping * at.v
+    if scene.friction is not None:
+        resisting = resisting + friction_force(scene.friction, at.v, at.z, SYMBOLS)[0]
+    share = hand.mass / carriage.mass
+    return (1 - share) * (push - pull) - share * (motor - resisting)
+
+
+def _moved_exactly(scene: Scene, body: Any, given: Any, told: list[Any]) -> Any:
+    exact = transition(scene)
+    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), given[:4])
+    moved = moved + ca.DM(exact.late) * told[-2]
+    return moved + ca.DM(exact.early) * told[-1] if exact.early.any() else moved
+
+
+def _with_friction(scene: Scene, friction: Friction, method: Method, firmware: Any) -> Any:
+    """Return the step of a device with friction: firmware, then one or two stretches of constant motor force."""
+    when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
+    state, given = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("given", INPUTS)
+    kept, record, early, late = firmware(state, given)
+    body = state[:3]
+    for begin, length, motor in ((0.0, when.early, early), (when.early, when.late, late)):
+        if length > 0:
+            body = _stretch(scene, friction, method, begin, length)(body, motor, ca.mtimes(push, given[:4]))
+    return ca.Function("one", [state, given], [ca.vertcat(body, kept), record])
+
+
+def _stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
+    """Return the function (body, motor, push) -> body over a stretch of a sample."""
+    if method.scheme in (Scheme.CVODES, Scheme.IDAS):
+        return _reference_stretch(scene, friction, method, begin, length)
+    share = length / scene.device.sample_time
+    count = max(1, ceil((method.substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
+    theta = 0.5 if method.scheme is Scheme.MIDPOINT else 1.0
+    body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
+
+    def force(time: float) -> Any:
+        return motor + _push_at(push, begin + time)
+
+    start = Slide(*ca.vertsplit(body))
+    end = slide(scene.carriage, friction, start, force, length, count, theta, SYMBOLS)
+    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
+
+
+def _push_at(push: Any, time: Any) -> Any:
+    return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))
+
+
+def _reference_stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
+    carriage = scene.carriage
+    body, given, time = ca.SX.sym("body", 3), ca.SX.sym("given", 5), ca.SX.sym("time")
+    rubbing, creep = friction_force(friction, body[1], body[2], SYMBOLS)
+    force = given[0] + _push_at(given[1:], begin + time * length)
+    acceleration = (force - carriage.damping * body[1] - carriage.stiffness * body[0] - rubbing) / carriage.mass
+    problem = {"x": body, "p": given, "t": time, "ode": length * ca.vertcat(body[1], acceleration, creep)}
+    options = {"reltol": method.tolerance, "abstol": method.tolerance * 1e-3, "max_num_steps": 1_000_000}
+    solver = ca.integrator("reference", method.scheme.value, problem, 0.0, 1.0, options)
+    start = [ca.MX.sym("body", 3), ca.MX.sym("motor"), ca.MX.sym("push", 4)]
+    return ca.Function("stretch", start, [solver(x0=start[0], p=ca.vertcat(*start[1:]))["xf"]])
