@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from math import pi
+from math import inf, pi
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.batch import Demands, prove
 from vctune.proof.cells import Cells, all_pairs, sift
 from vctune.proof.certificate import certify
@@ -121,6 +121,28 @@ def test_arrays_prove_what_arb_proves(name, spread):
     proved = prove(Demands(problem.device, band, 1.0, limit), Cells(values, values)).proved
     for found, v in zip(proved, values.T.tolist(), strict=True):
         verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
+        assert found == (verdict is Verdict.PROVED)
+
+
+@pytest.mark.parametrize(
+    ("hold", "delay", "band", "damping", "drag"),
+    [
+        ("lag", 0.0, (0.0, inf), 2.0, 0.05),
+        ("lag", 0.0, (0.0, inf), 2.0, 0.0),
+        ("lag", 0.0, (3.0, inf), 2.0, 0.0),
+        ("zoh", 0.0, (0.0, 600.0), 2.0, 0.01),
+        ("zoh", 0.0, (0.0, 600.0), 2.0, 1e-9),
+        ("zoh", 3e-4, (0.0, 300.0), 0.0, 0.0),
+    ],
+)
+def test_arrays_prove_what_arb_proves_at_the_ends_of_the_axis(hold, delay, band, damping, drag):
+    device, rng = Device(0.5, damping, 1e-3, delay, hold), np.random.default_rng(5)
+    values = np.array([[40.0], [4000.0], [25000.0], [6.0], [drag]]) * np.exp(rng.normal(0, 1, (5, 60)))
+    values[1, ::2] = 0.0
+    proved = prove(Demands(device, band, 1.0, 2.0), Cells(values, values)).proved
+    assert 0 < proved.sum() < 60
+    for found, v in zip(proved, values.T.tolist(), strict=True):
+        verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), 2.0).verdict
         assert found == (verdict is Verdict.PROVED)
 
 

@@ -132,8 +132,8 @@ def test_the_end_charts_agree_with_the_formulas_of_the_middle(gains):
     coupling = Coupling(25000.0, 8.0, 0.1)
     case = Case(0.5, 2.0, 1e-3, 0.0, "lag", gains.velocity, gains.position, 25000.0, 8.0, 0.1)
     with ctx.workprec(PRECISION):
-        low = prove_low_end(LAG, gains, coupling, 1.0, 1e3)
-        high = prove_high_end(LAG, gains, coupling, 1.0, 1e2)
+        low = prove_low_end(Design(LAG, gains, coupling), 1.0, 1e3)
+        high = prove_high_end(Design(LAG, gains, coupling), 1.0, 1e2)
     assert low is not None and high is not None
     for omega in (low, low / 10, low / 1e4, high, high * 10, high * 1e4):
         assert exact_ratio(case, omega) > 1

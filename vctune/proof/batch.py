@@ -18,6 +18,8 @@ from vctune.proof.claims import (
     Design,
     along_hold,
     conditions_margin,
+    high_margin,
+    low_margin,
     outwards,
     sensitivity_floor,
     sensitivity_margin,
@@ -61,6 +63,8 @@ class Claims:
     Attributes
     ----------
     conditions, sensitivity : margins that must be positive
+    low : proves as much as `conditions`, next to omega = 0
+    high : `conditions` at omega = 1/v, of v; hold "lag" without delay
     required : the least admissible Re Z_c where Re G_hh > 0
     floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
@@ -68,6 +72,8 @@ class Claims:
     """
 
     conditions: Margin
+    low: Margin
+    high: Margin
     sensitivity: Margin
     required: Margin
     floor: Margin
@@ -107,10 +113,13 @@ def claims_of(demands: Demands, *, integrator: bool) -> Claims:
         position = return_difference(plant, theta, OPS).position
         return turning.im * position.re - turning.re * position.im
 
+    def design(v: Values) -> Design:
+        return Design(device, Gains(*v[:2]), Coupling(*v[2:]))
+
     return Claims(
-        lambda omega, v: conditions_margin(
-            Design(device, Gains(*v[:2]), Coupling(*v[2:])), omega, factor, OPS, integrator=integrator
-        ),
+        lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         lambda omega, v: sensitivity_margin(device, Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
         required,
         lambda omega, v: sensitivity_floor(device, Gains(*v[:2]), omega, limit, OPS),
@@ -139,13 +148,12 @@ def prove(demands: Demands, cells: Cells) -> Proofs:
     """Prove all demands throughout each cell.
 
     A cell whose K_p starts at 0 does not contain K_p = 0 itself, which takes the position out of the loop; a cell
-    whose K_p is 0 throughout does. A band from 0 or to infinity is beyond arrays: nothing is proved then.
+    whose K_p is 0 throughout does.
     """
     proofs = Proofs(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
-    if demands.band[0] > 0 and demands.band[1] < inf:
-        for integrator, at in by_integrator(cells):
-            part = _proofs(demands, cells.taken(at), integrator)
-            proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
+    for integrator, at in by_integrator(cells):
+        part = _proofs(demands, cells.taken(at), integrator)
+        proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
     return proofs
 
 
@@ -161,9 +169,15 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
     rounds = CELL_ROUNDS if any(cells.moving()) else ROUNDS
 
     def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
-        pairs = all_pairs(len(cells), *outwards(demands.band), STEP)
-        sifted = sift(claims.conditions, cells, pairs, rounds)
-        return sifted.open.count(len(cells)) == 0, sifted.boxes
+        low, high = outwards(demands.band)
+        beyond = max(1 / device.sample_time, low)
+        pairs = all_pairs(len(cells), low, beyond if high == inf else high, STEP)
+        sifted = sift(claims.conditions, cells, pairs, rounds, claims.low if low == 0 else None)
+        proved, boxes = sifted.open.count(len(cells)) == 0, sifted.boxes
+        if high == inf:
+            sifted = sift(claims.high, cells, all_pairs(len(cells), 0.0, 1 / beyond, STEP), rounds)
+            proved, boxes = proved & (sifted.open.count(len(cells)) == 0), boxes + sifted.boxes
+        return proved, boxes
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
         pairs = all_pairs(len(cells), 0.0, pi / device.sample_time * (1 + NEAR), STEP)

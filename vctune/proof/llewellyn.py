@@ -9,7 +9,6 @@ from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.balls import BALLS, design_ball
 from vctune.proof.claims import Design, conditions_margin, outwards
 from vctune.proof.ends import high_end_verdict, low_end_verdict, prove_high_end, prove_low_end
@@ -39,22 +38,18 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
     start = wider[0] if low > 0 else _low_start(design, factor, high)
     stop = wider[1] if high < inf else _high_start(design, factor, low)
     if start is None:
-        return _end_failure(low_end_verdict(*_parts(design)), margin, min(high, 1.0), 0.25)
+        return _end_failure(low_end_verdict(design), margin, min(high, 1.0), 0.25)
     if stop is None:
-        return _end_failure(high_end_verdict(*_parts(design)), margin, max(low, 1.0), 4.0)
+        return _end_failure(high_end_verdict(design), margin, max(low, 1.0), 4.0)
     return prove_positive(margin, start, stop) if start < stop else Outcome(Verdict.PROVED, 1)
 
 
-def _parts(design: Design) -> tuple[Device, Gains, Coupling]:
-    return design.device, design.gains, design.coupling
-
-
 def _low_start(design: Design, factor: float, high: float) -> float | None:
-    return prove_low_end(*_parts(design), factor, min(high, 1 / design.device.sample_time))
+    return prove_low_end(design, factor, min(high, 1 / design.device.sample_time))
 
 
 def _high_start(design: Design, factor: float, low: float) -> float | None:
-    return prove_high_end(*_parts(design), factor, max(low, 1 / design.device.sample_time))
+    return prove_high_end(design, factor, max(low, 1 / design.device.sample_time))
 
 
 def _end_failure(verdict: Verdict, margin: Callable[[Number], Number], start: float, step: float) -> Outcome:
@@ -84,7 +79,7 @@ def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool
 def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> float:
     if low == 0:
         return 0.0
-    if low_end_verdict(*_parts(design)) is Verdict.PROVED:
+    if low_end_verdict(design) is Verdict.PROVED:
         start = _low_start(design, 1.0, low)
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
@@ -97,7 +92,7 @@ def _highest(design: Design, margin: Callable[[Number], Number], high: float) ->
     nyquist = 3.141592653589793 / design.device.sample_time
     if design.device.hold != "lag" or design.device.delay > 0:
         return _march(margin, high, nyquist)
-    if high_end_verdict(*_parts(design)) is Verdict.PROVED:
+    if high_end_verdict(design) is Verdict.PROVED:
         stop = _high_start(design, 1.0, high)
         if stop is not None and (stop <= high or _proved(margin, high, stop)):
             return inf

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +68,8 @@ class Plane:
 
 def obstacles(problem: Problem, x: str, y: str) -> list[Mistake]:
     """Return why the region of a problem in the plane of x and y cannot be found, if so."""
-    bounds, band, found = dict(zip(KEYS, ranges(problem.bounds), strict=True)), problem.stability.band, []
+    bounds = dict(zip(KEYS, ranges(problem.bounds), strict=True))
+    found: list[Mistake] = []
     free = [key for key in KEYS if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if x == y:
@@ -84,8 +84,6 @@ def obstacles(problem: Problem, x: str, y: str) -> list[Mistake]:
         for key in KEYS[:2]
         if key not in (x, y) and not bounds[key].fixed
     ]
-    if band.min == 0 or band.max == inf:
-        found.append(Mistake("stability.band_hz", "goes from 0 or to inf; a region needs a finite band above 0"))
     return found
 
 
