@@ -144,7 +144,8 @@ def required(demand: Demand, K_v, K_p, omega):
 
 def least(f: Callable, low: float, high: float, count: int):
     """Return the least value of f over [low, high] for each design: a grid's lowest places, each refined."""
-    omega = np.union1d(np.geomspace(low, high, GRID)[1:-1], np.linspace(low, high, GRID))
+    steps = max(GRID, int(100 * np.log10(high / low)))
+    omega = np.union1d(np.geomspace(low, high, steps)[1:-1], np.linspace(low, high, GRID))
     values = np.broadcast_to(f(omega), (count, omega.size)).copy()
     best, rows = values.min(axis=1), np.arange(count)
     for _ in range(PLACES):
@@ -181,7 +182,9 @@ def sensitivity_surplus(demand: Demand, designs):
         Z_d, C = impedances(demand, K_v, K_p, 1j * omega)
         return 1 - np.abs(Z_d / (Z_d + C)) / demand.max_sensitivity
 
-    return least(surplus, demand.nyquist * 1e-4, demand.nyquist, designs.shape[1])
+    ringing = np.sqrt(designs[1, designs[1] > 0] / demand.mass)
+    low = 0.1 * np.clip(ringing, demand.nyquist * 1e-8, demand.nyquist * 1e-3).min(initial=demand.nyquist * 1e-3)
+    return least(surplus, low, demand.nyquist, designs.shape[1])
 
 
 def _sampled_loops(demand: Demand, designs, expm: Callable):

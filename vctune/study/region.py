@@ -148,7 +148,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
         low, high = admissible_damping(needed - b_0, m_c * omega)
         least, most = np.maximum(low.max(axis=1), cells.low[DAMPING]), np.minimum(high.min(axis=1), cells.high[DAMPING])
         damping = np.where(least <= most, np.clip(np.sqrt(least) * np.sqrt(most), least, most), np.nan)
-        hardest = [needed / omega, low, -high]
+        hardest = [(needed - b_0) / omega, low, -high]
     else:
         scarcity = needed / coupling_impedance(Coupling(b_c, m_c, b_0), omega).re
         damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
