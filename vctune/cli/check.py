@@ -69,7 +69,7 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
         folder = out / folder_name(checked.name)
         make_folder(folder)
         record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
-        pictures = figure_files(lost_figure(again.region), folder, "lost")
+        pictures = figure_files(lost_figure(again), folder, "lost")
         write_together({folder / "lost.json": record + "\n", **pictures})
         click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg, lost.png", err=True)
     return [checked, *(check_files(files) if gains else [])]

@@ -9,12 +9,13 @@ import numpy as np
 
 from vctune.model.arithmetic import Number
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import hold_response, loop_response
+from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import difference_slope, return_difference, sampled_plant, whole_samples
 from vctune.proof.cells import Cells, Integers, Margin, Values, all_pairs, image_at, sift
 from vctune.proof.claims import (
+    HALF_TURN,
     Design,
     along_hold,
     conditions_margin,
@@ -65,7 +66,8 @@ class Claims:
     conditions, sensitivity : margins that must be positive
     low : proves as much as `conditions`, next to omega = 0
     high : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    required : the least admissible Re Z_c where Re G_hh > 0
+    damped : Re D, which must be positive too, whatever the coupling
+    required : the least admissible Re Z_c where Re D > 0 throughout; elsewhere nothing is known of it
     floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
@@ -75,6 +77,7 @@ class Claims:
     low: Margin
     high: Margin
     sensitivity: Margin
+    damped: Margin
     required: Margin
     floor: Margin
     model_poles: Curve
@@ -92,14 +95,12 @@ def claims_of(demands: Demands, *, integrator: bool) -> Claims:
     whole, fraction = whole_samples(given.delay, given.sample_time)
     plant = sampled_plant(device, whole, delay - whole * sample_time, fraction > 0, OPS)
 
-    def required(omega: Number, values: Values) -> Number:
-        """Return R where Re D > 0 throughout; nothing is known of it elsewhere."""
+    def loop(omega: Number, values: Values) -> LoopResponse:
         hold = hold_response(device, omega, OPS)
-        return required_resistance(loop_response(device, Gains(*values[:2]), omega, hold, integrator=integrator), OPS)
+        return loop_response(device, Gains(*values[:2]), omega, hold, integrator=integrator)
 
     def model_curve(omega: Enclosure, values: Values) -> Pair:
-        hold = hold_response(device, omega, OPS)
-        D = loop_response(device, Gains(*values[:2]), omega, hold, integrator=integrator).D
+        D = loop(omega, values).D
         return Pair(-D.im, D.re) if integrator else D
 
     def sampled_curve(theta: Enclosure, values: Values) -> Pair:
@@ -121,7 +122,8 @@ def claims_of(demands: Demands, *, integrator: bool) -> Claims:
         lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         lambda omega, v: sensitivity_margin(device, Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
-        required,
+        lambda omega, v: loop(omega, v).re_D,
+        lambda omega, v: required_resistance(loop(omega, v), OPS),
         lambda omega, v: sensitivity_floor(device, Gains(*v[:2]), omega, limit, OPS),
         model_curve,
         sampled_curve,
@@ -185,9 +187,13 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
         return sifted.open.count(len(cells)) == 0, sifted.boxes
 
     def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
-        turned = encirclements(claims, device, cells.centres(), integrator=integrator)
-        stable = (turned.number == 0).all(axis=0)
-        return stable & steady(claims, device, cells).all(axis=0) if any(cells.moving()) else stable, turned.boxes
+        stable, boxes = np.zeros(len(cells), bool), np.zeros((2, len(cells)), np.intp)
+        calm = np.arange(len(cells))
+        if any(cells.moving()):
+            calm = np.flatnonzero(steady(claims, device, cells).all(axis=0))
+        turned = encirclements(claims, device, cells.taken(calm).centres(), integrator=integrator)
+        stable[calm], boxes[:, calm] = (turned.number == 0).all(axis=0), turned.boxes
+        return stable, boxes
 
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
     for rows, holds in ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay)):
@@ -213,12 +219,13 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
     for integrator, at in by_integrator(cells):
         claims, part = claims_of(demands, integrator=integrator), cells.taken(at)
         lost = image_at(claims.conditions, part, omega[at]).negative()
+        lost |= image_at(claims.damped, part, omega[at]).negative()
         lost |= image_at(claims.sensitivity, part, omega_S[at]).negative()
         left = np.flatnonzero(~lost)
-        if len(left):
-            part = part.taken(left)
-            number = encirclements(claims, demands.device, part.centres(), integrator=integrator).number
-            lost[left] = ((number != 0) & np.isfinite(number) & steady(claims, demands.device, part)).any(axis=0)
+        calm = steady(claims, demands.device, part.taken(left))
+        left, calm = left[calm.any(axis=0)], calm[:, calm.any(axis=0)]
+        number = encirclements(claims, demands.device, part.taken(left).centres(), integrator=integrator).number
+        lost[left] = (calm & (number != 0) & np.isfinite(number)).any(axis=0)
         fails[at] = lost
     return fails
 
@@ -245,7 +252,7 @@ def encirclements(claims: Claims, device: Device, points: Cells, *, integrator: 
     """
     curves = (
         (claims.model_poles, stiffest(device, points), 2 * pi, pi if integrator else pi / 2),
-        (claims.sampled_poles, pi, pi, 0.0),
+        (claims.sampled_poles, HALF_TURN, pi, 0.0),
     )
     numbers, boxes = [], []
     for curve, high, turn, goal in curves:
@@ -268,10 +275,11 @@ def steady(claims: Claims, device: Device, cells: Cells) -> Flags:
         return exclude(misses, cells, pairs, CELL_ROUNDS).open.count(len(cells)) == 0
 
     model = uncrossed(claims.model_poles, claims.model_floor, stiffest(device, cells))
-    return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_floor, pi)))
+    return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_floor, HALF_TURN)))
 
 
 def stiffest(device: Device, cells: Cells) -> float:
-    """Return a frequency beyond which |C| < |m omega|/2 in every cell, because |H| <= 1, rad/s."""
+    """Return a frequency beyond which |C| < |m omega|/2 in every cell, because |H| <= 1, rad/s; > 0 without a loop."""
     K_v, K_p = cells.high[:2]
-    return 4 * (1 + NEAR) * float(np.maximum(K_v / device.mass, np.sqrt(K_p / device.mass)).max())
+    least = NEAR / device.sample_time
+    return 4 * (1 + NEAR) * float(np.maximum(K_v / device.mass, np.sqrt(K_p / device.mass)).max(initial=least))

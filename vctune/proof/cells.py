@@ -23,6 +23,8 @@ Integers = NDArray[np.intp]
 
 CHUNK = 4096
 """Pairs evaluated together: their arrays stay in the processor's cache."""
+MOST = 10_000
+"""Pairs of a cell that are looked at for one claim before it is left open; most take some hundred."""
 BLUR = 2.0
 """A pair is not halved when the cell's size contributes this much more to its uncertainty than the interval's."""
 
@@ -145,7 +147,8 @@ def sift(margin: Margin, cells: Cells, pairs: Pairs, rounds: int, floor: Margin 
         boxes += pairs.count(len(cells))
         closed, blurred, fails = _decided(margin, cells, pairs, floor)
         witness[pairs.cell[fails]] = ((pairs.low + pairs.high) / 2)[fails]
-        halve = ~(closed | blurred) & np.isnan(witness[pairs.cell]) & (again < rounds)
+        hopeful = np.isnan(witness) & (boxes < MOST) & (again < rounds)
+        halve = ~(closed | blurred) & hopeful[pairs.cell]
         kept.append(pairs.taken(~(closed | halve)))
         pairs = pairs.taken(halve).halved()
     return Sifted(joined(*kept) if kept else pairs, witness, boxes)

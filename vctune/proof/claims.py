@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nextafter
+from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
@@ -11,6 +11,9 @@ from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
+
+HALF_TURN = nextafter(pi, inf)
+"""theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,4 +104,12 @@ def outwards(band: tuple[float, float]) -> tuple[float, float]:
     low, high = band
     for _ in range(4):
         low, high = nextafter(low, 0.0), nextafter(high, inf)
+    return low, high
+
+
+def inwards(band: tuple[float, float]) -> tuple[float, float]:
+    """Return a band in rad/s that lies within the one that was meant, whatever the rounding of 2 pi f."""
+    low, high = band
+    for _ in range(4):
+        low, high = nextafter(low, inf), nextafter(high, 0.0)
     return low, high

@@ -79,10 +79,11 @@ class Enclosure:
 
     def reciprocal(self) -> Enclosure:
         """Return 1/x; nothing is known of it where x may be 0."""
-        gap = np.abs(self.mid) - self.rad
-        product = np.where(gap > 0, gap, np.nan) * (np.abs(self.mid) + self.rad)
-        mid = self.mid / product
-        return Enclosure(mid, (self.rad / product + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
+        size = np.abs(self.mid)
+        gap = np.where(size > self.rad, size - self.rad, np.nan)
+        mid = self.mid / gap / (size + self.rad)
+        rad = self.rad / gap / (size + self.rad)
+        return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
 
     def sqrt(self) -> Enclosure:
         """Return the square root of a number that cannot be negative, whatever its enclosure says."""

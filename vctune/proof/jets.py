@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
-from vctune.proof.enclosures import UNIT, Enclosure, between, selected
+from vctune.proof.enclosures import TINY, UNIT, Enclosure, between, selected
 
 LIBRARY = 8 * UNIT
 """Bound on the error of NumPy's sin, cos and exp, relative to 1 or to the value."""
@@ -139,7 +139,7 @@ class _EnclosureArithmetic:
             value = ENCLOSURES.exp(x.value)
             return x.mapped(value, value)
         mid = np.exp(x.mid)
-        return Enclosure(mid, mid * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY))
+        return Enclosure(mid, (mid + TINY) * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY) + TINY)
 
     @staticmethod
     def sin(x: Number) -> Number:

@@ -18,6 +18,7 @@ from vctune.model.sampled import (
     whole_samples,
 )
 from vctune.proof.balls import BALLS, PRECISION, device_ball, gains_ball
+from vctune.proof.claims import HALF_TURN
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.winding import turned_angle
 
@@ -61,7 +62,7 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     def curve(theta: arb) -> Pair:
         return return_difference(plant, theta, BALLS, integrator=integrator).closed(law, integrator=integrator)
 
-    outcome, angle = turned_angle(curve, 0.0, pi)
+    outcome, angle = turned_angle(curve, 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
         witness = outcome.witness / device.sample_time if outcome.witness is not None else None
         return Outcome(outcome.verdict, outcome.boxes, witness)

@@ -2,57 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, MaxNLocator
+from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.variables import KEYS, point
 from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Gains
 from vctune.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
+from vctune.study.baseline import Design, Recheck
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 
 COLOURS = {Kind.FEASIBLE: GREEN, Kind.INFEASIBLE: RED, Kind.UNDECIDED: GREY}
 LABELS = {kind: f"proved {kind.name.lower()}" for kind in COLOURS} | {Kind.UNDECIDED: "undecided"}
-STRIP = 0.02
-"""Height of the strip that stands for the line K_p = 0."""
+STRIP, GAP = 0.03, 0.008
+"""Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
+APART = (0.07, 0.035)
+"""Least distance of the marks on x and y."""
 MESH = 48
 UNITS = {"gains.velocity": "K_v, N s/m", "gains.position": "K_p, N/m", "coupling.damping": "b_c, N s/m"}
 UNITS |= {"coupling.mass": "m_c, kg", "coupling.drag": "b_0, N s/m"}
 
 
-def region_figure(problem: Problem, region: Region, designs: list[tuple[Gains, Coupling]]) -> Figure:
+def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -> Figure:
     """Return the cells in the optimiser's coordinates, in which their areas are counted."""
     plane = region.plane
     with rc_context(STYLE):
         figure, axes = _frame(plane)
         for kind, colour in COLOURS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], colour, LABELS[kind])
-        for gains, coupling in designs:
-            values = point(gains, coupling)
-            x, y = (_place(plane, k, np.array([values[axis]]))[0] for k, axis in enumerate(plane.axes))
-            axes.plot(x, y, "*", color=ORANGE, markeredgecolor=INK, markersize=14, label="optimum", zorder=5)
+        _stars(axes, plane, designs, ORANGE, "optimum")
         if set(plane.axes) == {0, 1}:
-            _contours(axes, problem, plane)
+            _contours(axes, problem, region)
             _limit(axes, problem, plane)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 
-def lost_figure(region: Region) -> Figure:
-    """Return what is still proved of a baseline's feasible cells, and what has lost its proof."""
-    kept = region.kinds == Kind.FEASIBLE
+def lost_figure(again: Recheck) -> Figure:
+    """Return what is still proved of a baseline's feasible cells and gain sets, and what has lost its proof."""
+    plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
-        figure, axes = _frame(region.plane)
-        _fill(axes, region.plane, region.squares[:, kept], GREEN, "proved again")
-        _fill(axes, region.plane, region.squares[:, ~kept], RED, "lost")
+        figure, axes = _frame(plane)
+        _fill(axes, plane, again.region.squares[:, kept], GREEN, "proved again")
+        _fill(axes, plane, again.region.squares[:, ~kept], RED, "lost")
+        for holds, colour, label in ((True, GREEN, "gain set, proved again"), (False, RED, "gain set, lost")):
+            listed = zip(again.designs, again.certified, strict=True)
+            _stars(axes, plane, [design for design, certified in listed if certified is holds], colour, label)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
@@ -60,24 +67,39 @@ def lost_figure(region: Region) -> Figure:
 def _frame(plane: Plane) -> tuple[Figure, Axes]:
     figure = Figure(figsize=(8.6, 5.6), layout="constrained")
     axes = figure.subplots()
-    axes.set(xlim=(-STRIP, 1), ylim=(-STRIP, 1))
     axes.grid(visible=False)
     for place, axis in enumerate(plane.axes):
-        values = _marks(plane.edges[place])
-        setter: Any = (axes.set_xticks, axes.set_yticks)[place]
-        setter(_place(plane, place, values), [f"{value:g}" for value in values])
-        (axes.set_xlabel, axes.set_ylabel)[place](UNITS[KEYS[axis]])
+        values, at = _marks(plane, place)
+        low = -STRIP if plane.has_line(place) else 0.0
+        keywords: Any = {"xy"[place] + part: value for part, value in (("lim", (low, 1)), ("label", UNITS[KEYS[axis]]))}
+        axes.set(**keywords)
+        (axes.set_xticks, axes.set_yticks)[place](at, [_number(value) for value in values])
     return figure, axes
 
 
-def _marks(edges: Floats) -> Floats:
-    """Return the powers of ten between the edges, or their ends and middle where there are none."""
+def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
+    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0."""
+    edges = plane.edges[k]
     low = edges[edges > 0][0]
-    powers = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
-    if len(powers) < 2:
-        powers = np.array([float(f"{edges[len(edges) * k // 4]:.3g}") for k in (1, 2, 3)])
-    powers = powers[:: max(1, len(powers) // 8)]
-    return np.concatenate(([0.0], powers)) if edges[0] == 0 else powers
+    values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
+    if len(values) < 3:
+        values = np.array(LogLocator(subs=(1, 2, 5)).tick_values(low, edges[-1]))
+    if edges[-1] < 3 * low:
+        values = np.array(MaxNLocator(6).tick_values(low, edges[-1]))
+    values = values[(values >= low) & (values <= edges[-1])]
+    at = _place(plane, k, values)
+    zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
+    kept: list[int] = []
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
+        nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
+        kept += [i] if nearest >= APART[k] else []
+    return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
+
+
+def _number(value: float) -> str:
+    exponent = round(np.log10(value)) if value > 0 else 0
+    plain = -4 <= exponent <= 5 or not np.isclose(value, 10.0**exponent)
+    return f"{value:g}" if plain else f"$10^{{{exponent}}}$"
 
 
 def _place(plane: Plane, k: int, values: Floats) -> Floats:
@@ -86,16 +108,36 @@ def _place(plane: Plane, k: int, values: Floats) -> Floats:
     return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
 
 
+def _spot(plane: Plane, k: int, value: float) -> float:
+    """Return where a design lies on an axis, K_p = 0 on the strip."""
+    on_line = value == 0 and plane.has_line(k)
+    return -(STRIP + GAP) / 2 if on_line else float(_place(plane, k, np.array([value]))[0])
+
+
 def _fill(axes: Axes, plane: Plane, squares: Squares, colour: str, label: str) -> None:
-    side = len(plane.edges[0]) - 1
-    x0, x1, y0, y1 = squares / side
-    x0, y0 = np.where(x0 == x1, -STRIP, x0), np.where(y0 == y1, -STRIP, y0)
-    corners = np.stack([np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1))], axis=1)
-    axes.add_collection(PolyCollection(list(corners), facecolors=colour, edgecolors="none", alpha=0.45, label=label))
+    """Draw cells as one path, without seams; those of the line K_p = 0 on the strip."""
+    low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
+    on_line = low == high
+    (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
+    corners = np.stack(
+        [np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))], axis=1
+    )
+    codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(corners)
+    cells = Path(corners.reshape(-1, 2), codes) if codes else Path(np.zeros((1, 2)))
+    axes.add_patch(PathPatch(cells, facecolor=colour, edgecolor="none", alpha=0.45, label=label))
 
 
-def _contours(axes: Axes, problem: Problem, plane: Plane) -> None:
-    """Draw the least error that any admissible coupling gives."""
+def _stars(axes: Axes, plane: Plane, designs: Sequence[Design], colour: str, label: str) -> None:
+    if designs:
+        x, y = np.array(
+            [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
+        )
+        axes.scatter(x, y, s=180, c=colour, marker="*", edgecolors=INK, label=label, zorder=5, clip_on=False)
+
+
+def _contours(axes: Axes, problem: Problem, region: Region) -> None:
+    """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    plane = region.plane
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
     x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
@@ -103,14 +145,24 @@ def _contours(axes: Axes, problem: Problem, plane: Plane) -> None:
     scaled = problem.in_units(impedance, time)
     with np.errstate(all="ignore"):
         errors = least_errors(scaled, Gains(K_v / impedance, K_p * time / impedance))
-    sound = np.isfinite(errors)
+    sound = np.isfinite(errors) & _feasible(region)[np.ix_(marks, marks)]
     if sound.sum() < 4:
         return
     levels = np.unique([float(f"{level:.2g}") for level in np.quantile(errors[sound], (0.02, 0.1, 0.3, 0.6, 0.9))])
     place = marks / marks[-1]
     drawn = axes.contour(place, place, np.where(sound, errors, np.nan).T, levels=levels, colors=BLUE, linewidths=1)
     axes.clabel(drawn, fmt="%g", fontsize=8)
-    axes.plot([], [], color=BLUE, linewidth=1, label="least error")
+    if any(drawn.allsegs):
+        axes.plot([], [], color=BLUE, linewidth=1, label="least error")
+
+
+def _feasible(region: Region) -> NDArray[np.bool_]:
+    """Return which crossings of the edges belong to a cell that is proved feasible."""
+    count = len(region.plane.edges[0])
+    inside = np.zeros((count, count), bool)
+    for x_low, x_high, y_low, y_high in region.squares[:, region.kinds == Kind.FEASIBLE].T:
+        inside[x_low : x_high + 1, y_low : y_high + 1] = True
+    return inside
 
 
 def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
@@ -119,4 +171,6 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     K_v = plane.edges[1 if swapped else 0]
     K_p = (device.damping + K_v) / device.lag
     x, y = (K_p, K_v) if swapped else (K_v, K_p)
-    axes.plot(_place(plane, 0, x), _place(plane, 1, y), color=INK, linewidth=1.2, label="τ K_p = b + K_v")
+    at = _place(plane, 0, x), _place(plane, 1, y)
+    if np.isfinite(sum(at)).any():
+        axes.plot(*at, color=INK, linewidth=1.2, label="τ K_p = b + K_v")

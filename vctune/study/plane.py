@@ -45,12 +45,16 @@ class Plane:
         marks = np.arange(0, side, side // count)
         i, j = (m.ravel() for m in np.meshgrid(marks, marks, indexing="ij"))
         squares = np.stack((i, i + side // count, j, j + side // count))
-        for place, axis in enumerate(self.axes):
-            if axis == POSITION and self.ranges[axis].min == 0:
+        for place in range(2):
+            if self.has_line(place):
                 line = np.zeros((4, count), np.intp)
                 line[2 * (1 - place)], line[2 * (1 - place) + 1] = marks, marks + side // count
                 squares = np.concatenate((squares, line), axis=1)
         return squares
+
+    def has_line(self, place: int) -> bool:
+        """Return whether x or y (0 or 1) is K_p from 0, where a line of its own has no integrator."""
+        return self.axes[place] == POSITION and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
         """Return the cells, the other variables at the full width of their ranges."""

@@ -21,12 +21,13 @@ from vctune.model.loop import sensitivity_abs2
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.batch import prove, refuted
 from vctune.proof.cells import Cells
+from vctune.proof.claims import inwards
 from vctune.proof.damping import admissible_damping, no_damping
 from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
 TOGETHER = 512
-"""Cells whose frequency responses are sampled together."""
+"""Cells judged together: what is known of them fits into memory."""
 DAMPING, MASS, DRAG = 2, 3, 4
 
 Progress = Callable[[str], None]
@@ -105,14 +106,18 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     return Cells(low, high)
 
 
-@np.errstate(all="ignore")
 def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free."""
+    parts = [_judged(problem, plane, squares[:, i : i + TOGETHER]) for i in range(0, squares.shape[1], TOGETHER)]
+    kinds, damping = zip(*parts, strict=True)
+    return np.concatenate(kinds), np.concatenate(damping)
+
+
+@np.errstate(all="ignore")
+def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     demands = demands_of(problem)
-    starts = range(0, len(cells), TOGETHER)
-    parts = [_estimate(problem, cells.taken(np.arange(i, min(i + TOGETHER, len(cells)))), free=free) for i in starts]
-    damping, worst, worst_S = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    damping, worst, worst_S = _estimate(problem, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
@@ -136,21 +141,28 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     """
     device, stability = problem.device, problem.stability
     K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
-    omega = frequency_grid(*sampled_span(problem), POINTS_PER_DECADE)
+    omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
     loop = response(device, Gains(K_v, K_p), omega)
     needed = np.where(loop.re_D > 0, stability.safety_factor * required_resistance(loop, FLOATS), inf)
     if free:
         low, high = admissible_damping(needed - b_0, m_c * omega)
         least, most = np.maximum(low.max(axis=1), cells.low[DAMPING]), np.minimum(high.min(axis=1), cells.high[DAMPING])
-        damping = np.where(least <= most, np.sqrt(least) * np.sqrt(most), np.nan)
-        hardest = [needed / omega, low, -high]
+        damping = np.where(least <= most, np.clip(np.sqrt(least) * np.sqrt(most), least, most), np.nan)
+        hardest = [(needed - b_0) / omega, low, -high]
     else:
         scarcity = needed / coupling_impedance(Coupling(b_c, m_c, b_0), omega).re
         damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
         hardest = [scarcity] * 3
     hardest[0] = np.where((loop.re_D > 0).all(axis=1, keepdims=True), hardest[0], -loop.re_D)
-    below = frequency_grid(problem.nyquist * 1e-3, problem.nyquist, POINTS_PER_DECADE)
+    below = frequency_grid(*inwards((_resonance(problem), problem.nyquist)), POINTS_PER_DECADE)
     sensitivity = sensitivity_abs2(response(device, Gains(K_v, K_p), below))
     damping[sensitivity.max(axis=1) > stability.max_sensitivity**2] = np.nan
     worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
     return damping, worst, below[np.argmax(sensitivity, axis=1)]
+
+
+def _resonance(problem: Problem) -> float:
+    """Return a frequency below which |S| has no peak above 1: that of the slowest loop that rings, rad/s."""
+    device, nyquist = problem.device, problem.nyquist
+    slowest = (device.damping + problem.bounds.velocity.min) / device.mass / 4
+    return min(max(slowest, nyquist * 1e-6), nyquist * 1e-3)
