@@ -10,8 +10,12 @@ from conftest import ROOT
 
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
+from vctune.document.region import read_region
 from vctune.document.study import read_study
+from vctune.study.baseline import recheck
+from vctune.study.plane import plane
 from vctune.study.points import points
+from vctune.study.region import Kind, region
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
@@ -30,6 +34,20 @@ def test_gallery_is_as_new_as_the_code(path):
     if solved.judgement is not None:
         assert record["transparency"]["error"] == pytest.approx(solved.judgement.transparency.error, rel=1e-5)
         assert record["gains"]["velocity"] == pytest.approx(solved.judgement.gains.velocity, rel=1e-3)
+
+
+def test_the_region_is_as_new_as_the_code():
+    path = ROOT / "problems/friction-wheel.toml"
+    problem, record = read_problem(path).problem, json.loads((ROOT / "results/friction-wheel/region.json").read_text())
+    across = plane(problem, "gains.velocity", "gains.position", 8)
+    made = region(problem, across, across.whole())
+    assert record["problem"]["text"] == path.read_text()
+    assert record["edges"]["x"] == pytest.approx(across.edges[0].tolist())
+    assert record["edges"]["y"] == pytest.approx(across.edges[1].tolist())
+    for kind in Kind:
+        assert record["areas"][kind.name.lower()] == pytest.approx(made.area(kind), abs=1e-4)
+    again = recheck(problem, read_region(ROOT / "results/friction-wheel/region.json"))
+    assert not again.lost and len(again.certified) == 1
 
 
 def test_gallery_holds_nothing_else():
