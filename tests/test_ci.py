@@ -28,10 +28,22 @@ def module(name, *arguments, cwd, **env):
     return run(sys.executable, "-m", name, *arguments, cwd=cwd, **env)
 
 
+@pytest.fixture(scope="session")
+def region(tmp_path_factory):
+    """The region of the device."""
+    folder = tmp_path_factory.mktemp("region")
+    (folder / "device.toml").write_text(DEVICE)
+    done = module("vctune", "region", "device.toml", "--resolution", "0.03125", cwd=folder)
+    assert done.returncode == 0, done.stdout
+    return (folder / "results/device/region.json").read_text()
+
+
 @pytest.fixture
-def repository(tmp_path):
-    """A user's repository with a device, its gains, and README's snippets."""
+def repository(tmp_path, region):
+    """A user's repository with a device, its gains and region, and README's snippets."""
     (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "results/device").mkdir(parents=True)
+    (tmp_path / "results/device/region.json").write_text(region)
     (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
     for name, text in SNIPPETS.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -73,6 +85,17 @@ def check_the_gate(repository, path, *, install):
 
 def test_the_workflow_checks(repository):
     check_the_gate(repository, Path(sys.executable).parent, install=False)
+
+
+def test_the_workflow_guards_the_region(repository):
+    """A demand that the gains still meet but part of the region does not."""
+    (repository / "device.toml").write_text(DEVICE + "[stability]\nmax_sensitivity = 1.8\n")
+    done = steps(repository, Path(sys.executable).parent, install=False)
+    assert done.returncode == 1
+    (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::")]
+    assert annotation.startswith("::error file=device.toml,line=1,")
+    assert "lost their proof" in annotation
+    assert (repository / "results/device/lost.png").exists()
 
 
 @pytest.mark.slow

@@ -22,7 +22,8 @@ from vctune.proof.enclosures import Enclosure, between, decimal
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES, Jet, variables
 
-numbers = st.floats(-1e6, 1e6, allow_subnormal=False)
+ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)
+numbers = ordinary | st.floats(allow_nan=False, allow_infinity=False)
 radii = st.floats(0, 10, allow_subnormal=False)
 places = st.floats(-1, 1)
 BINARY = [operator.add, operator.sub, operator.mul, operator.truediv]
@@ -50,7 +51,7 @@ def test_arithmetic_encloses(operation, a, ra, pa, b, rb, pb):
         assert contains(operation(b, left), operation(mpf(b), x))
 
 
-@given(numbers, radii, places)
+@given(ordinary, radii, places)
 def test_square_encloses_and_is_nowhere_negative(a, rad, place):
     x = Enclosure(np.array(a), np.array(rad))
     with mp.workdps(60):
@@ -82,6 +83,20 @@ def test_functions_enclose(name):
             for i in range(mid.size):
                 x = inside(mid[i], rad[i], place)
                 assert contains(image.taken(i), exact(x)), (mid[i], rad[i])
+
+
+@np.errstate(over="ignore")
+def test_reciprocals_and_exponentials_beyond_the_range_of_their_squares():
+    mid = 10.0 ** np.array([-300.0, -200.0, -160.0, 160.0, 200.0, 300.0])
+    for share in (0.0, 1e-9, 0.5):
+        inverse = Enclosure(mid, share * mid).reciprocal()
+        exponential = ENCLOSURES.exp(Enclosure(np.array([-750.0, -1e4]), share * np.array([750.0, 1e4])))
+        with mp.workdps(60):
+            for i, place in [(i, place) for i in range(mid.size) for place in (-1.0, 0.0, 1.0)]:
+                assert contains(inverse.taken(i), 1 / inside(mid[i], share * mid[i], place))
+            for i, x in enumerate((-750.0, -1e4)):
+                assert contains(exponential.taken(i), mp.exp(mpf(x) * (1 - mpf(share))))
+        assert np.isfinite(inverse.rad).all() and np.isfinite(exponential.rad[0])
 
 
 @given(st.floats(1e-6, 3.0), st.floats(0.1, 10.0), places, places)

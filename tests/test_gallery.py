@@ -10,11 +10,15 @@ from conftest import ROOT
 
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
+from vctune.document.region import read_region
 from vctune.document.simulation import simulation_beside
 from vctune.document.study import read_study
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import simulate
+from vctune.study.baseline import recheck
+from vctune.study.plane import plane
 from vctune.study.points import points
+from vctune.study.region import Kind, region
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
@@ -49,6 +53,20 @@ def test_simulations_are_as_new_as_the_code(path):
         for run, name in ((made.design, "design"), (made.baseline, "baseline")):
             assert there[name]["metrics"]["peak_force"] == pytest.approx(run.metrics.peak_force, rel=1e-3)
             assert there[name]["metrics"]["residual"] == pytest.approx(run.metrics.residual, rel=1e-2)
+
+
+def test_the_region_is_as_new_as_the_code():
+    path = ROOT / "problems/friction-wheel.toml"
+    problem, record = read_problem(path).problem, json.loads((ROOT / "results/friction-wheel/region.json").read_text())
+    across = plane(problem, "gains.velocity", "gains.position", 8)
+    made = region(problem, across, across.whole())
+    assert record["problem"]["text"] == path.read_text()
+    assert record["edges"]["x"] == pytest.approx(across.edges[0].tolist())
+    assert record["edges"]["y"] == pytest.approx(across.edges[1].tolist())
+    for kind in Kind:
+        assert record["areas"][kind.name.lower()] == pytest.approx(made.area(kind), abs=1e-4)
+    again = recheck(problem, read_region(ROOT / "results/friction-wheel/region.json"))
+    assert not again.lost and len(again.certified) == 1
 
 
 def test_gallery_holds_nothing_else():

@@ -71,7 +71,6 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
         pictures = figure_files(region_figure(file.problem, found, designs), folder, "region")
         write_together({folder / "region.json": text + "\n", **pictures})
     for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED):
-        count = int((found.kinds == kind).sum())
-        emit(f"{kind.name.lower():10} {100 * found.area(kind):7.3f} %  {count:6} cells")
-    emit(f"of the plane {x} by {y}, in {seconds:.2f} s; written to {folder}")
+        emit(f"{kind.name.lower():10} {100 * found.area(kind):7.2f} %")
+    emit(f"of the plane {x} by {y}; written to {folder}")
     return ExitCode.OK if found.area(Kind.FEASIBLE) > 0 else ExitCode.FAILED

@@ -1,0 +1,211 @@
+"""The region's file and `vctune check --region`: what was proved once, held against the problem of today."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from conftest import DEVICE, FIXED
+from test_region import B_0, B_C, K_P, K_V, LAG, M_C, found
+
+from vctune.cli.main import execute
+from vctune.document.region import read_region
+from vctune.exits import ExitCode
+from vctune.study.region import Kind
+
+
+def vctune(capsys, monkeypatch, folder, *arguments):
+    """Run a command in this process: exit code, stdout, stderr."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "argv", ["vctune", *map(str, arguments)])
+    code = execute()
+    return code, *capsys.readouterr()
+
+
+PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { min = 0.05, max = 4.0 }\n"
+
+
+@pytest.fixture(scope="module")
+def baseline(tmp_path_factory):
+    """A folder with a problem and its region at 1/32."""
+    folder = tmp_path_factory.mktemp("baseline")
+    (folder / "device.toml").write_text(PLAIN)
+    command = [sys.executable, "-m", "vctune", "region", "device.toml", "--resolution", "0.03125"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.OK and done.stderr == ""
+    assert done.stdout.splitlines()[0].startswith("feasible ")
+    return folder
+
+
+def record_of(folder):
+    def refuse(name):
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads((folder / "results/device/region.json").read_text(), parse_constant=refuse)
+
+
+def test_the_file_holds_the_region(baseline):
+    record = record_of(baseline)
+    written = {path.name for path in (baseline / "results/device").iterdir()}
+    assert written == {"region.json", "region.svg", "region.png"}
+    assert record["problem"]["text"] == PLAIN
+    assert record["axes"] == {"x": K_V, "y": K_P}
+    assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
+    assert sum(record["areas"].values()) == pytest.approx(1)
+    again = found(PLAIN, K_V, K_P, 5)
+    assert record["edges"] == {"x": again.plane.edges[0].tolist(), "y": again.plane.edges[1].tolist()}
+    assert [cell[:4] for cell in record["cells"]] == again.squares.T.tolist()
+    assert [cell[4] for cell in record["cells"]] == [Kind(kind).name.lower() for kind in again.kinds]
+    for *_, verdict, b_c in record["cells"]:
+        assert (b_c is not None and 10 <= b_c <= 3000) == (verdict == "feasible")
+    assert len(record["designs"]) == 1
+    assert len(read_region(baseline / "results/device/region.json").cells) == len(record["cells"])
+
+
+def test_the_same_problem_passes(baseline, capsys, monkeypatch):
+    region_file = "results/device/region.json"
+    code, out, err = vctune(capsys, monkeypatch, baseline, "check", "device.toml", "--region", region_file)
+    assert (code, err) == (ExitCode.OK, "")
+    area = record_of(baseline)["areas"]["feasible"]
+    assert out.startswith(f"passed     device.toml: proved again: {100 * area:.4g} % of the plane")
+    assert not (baseline / "results/device/lost.json").exists()
+
+
+@pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
+def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, style):
+    (tmp_path / "device.toml").write_text(PLAIN.replace("[coupling]", "delay = 2e-4\n[coupling]"))
+    arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, *arguments)
+    assert code == ExitCode.FAILED
+    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg, lost.png\n"
+    assert ("device.toml" in out or style == "json") and "lost" in out
+    lost = json.loads((tmp_path / "results/device/lost.json").read_text())
+    assert lost["status"] == "lost" and len(lost["lost_designs"]) == 1
+    assert lost["areas"]["kept"] + lost["areas"]["lost"] == pytest.approx(record_of(baseline)["areas"]["feasible"])
+    assert all(a <= b and c <= d for a, b, c, d in lost["lost_cells"]) and lost["lost_cells"]
+    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg", "lost.png"}
+    if style == "json":
+        assert json.loads(out) == lost
+
+
+def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tmp_path, capsys, monkeypatch):
+    region_file = baseline / "results/device/region.json"
+    for text, expected in (
+        (PLAIN.replace("mass = 0.4", "mass = 0.6", 1), ExitCode.FAILED),
+        (PLAIN.replace("max = 4.0", "max = 5.0"), ExitCode.OK),
+        (PLAIN + "[stability]\nmax_sensitivity = 2.5\n", ExitCode.OK),
+        (PLAIN + "[stability]\nsafety_factor = 1.5\n", ExitCode.FAILED),
+    ):
+        (tmp_path / "device.toml").write_text(text)
+        code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+        assert (code, "another version of the problem" in out) == (expected, True)
+
+
+def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path, capsys, monkeypatch):
+    record = record_of(baseline)
+    record["designs"].append(
+        {"gains": {"velocity": 1.0, "position": 5e4}, "coupling": {"damping": 1.0, "mass": 1.0, "drag": 0.0}}
+    )
+    (tmp_path / "region.json").write_text(json.dumps(record))
+    (tmp_path / "device.toml").write_text(PLAIN)
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", "region.json")
+    assert code == ExitCode.FAILED
+    assert "lost their proof: 1 of 2 listed gain sets" in out
+    (gone,) = json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]
+    assert gone == {K_V: 1.0, K_P: 5e4, B_C: 1.0, M_C: 1.0, B_0: 0.0}
+
+
+def test_a_baseline_of_another_plane_is_refused(baseline, tmp_path, capsys, monkeypatch):
+    (tmp_path / "device.toml").write_text(PLAIN + "[gains]\nposition = 6000.0\n")
+    region_file = baseline / "results/device/region.json"
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    assert (code, out) == (ExitCode.BAD_INPUT, "")
+    assert "device.toml: gains.position: is fixed at 6000 and spans no plane" in err
+
+
+def damaged(change):
+    def broken(record):
+        change(record)
+        return json.dumps(record)
+
+    return broken
+
+
+DAMAGE = {
+    "cut off": (lambda record: json.dumps(record)[:1000], "is not JSON"),
+    "empty": (lambda record: "", "is not JSON"),
+    "a list": (lambda record: "[]", "schema: is not vctune/region/1"),
+    "a design": (lambda record: '{"schema": "vctune/design/1"}', "schema: is not vctune/region/1"),
+    "nan": (lambda record: json.dumps(record).replace(str(record["edges"]["x"][1]), "NaN"), "is no finite number"),
+    "no cells": (damaged(lambda record: record.pop("cells")), "cells: Field required"),
+    "axis": (damaged(lambda record: record["axes"].update(x="gains.speed")), "axes.x: Input should be"),
+    "edges": (damaged(lambda record: record["edges"]["x"].reverse()), "the edges of x do not rise"),
+    "fewer edges": (damaged(lambda record: record["edges"]["x"].pop()), "32 edges of x and 33 of y"),
+    "outside": (damaged(lambda record: record["cells"][3].__setitem__(1, 33)), "cell 3 does not lie on the edges"),
+    "inside out": (damaged(lambda record: record["cells"][3].__setitem__(0, 32)), "cell 3 does not lie on the edges"),
+    "negative": (damaged(lambda record: record["cells"][3].__setitem__(0, -1)), "cells[3][0]"),
+    "verdict": (damaged(lambda record: record["cells"][3].__setitem__(4, "fine")), "cells[3][4]"),
+    "gain": (damaged(lambda record: record["designs"][0]["gains"].update(velocity=-1.0)), "designs[0].gains.velocity"),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGE)
+def test_damaged_baselines_are_refused(baseline, tmp_path, capsys, monkeypatch, name):
+    break_it, message = DAMAGE[name]
+    (tmp_path / "device.toml").write_text(PLAIN)
+    (tmp_path / "region.json").write_text(break_it(record_of(baseline)))
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", "region.json")
+    assert (code, out) == (ExitCode.BAD_INPUT, "")
+    assert err.startswith("region.json: ") and message in err
+
+
+FIXED_GAINS = DEVICE + FIXED.format("{ min = 1.0, max = 9.0 }")
+WRONG_USE = {
+    "fixed axis": (FIXED_GAINS, [], "gains.velocity: is fixed at 150 and spans no plane; free are coupling.damping"),
+    "nothing free": (DEVICE + FIXED.format(160.0), [], "the problem fixes every number"),
+    "same axes": (DEVICE, ["--y", K_V], "gains.velocity: is both axes of the plane"),
+    "free gain": (DEVICE, ["--y", B_C], "gains.position: is free but not an axis; fix it"),
+    "from 0": (LAG + "[stability]\nband_hz = [0.0, 100.0]\n", [], "stability.band_hz: goes from 0 or to inf"),
+    "to inf": (LAG + "[stability]\nband_hz = [1.0, inf]\n", [], "stability.band_hz: goes from 0 or to inf"),
+    "no axis": (DEVICE, ["--x", "gains.speed"], "'gains.speed' is not one of"),
+    "too fine": (DEVICE, ["--resolution", "1e-6"], "Invalid value for '--resolution'"),
+    "no place": (DEVICE, ["--out", "/proc/none"], "cannot be written"),
+    "taken": (DEVICE, ["--out", "device.toml"], "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_USE)
+def test_wrong_use_of_region(tmp_path, capsys, monkeypatch, name):
+    text, options, message = WRONG_USE[name]
+    (tmp_path / "device.toml").write_text(text)
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", *options)
+    assert (code, out) == (ExitCode.BAD_INPUT, "")
+    assert message in err and "Traceback" not in err
+    assert [path.name for path in tmp_path.iterdir()] == ["device.toml"]
+
+
+@pytest.mark.parametrize("after", [0.3, 1.2, 2.5])
+def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, after):
+    (tmp_path / "device.toml").write_text(PLAIN)
+    command = [sys.executable, "-m", "vctune", "region", "device.toml", "--resolution", "0.001"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(after)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}
+    assert "Traceback" not in err
+    if process.returncode == ExitCode.OK:
+        assert left == {"region.json", "region.svg", "region.png"}
+    else:
+        assert (process.returncode, left) == (ExitCode.INTERRUPTED, set())
+
+
+def test_the_reader_of_the_answer_may_go_away(baseline):
+    script = f"{sys.executable} -m vctune region device.toml --resolution 0.125 --out o | true"
+    done = subprocess.run(["bash", "-c", script], cwd=baseline, capture_output=True, check=False)
+    assert done.stderr == b""
+    assert (baseline / "o/device/region.json").exists()
