@@ -16,12 +16,12 @@ import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import Floats
-from vctune.design.boxes import Axis, axes_of, settled
+from vctune.design.boxes import Axis, axes_of, flattened, settled
 from vctune.design.judge import Judgement
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
-from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, least_damping, lower_bounds, relaxation
+from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, least_coupling, lower_bounds, relaxation
 
 FREQUENCIES, PLACES = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""
@@ -31,7 +31,7 @@ CHUNK = 1024
 LOOK_EVERY = 8
 """After how many rounds the best box is looked at: for frequencies that it violates, for a better design."""
 VIOLATED = 1e-4
-SECOND, TIE = 0.1, 1e-6
+SECOND, TIE = 0.1, 1e-2
 """What the better half of a box counts when an axis is chosen, and its length, against the worse half's bound."""
 BETTER = 1e-3
 """A design counts as better than the incumbent when its error is lower by this share."""
@@ -245,7 +245,7 @@ def _halved(
     chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
     parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
     free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
-    halves = [(index, *_both(axes[index], index, parents.boxes)) for index in free]
+    halves = [(index, *(flattened(problem, half) for half in _both(axes[index], index, parents.boxes))) for index in free]
     worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), [h for _, *two in halves for h in two]))
     search.boxes += len(worth) * len(parents.bound)
     least = [np.maximum(bounds, parents.bound) for bounds in worth]
@@ -296,9 +296,8 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
     low, high = leaves.boxes.low[:, [first]], leaves.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[i], high[i]) for i, axis in enumerate(axes)])
     bounds = problem.bounds
-    b_c = float(
-        np.clip(least_damping(search.relaxed, Boxes(middle, middle))[0][0], bounds.damping.min, bounds.damping.max)
-    )
+    least = least_coupling(search.relaxed, Boxes(middle, middle))
+    b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
     _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))

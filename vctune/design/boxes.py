@@ -13,7 +13,7 @@ from vctune.document.problem import Problem
 from vctune.proof.batch import by_integrator, claims_of, encirclements, steady
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
-from vctune.proof.relaxation import Boxes
+from vctune.proof.relaxation import Boxes, without_integrator
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +58,13 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
         Axis(bounds.mass.min / bounds.damping.max, bounds.mass.max / bounds.damping.min, 0.0),
         Axis(bounds.drag.min, bounds.drag.max, scale.get(4, 0.0)),
     )
+
+
+def flattened(problem: Problem, boxes: Boxes) -> Boxes:
+    """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
+    high = boxes.high.copy()
+    high[1, (boxes.low[1] == 0) & without_integrator(problem, boxes)] = 0.0
+    return Boxes(boxes.low, high)
 
 
 def settled(problem: Problem, boxes: Boxes) -> tuple[Flags, Flags]:
