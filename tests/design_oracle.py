@@ -12,7 +12,7 @@ from oracles import Case, sampled_radius
 
 from vctune.document.problem import Problem
 
-COARSE, DENSE, NODES = 120, 6000, 96
+COARSE, DENSE, NODES = 60, 6000, 32
 CHUNK = 4000
 DECADES = 3
 
@@ -120,9 +120,9 @@ def below(problem: Problem, bound: float, designs: np.ndarray) -> np.ndarray:
     for start in range(0, designs.shape[1], CHUNK):
         part = designs[:, start : start + CHUNK]
         part = part[:, within_bounds(problem, part)]
-        part = part[:, errors(problem, part) < bound]
+        part = part[:, errors(problem, part) < 1.01 * bound]
         part = part[:, meet_demands(problem, part, COARSE)] if part.size else part
-        part = part[:, errors(problem, part, 16 * NODES) < bound] if part.size else part
+        part = part[:, errors(problem, part, 64 * NODES) < bound] if part.size else part
         part = part[:, meet_demands(problem, part)] if part.size else part
         found += [design for design in part.T if stable(problem, design)]
     return np.array(found).reshape(-1, 5).T

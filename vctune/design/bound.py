@@ -15,13 +15,14 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
-from vctune.analysis.extrema import Floats
-from vctune.design.boxes import Axis, axes_of, flattened, settled
+from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
 from vctune.design.judge import Judgement
+from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
-from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, least_coupling, lower_bounds, relaxation
+from vctune.proof.least import least_coupling, lower_bounds
+from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""
@@ -41,26 +42,6 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 
 @dataclass(frozen=True, slots=True)
-class Leaves:
-    """Boxes that are still open.
-
-    Attributes
-    ----------
-    boxes : the boxes
-    bound : a lower bound on the error in each
-    settled : whether all of its loops are known to be stable
-    """
-
-    boxes: Boxes
-    bound: Floats
-    settled: Flags
-
-    def taken(self, at: Flags) -> Leaves:
-        """Return some of the leaves."""
-        return Leaves(self.boxes.taken(at), self.bound[at], self.settled[at])
-
-
-@dataclass(frozen=True, slots=True)
 class Glance:
     """Where the search stood: seconds, lower bound, error of the best design known, open boxes."""
 
@@ -69,45 +50,13 @@ class Glance:
     incumbent: float
     open: int
 
+    @property
+    def gap(self) -> float:
+        """By which share the incumbent's error is above the bound at most."""
+        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
-@dataclass(frozen=True, slots=True)
-class Unfinished:
-    """What a search needs to go on.
-
-    Attributes
-    ----------
-    leaves : boxes that are still open
-    fallen : the least lower bound of the boxes that have fallen
-    gap : within which they have
-    boxes, seconds : what it took so far
-    """
-
-    leaves: Leaves
-    fallen: float
-    gap: float
-    boxes: int
-    seconds: float
-
-    def arrays(self) -> dict[str, Floats]:
-        """Return everything as arrays, to be kept in a file."""
-        leaves = self.leaves
-        return {
-            "low": leaves.boxes.low,
-            "high": leaves.boxes.high,
-            "bound": leaves.bound,
-            "settled": leaves.settled.astype(float),
-            "rest": np.array([self.fallen, self.gap, self.boxes, self.seconds]),
-        }
-
-
-ARRAYS = {"low", "high", "bound", "settled", "rest"}
-
-
-def unfinished(arrays: dict[str, Floats]) -> Unfinished:
-    """Return what `Unfinished.arrays` had made of a search."""
-    fallen, gap, boxes, seconds = arrays["rest"].tolist()
-    leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
-    return Unfinished(leaves, fallen, gap, int(boxes), seconds)
+    def __str__(self) -> str:
+        return f"error {self.incumbent:.5g}, bound {self.bound:.5g}, gap {self.gap:.2%}, {self.open} boxes open"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +83,7 @@ class Optimality:
     @property
     def gap(self) -> float:
         """By which share the incumbent's error is above the bound at most."""
-        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
+        return self.history[-1].gap
 
 
 @dataclass(slots=True)
@@ -184,15 +133,16 @@ def bound(
     gap : stop when the incumbent's error is at most 1 + gap times the bound
     most_boxes, time_limit : when to give up; s
     jobs : threads
-    rest : of an earlier search of the same problem with a gap not above this one's
+    rest : of an earlier search of the same problem, taken up unless it has let fall what this gap does not allow
     stopped : whether to give up now
     progress : told where the search stands, every round
     """
     began, axes = perf_counter(), axes_of(problem)
-    leaves, fallen, boxes, spent = _root(axes), inf, 0, 0.0
-    if rest is not None:
+    incumbent = best.transparency.error if best else inf
+    leaves, fallen, boxes, spent = root(axes), inf, 0, 0.0
+    if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
-    search = _Search(_relaxed(problem, best), best.transparency.error if best else inf, None, fallen, boxes, [])
+    search = _Search(_relaxed(problem, best), incumbent, None, fallen, boxes, [])
     rounds = 0
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
@@ -206,13 +156,8 @@ def bound(
             leaves = _halved(problem, axes, search, leaves, pool)
             rounds += 1
     last, proved = search.history[-1], not len(leaves.bound)
-    rest = Unfinished(leaves, search.fallen, gap, search.boxes, last.seconds)
+    rest = Unfinished(leaves, search.fallen, search.boxes, last.seconds)
     return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, rest)
-
-
-def _root(axes: tuple[Axis, ...]) -> Leaves:
-    low, high = (np.array([[getattr(axis, end)] for axis in axes]) for end in ("low", "high"))
-    return Leaves(Boxes(low, high), np.zeros(1), np.zeros(1, bool))
 
 
 def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
@@ -245,38 +190,26 @@ def _halved(
     chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
     parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
     free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
-    halves = [(index, *(flattened(problem, half) for half in _both(axes[index], index, parents.boxes))) for index in free]
-    worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), [h for _, *two in halves for h in two]))
+    halves = [
+        flattened(problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
+    ]  # two for each of the free axes
+    worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), halves))
     search.boxes += len(worth) * len(parents.bound)
     least = [np.maximum(bounds, parents.bound) for bounds in worth]
     cap = 2 * search.incumbent if search.incumbent < inf else 2 * float(parents.bound.max()) + 1.0
     scores = []
-    for k, (index, *_) in enumerate(halves):
+    for k, index in enumerate(free):
         one, two = (np.minimum(b, cap) for b in least[2 * k : 2 * k + 2])
         share = axes[index].share(parents.boxes.low[index], parents.boxes.high[index])
         scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
     best = np.argmax(scores, axis=0)
     children = [
-        Leaves(half.taken(best == k), least[2 * k + side][best == k], parents.settled[best == k])
-        for k, (_, *two) in enumerate(halves)
-        for side, half in enumerate(two)
+        Leaves(half.taken(best == k // 2), bounds[best == k // 2], parents.settled[best == k // 2])
+        for k, (half, bounds) in enumerate(zip(halves, least, strict=True))
     ]
     turned = np.concatenate([np.full(len(child.bound), free[k // 2] < 2) for k, child in enumerate(children)])
-    young = _checked(problem, search, _joined(children), turned)
-    return _joined([rest, young])
-
-
-def _both(axis: Axis, index: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
-    middle = axis.middle(boxes.low[index], boxes.high[index])
-    low, high = boxes.low.copy(), boxes.high.copy()
-    low[index] = high[index] = middle
-    return Boxes(boxes.low, high), Boxes(low, boxes.high)
-
-
-def _joined(parts: list[Leaves]) -> Leaves:
-    low, high = (np.concatenate([getattr(part.boxes, end) for part in parts], axis=1) for end in ("low", "high"))
-    bound, settled = (np.concatenate([getattr(part, name) for part in parts]) for name in ("bound", "settled"))
-    return Leaves(Boxes(low, high), bound, settled)
+    young = _checked(problem, search, joined(children), turned)
+    return joined([rest, young])
 
 
 def _checked(problem: Problem, search: _Search, young: Leaves, turned: Flags) -> Leaves:
@@ -299,6 +232,7 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
     least = least_coupling(search.relaxed, Boxes(middle, middle))
     b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
+    K_p = 0.0 if high[1, 0] <= axes[1].scale else K_p
     _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if found is not None:
