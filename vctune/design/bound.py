@@ -21,7 +21,7 @@ from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
-from vctune.proof.least import least_coupling, lower_bounds
+from vctune.proof.least import floors, least_coupling
 from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
@@ -185,7 +185,10 @@ def _glance(search: _Search, leaves: Leaves, seconds: float) -> Glance:
 def _halved(
     problem: Problem, axes: tuple[Axis, ...], search: _Search, leaves: Leaves, pool: ThreadPoolExecutor
 ) -> Leaves:
-    """Halve the most promising boxes, each along the axis that raises the lower bound most."""
+    """Halve the most promising boxes, each along the axis that raises the lower bound most.
+
+    While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
+    """
     chosen = np.zeros(len(leaves.bound), bool)
     chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
     parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
@@ -193,13 +196,13 @@ def _halved(
     halves = [
         flattened(problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
     ]  # two for each of the free axes
-    worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), halves))
-    search.boxes += len(worth) * len(parents.bound)
-    least = [np.maximum(bounds, parents.bound) for bounds in worth]
-    cap = 2 * search.incumbent if search.incumbent < inf else 2 * float(parents.bound.max()) + 1.0
+    found = list(pool.map(lambda boxes: floors(search.relaxed, boxes), halves))
+    search.boxes += len(found) * len(parents.bound)
+    least = [np.maximum(floor.error, parents.bound) for floor in found]
+    worth, cap = (least, 2 * search.incumbent) if search.incumbent < inf else ([floor.strain for floor in found], 1.0)
     scores = []
     for k, index in enumerate(free):
-        one, two = (np.minimum(b, cap) for b in least[2 * k : 2 * k + 2])
+        one, two = (np.minimum(value, cap) for value in worth[2 * k : 2 * k + 2])
         share = axes[index].share(parents.boxes.low[index], parents.boxes.high[index])
         scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
     best = np.argmax(scores, axis=0)

@@ -29,17 +29,27 @@ class Least:
     none: Flags
 
 
+@dataclass(frozen=True, slots=True)
+class Floors:
+    """What the designs of each box at least come to; arrays of shape (boxes,).
+
+    Attributes
+    ----------
+    error : a lower bound on the error of the admissible designs; inf where there are none
+    strain : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; nothing is admissible above 1
+    """
+
+    error: Floats
+    strain: Floats
+
+
 @np.errstate(all="ignore")
-def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> Floats:
-    """Return for each box a lower bound on the error of its admissible designs; inf where it has none."""
+def floors(relaxed: Relaxation, boxes: Boxes) -> Floors:
+    """Return what the designs of each box at least come to."""
     problem = relaxed.problem
-    least = least_coupling(relaxed, boxes)
-    limit = problem.stability.max_sensitivity * (1 + GUARD)
-    none = (relaxed.sensitivity.numerator > limit**2 * relaxed.sensitivity.D2.greatest(boxes)).any(axis=1)
-    room = 1 + 2 * GUARD
-    none |= least.none | (least.damping > problem.bounds.damping.max * room)
-    none |= least.mass > problem.bounds.mass.max * room
-    none |= (boxes.low[1] > 0) & without_integrator(problem, boxes)
+    least, strain = least_coupling(relaxed, boxes), _strain_of_loops(relaxed, boxes)
+    strain = np.fmax(strain, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max))
+    none = least.none | (strain > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
     admittance, tracking = (
         share.numerator / share.D2.greatest(boxes) for share in (relaxed.admittance, relaxed.tracking)
     )
@@ -52,7 +62,14 @@ def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> Floats:
         coupling = _coupling(least, boxes, partial(_share, relaxed.omega[:, None]))
         squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)
     known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
-    return np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD))
+    return Floors(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, strain))
+
+
+def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
+    """Return a lower bound of |S| relative to its limit."""
+    at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
+    S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
+    return np.sqrt(S2) / limit * (1 - GUARD)
 
 
 def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
