@@ -34,6 +34,8 @@ LOOK_EVERY = 8
 VIOLATED = 1e-4
 SECOND, TIE = 0.1, 1e-2
 """What the better half of a box counts when an axis is chosen, and its length, against the worse half's bound."""
+DIGITS = 9
+"""Beyond which scores are the same, so that rounding does not choose an axis."""
 BETTER = 1e-3
 """A design counts as better than the incumbent when its error is lower by this share."""
 
@@ -205,7 +207,7 @@ def _halved(
         one, two = (np.minimum(value, cap) for value in worth[2 * k : 2 * k + 2])
         share = axes[index].share(parents.boxes.low[index], parents.boxes.high[index])
         scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
-    best = np.argmax(scores, axis=0)
+    best = np.argmax(np.round(np.array(scores) / cap, DIGITS), axis=0)
     children = [
         Leaves(half.taken(best == k // 2), bounds[best == k // 2], parents.settled[best == k // 2])
         for k, (half, bounds) in enumerate(zip(halves, least, strict=True))

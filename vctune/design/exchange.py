@@ -165,7 +165,7 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
 
 
 def _pulled_in(problem: Problem, start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until both loops are proved stable: the scan's estimate may be off."""
+    """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
