@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
     from vctune.design.bound import Optimality
     from vctune.design.judge import Judgement
+    from vctune.design.leaves import Unfinished
     from vctune.document.reading import ProblemFile
 
 SAVED = "bound.npz"
@@ -52,16 +54,20 @@ def bound(
 
     from vctune.document.simulation import simulation_beside
     from vctune.exits import ExitCode
+    from vctune.interrupt import interrupt_deferred
     from vctune.report.report import write_report
 
     with progress_on_stderr(f"vctune bound {problem.name}", shown=True) as progress:
-        record, best = _read(file, design) if design else _solved(file, progress)
-        found = _searched(file, path.parent / SAVED, best, gap, jobs, time_limit, progress)
-        record = _added(file, record, found)
+        known = _known(file, path, given=design is not None) or _solved(file, progress)
+        record, best = known.record, known.best
+        if record["status"] != "infeasible":
+            found = _searched(file, path.parent / SAVED, known, gap, jobs, time_limit, progress)
+            record, best = _added(file, record, found), found.improved or best
         text = json.dumps(record, indent=2, allow_nan=False)
-        _write(file, path, record, text, found.improved or best)
-        progress("drawing the report")
-        write_report(record, path.parent, simulation_beside(path.parent, record))
+        with interrupt_deferred():  # the files of a design agree with each other
+            _write(file, path, record, text, best)
+            progress("drawing the report")
+            write_report(record, path.parent, simulation_beside(path.parent, record))
     if as_json:
         emit(text)
     else:
@@ -69,9 +75,42 @@ def bound(
 
         with reader_may_leave():
             print_design(record, path.parent)
-    if not found.proved:
-        return ExitCode.UNDECIDED
-    return ExitCode.FAILED if record["gains"] is None else ExitCode.OK
+    if record["status"] == "infeasible":
+        return ExitCode.FAILED
+    return ExitCode.OK if record["optimality"]["verdict"] == "proved" else ExitCode.UNDECIDED
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """What is known before the search: design.json, its design proved again, and what an earlier search has left."""
+
+    record: dict[str, Any]
+    best: Judgement | None
+    rest: Unfinished | None = None
+
+
+def _known(file: ProblemFile, path: Path, *, given: bool) -> _Known | None:
+    """Return the design that was given, or that an unfinished search has left; None where there is none."""
+    from vctune.document.errors import InputError
+
+    rest = _rest(file, path.parent / SAVED)
+    if rest is None and not given:
+        return None
+    try:
+        record, best = _read(file, path)
+    except InputError:
+        if given:
+            raise
+        return None
+    return _Known(record, best, rest) if record["status"] != "infeasible" else None
+
+
+def _rest(file: ProblemFile, saved: Path) -> Unfinished | None:
+    from vctune.design.leaves import ARRAYS, unfinished
+    from vctune.document.unfinished import read_unfinished
+
+    arrays = read_unfinished(saved, file.sha256, ARRAYS)
+    return unfinished(arrays) if arrays else None
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | None]:
@@ -94,19 +133,20 @@ def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | No
     return record, best
 
 
-def _solved(file: ProblemFile, progress: Callable[[str], None]) -> tuple[dict[str, Any], Judgement | None]:
+def _solved(file: ProblemFile, progress: Callable[[str], None]) -> _Known:
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
     from vctune.design.solve import solve
 
     solved = solve(file.problem, progress)
-    return design_record(file, solved, ipopt_version()), solved.judgement
+    rest = solved.optimality.rest if solved.optimality is not None else None
+    return _Known(design_record(file, solved, ipopt_version()), solved.judgement, rest)
 
 
 def _searched(
     file: ProblemFile,
     saved: Path,
-    best: Judgement | None,
+    known: _Known,
     gap: float,
     jobs: int,
     time_limit: float | None,
@@ -116,25 +156,23 @@ def _searched(
     from functools import partial
     from math import inf
 
-    from vctune.design.bound import ARRAYS, bound, unfinished
+    from vctune.design.bound import bound
     from vctune.design.solve import improved
     from vctune.document.files import write_together
-    from vctune.document.unfinished import read_unfinished, unfinished_bytes
+    from vctune.document.unfinished import unfinished_bytes
     from vctune.interrupt import interrupt_noted
 
-    arrays = read_unfinished(saved, file.sha256, ARRAYS)
-    rest = unfinished(arrays) if arrays else None
     with interrupt_noted() as stopped:
         found = bound(
             file.problem,
-            best,
+            known.best,
             partial(improved, file.problem),
             gap=gap,
             time_limit=inf if time_limit is None else time_limit,
             jobs=jobs,
-            rest=rest if rest is not None and rest.gap <= gap else None,
+            rest=known.rest,
             stopped=stopped,
-            progress=lambda at: progress(f"error {at.incumbent:.5g}, bound {at.bound:.5g}, {at.open} boxes open"),
+            progress=lambda at: progress(str(at)),
         )
     if found.proved:
         saved.unlink(missing_ok=True)
@@ -145,6 +183,7 @@ def _searched(
 
 def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict[str, Any]:
     """Return the design's record with what is proved of all designs; that of a better design if one was found."""
+    from vctune.design.infeasible import OPENINGS
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record, optimality_record
     from vctune.design.result import Solved
@@ -155,8 +194,9 @@ def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict
         solved = Solved(file.problem, found.improved, None, 0, None, None, seconds, found)
         return design_record(file, solved, ipopt_version())
     added: dict[str, Any] = {"optimality": optimality_record(found)}
-    if record["gains"] is None:
-        added |= {"status": "infeasible" if found.proved else "undecided", "proved": found.proved}
+    if record["gains"] is None and found.proved:
+        reason = str(record["reason"]).replace(OPENINGS[False], OPENINGS[True], 1)
+        added |= {"status": "infeasible", "reason": reason, "proved": True}
     return record | added
 
 

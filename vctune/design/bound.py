@@ -15,13 +15,14 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
-from vctune.analysis.extrema import Floats
-from vctune.design.boxes import Axis, axes_of, settled
+from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
 from vctune.design.judge import Judgement
+from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
-from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, least_damping, lower_bounds, relaxation
+from vctune.proof.least import floors, least_coupling
+from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""
@@ -31,33 +32,15 @@ CHUNK = 1024
 LOOK_EVERY = 8
 """After how many rounds the best box is looked at: for frequencies that it violates, for a better design."""
 VIOLATED = 1e-4
-SECOND, TIE = 0.1, 1e-6
+SECOND, TIE = 0.1, 1e-2
 """What the better half of a box counts when an axis is chosen, and its length, against the worse half's bound."""
+DIGITS = 9
+"""Beyond which scores are the same, so that rounding does not choose an axis."""
 BETTER = 1e-3
 """A design counts as better than the incumbent when its error is lower by this share."""
 
 Improve = Callable[[Gains, float], Judgement | None]
 """Return a certified design found from given gains with an error below a limit, or None."""
-
-
-@dataclass(frozen=True, slots=True)
-class Leaves:
-    """Boxes that are still open.
-
-    Attributes
-    ----------
-    boxes : the boxes
-    bound : a lower bound on the error in each
-    settled : whether all of its loops are known to be stable
-    """
-
-    boxes: Boxes
-    bound: Floats
-    settled: Flags
-
-    def taken(self, at: Flags) -> Leaves:
-        """Return some of the leaves."""
-        return Leaves(self.boxes.taken(at), self.bound[at], self.settled[at])
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,45 +52,13 @@ class Glance:
     incumbent: float
     open: int
 
+    @property
+    def gap(self) -> float:
+        """By which share the incumbent's error is above the bound at most."""
+        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
 
-@dataclass(frozen=True, slots=True)
-class Unfinished:
-    """What a search needs to go on.
-
-    Attributes
-    ----------
-    leaves : boxes that are still open
-    fallen : the least lower bound of the boxes that have fallen
-    gap : within which they have
-    boxes, seconds : what it took so far
-    """
-
-    leaves: Leaves
-    fallen: float
-    gap: float
-    boxes: int
-    seconds: float
-
-    def arrays(self) -> dict[str, Floats]:
-        """Return everything as arrays, to be kept in a file."""
-        leaves = self.leaves
-        return {
-            "low": leaves.boxes.low,
-            "high": leaves.boxes.high,
-            "bound": leaves.bound,
-            "settled": leaves.settled.astype(float),
-            "rest": np.array([self.fallen, self.gap, self.boxes, self.seconds]),
-        }
-
-
-ARRAYS = {"low", "high", "bound", "settled", "rest"}
-
-
-def unfinished(arrays: dict[str, Floats]) -> Unfinished:
-    """Return what `Unfinished.arrays` had made of a search."""
-    fallen, gap, boxes, seconds = arrays["rest"].tolist()
-    leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
-    return Unfinished(leaves, fallen, gap, int(boxes), seconds)
+    def __str__(self) -> str:
+        return f"error {self.incumbent:.5g}, bound {self.bound:.5g}, gap {self.gap:.2%}, {self.open} boxes open"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +85,7 @@ class Optimality:
     @property
     def gap(self) -> float:
         """By which share the incumbent's error is above the bound at most."""
-        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
+        return self.history[-1].gap
 
 
 @dataclass(slots=True)
@@ -184,15 +135,16 @@ def bound(
     gap : stop when the incumbent's error is at most 1 + gap times the bound
     most_boxes, time_limit : when to give up; s
     jobs : threads
-    rest : of an earlier search of the same problem with a gap not above this one's
+    rest : of an earlier search of the same problem, taken up unless it has let fall what this gap does not allow
     stopped : whether to give up now
     progress : told where the search stands, every round
     """
     began, axes = perf_counter(), axes_of(problem)
-    leaves, fallen, boxes, spent = _root(axes), inf, 0, 0.0
-    if rest is not None:
+    incumbent = best.transparency.error if best else inf
+    leaves, fallen, boxes, spent = root(axes), inf, 0, 0.0
+    if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
-    search = _Search(_relaxed(problem, best), best.transparency.error if best else inf, None, fallen, boxes, [])
+    search = _Search(_relaxed(problem, best), incumbent, None, fallen, boxes, [])
     rounds = 0
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
@@ -206,13 +158,8 @@ def bound(
             leaves = _halved(problem, axes, search, leaves, pool)
             rounds += 1
     last, proved = search.history[-1], not len(leaves.bound)
-    rest = Unfinished(leaves, search.fallen, gap, search.boxes, last.seconds)
+    rest = Unfinished(leaves, search.fallen, search.boxes, last.seconds)
     return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, rest)
-
-
-def _root(axes: tuple[Axis, ...]) -> Leaves:
-    low, high = (np.array([[getattr(axis, end)] for axis in axes]) for end in ("low", "high"))
-    return Leaves(Boxes(low, high), np.zeros(1), np.zeros(1, bool))
 
 
 def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
@@ -240,43 +187,34 @@ def _glance(search: _Search, leaves: Leaves, seconds: float) -> Glance:
 def _halved(
     problem: Problem, axes: tuple[Axis, ...], search: _Search, leaves: Leaves, pool: ThreadPoolExecutor
 ) -> Leaves:
-    """Halve the most promising boxes, each along the axis that raises the lower bound most."""
+    """Halve the most promising boxes, each along the axis that raises the lower bound most.
+
+    While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
+    """
     chosen = np.zeros(len(leaves.bound), bool)
     chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
     parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
     free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
-    halves = [(index, *_both(axes[index], index, parents.boxes)) for index in free]
-    worth = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), [h for _, *two in halves for h in two]))
-    search.boxes += len(worth) * len(parents.bound)
-    least = [np.maximum(bounds, parents.bound) for bounds in worth]
-    cap = 2 * search.incumbent if search.incumbent < inf else 2 * float(parents.bound.max()) + 1.0
+    halves = [
+        flattened(problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
+    ]  # two for each of the free axes
+    found = list(pool.map(lambda boxes: floors(search.relaxed, boxes), halves))
+    search.boxes += len(found) * len(parents.bound)
+    least = [np.maximum(floor.error, parents.bound) for floor in found]
+    worth, cap = (least, 2 * search.incumbent) if search.incumbent < inf else ([floor.strain for floor in found], 1.0)
     scores = []
-    for k, (index, *_) in enumerate(halves):
-        one, two = (np.minimum(b, cap) for b in least[2 * k : 2 * k + 2])
+    for k, index in enumerate(free):
+        one, two = (np.minimum(value, cap) for value in worth[2 * k : 2 * k + 2])
         share = axes[index].share(parents.boxes.low[index], parents.boxes.high[index])
         scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
-    best = np.argmax(scores, axis=0)
+    best = np.argmax(np.round(np.array(scores) / cap, DIGITS), axis=0)
     children = [
-        Leaves(half.taken(best == k), least[2 * k + side][best == k], parents.settled[best == k])
-        for k, (_, *two) in enumerate(halves)
-        for side, half in enumerate(two)
+        Leaves(half.taken(best == k // 2), bounds[best == k // 2], parents.settled[best == k // 2])
+        for k, (half, bounds) in enumerate(zip(halves, least, strict=True))
     ]
     turned = np.concatenate([np.full(len(child.bound), free[k // 2] < 2) for k, child in enumerate(children)])
-    young = _checked(problem, search, _joined(children), turned)
-    return _joined([rest, young])
-
-
-def _both(axis: Axis, index: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
-    middle = axis.middle(boxes.low[index], boxes.high[index])
-    low, high = boxes.low.copy(), boxes.high.copy()
-    low[index] = high[index] = middle
-    return Boxes(boxes.low, high), Boxes(low, boxes.high)
-
-
-def _joined(parts: list[Leaves]) -> Leaves:
-    low, high = (np.concatenate([getattr(part.boxes, end) for part in parts], axis=1) for end in ("low", "high"))
-    bound, settled = (np.concatenate([getattr(part, name) for part in parts]) for name in ("bound", "settled"))
-    return Leaves(Boxes(low, high), bound, settled)
+    young = _checked(problem, search, joined(children), turned)
+    return joined([rest, young])
 
 
 def _checked(problem: Problem, search: _Search, young: Leaves, turned: Flags) -> Leaves:
@@ -296,10 +234,10 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
     low, high = leaves.boxes.low[:, [first]], leaves.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[i], high[i]) for i, axis in enumerate(axes)])
     bounds = problem.bounds
-    b_c = float(
-        np.clip(least_damping(search.relaxed, Boxes(middle, middle))[0][0], bounds.damping.min, bounds.damping.max)
-    )
+    least = least_coupling(search.relaxed, Boxes(middle, middle))
+    b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
+    K_p = 0.0 if high[1, 0] <= axes[1].scale else K_p
     _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if found is not None:

@@ -13,6 +13,7 @@ from vctune.document.problem import Problem
 from vctune.proof.batch import by_integrator, claims_of, encirclements, steady
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
+from vctune.proof.least import without_integrator
 from vctune.proof.relaxation import Boxes
 
 
@@ -58,6 +59,21 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
         Axis(bounds.mass.min / bounds.damping.max, bounds.mass.max / bounds.damping.min, 0.0),
         Axis(bounds.drag.min, bounds.drag.max, scale.get(4, 0.0)),
     )
+
+
+def halved(axis: Axis, index: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
+    """Return both halves of boxes along an axis of this number."""
+    middle = axis.middle(boxes.low[index], boxes.high[index])
+    low, high = boxes.low.copy(), boxes.high.copy()
+    low[index] = high[index] = middle
+    return Boxes(boxes.low, high), Boxes(low, boxes.high)
+
+
+def flattened(problem: Problem, boxes: Boxes) -> Boxes:
+    """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
+    high = boxes.high.copy()
+    high[1, (boxes.low[1] == 0) & without_integrator(problem, boxes)] = 0.0
+    return Boxes(boxes.low, high)
 
 
 def settled(problem: Problem, boxes: Boxes) -> tuple[Flags, Flags]:

@@ -41,7 +41,7 @@ NEAR_SIDE = 1e-2
 """Distance at which a point counts as on a side of the box: where the error is flat IPOPT stays off by its barrier."""
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
-PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6)
+PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
 MAX_CUTS = 24
@@ -165,13 +165,10 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
 
 
 def _pulled_in(problem: Problem, start: Start) -> Point | None:
-    """Return the start with its gains reduced until both loops are proved stable: the scan's estimate may be off."""
-    bounds = problem.bounds
-    for share in PULLED_IN:
-        gains = Gains(
-            max(share * start.gains.velocity, bounds.velocity.min),
-            max(share * start.gains.position, bounds.position.min),
-        )
+    """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
+    bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
+    for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
+        gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
         if _stable(problem, gains):
             return point(gains, start.coupling)
     return None

@@ -26,6 +26,8 @@ from vctune.model.loop import G_hh_abs2, sensitivity_abs2
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
+PER_DECADE = 3.5
+"""Least number of corners of the integral action in a decade."""
 INADMISSIBLE = 1e6
 SENSITIVE, NEGATIVE, UNSTABLE = 1e3, 2e3, 3e3
 """Ranks of violations: |S| too great, Re G_hh < 0, sampled loop unstable."""
@@ -94,7 +96,9 @@ def axes(problem: Problem, *, integral: bool) -> Axes:
     if integral and bounds.position.fixed:
         corner = np.array([1 / device.lag])
     elif integral:
-        corner = np.geomspace(1e-2 * problem.transparency.band.min, 2 / device.lag, COUNTS["position"])
+        slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.lag
+        count = max(COUNTS["position"], int(PER_DECADE * np.log10(fastest / slowest)))
+        corner = np.geomspace(slowest, fastest, count)
     shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
     longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
     tau_c = np.geomspace(shortest, longest, COUNTS["time_constant"]) if longest > shortest else np.array([shortest])

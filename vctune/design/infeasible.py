@@ -14,6 +14,9 @@ from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.poles import spectral_radius
 
+OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
+"""How the reason begins, by whether it is proved."""
+
 
 @dataclass(frozen=True, slots=True)
 class Infeasibility:
@@ -88,7 +91,7 @@ def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult, *, proved:
     seen : the scan's result
     proved : whether every box of gains has been searched in vain
     """
-    opening = "there is no admissible design" if proved else "no admissible design was found, nor proved impossible"
+    opening = OPENINGS[proved]
     if not seen.starts:
         return Infeasibility(f"{opening}; widen the bounds", proved)
     start = seen.starts[0]

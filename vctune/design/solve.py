@@ -33,8 +33,9 @@ PROOF_ROUNDS = 4
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 SHARPENING = 10.0
-SEARCH_BOXES = 300_000
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none."""
+SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
+"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
+design it is content with."""
 BOUND_BOXES = 20_000_000
 """Effort of the search for a bound that was asked for."""
 
@@ -90,10 +91,10 @@ def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
     problem, began = solved.problem, perf_counter()
 
     def tell(at: Glance) -> None:
-        progress(f"searching every box: error {at.incumbent:.5g}, bound {at.bound:.5g}, {at.open} open")
+        progress(f"searching every box: {at}")
 
-    most = SEARCH_BOXES if gap is None else BOUND_BOXES
-    found = bound(problem, solved.judgement, partial(improved, problem), gap=gap or 0.0, most_boxes=most, progress=tell)
+    most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
+    found = bound(problem, solved.judgement, partial(improved, problem), gap=within, most_boxes=most, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)

@@ -18,6 +18,8 @@ MAX_BYTES = 10_000_000
 Number = float | None
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+
 
 class _Part(BaseModel):
     model_config = ConfigDict(extra="allow", strict=True)
@@ -73,6 +75,28 @@ class _Solver(_Part):
     rounds: list[_Round] = []
 
 
+class _Glance(_Part):
+    seconds: float
+    lower_bound: Number
+    error: Number
+    open: int
+
+
+class _Box(_Part):
+    low: Four
+    high: Four
+
+
+class _Optimality(_Part):
+    lower_bound: Number
+    gap: Number
+    verdict: Literal["proved", "open"]
+    boxes: int
+    seconds: float
+    history: Annotated[list[_Glance], Field(min_length=1)]
+    open: list[_Box]
+
+
 class _Design(_Part):
     """The parts of a design that are shown again; others are let through."""
 
@@ -89,6 +113,7 @@ class _Design(_Part):
     left_out: list[str]
     warnings: list[str]
     solver: _Solver
+    optimality: _Optimality | None = None
     versions: dict[str, str | None]
     seconds: dict[str, float]
 

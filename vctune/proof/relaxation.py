@@ -1,4 +1,4 @@
-"""What every admissible design in a box must at least cost: a lower bound on the error (DESIGN 1.8, 1.9).
+"""A design problem made easier, so that boxes of designs can be judged at once (DESIGN 1.8, 1.9).
 
 C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
 
@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf, log
 
 import numpy as np
 from flint import acb, arb, ctx
@@ -31,8 +30,8 @@ from vctune.proof.jets import ENCLOSURES
 
 GUARD = 1e-14
 """Covers the rounding of a sum of five products, and of the few operations after it, relative to their moduli."""
-ENDS = 1e-12
-"""Covers the rounding of the ends of an interval of log frequency, relative."""
+PRECISION = 2.0**-44
+"""Of the integrals, relative."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,14 +258,14 @@ def _squared(at: Coefficients) -> Quadratic:
 def _integrated(device: Device, low: float, high: float, places: int) -> tuple[Share, Share]:
     """Return the shares of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
     exact = device_ball(device)
-    edges = np.linspace(log(low), log(high), places + 1)
-    length = ball(high).log() - ball(low).log()
+    first, length = ball(low).log(), ball(high).log() - ball(low).log()
+    edges = [first + length * k / places for k in range(places + 1)]
 
     def integral(f: Callable[[Coefficients], acb], k: int) -> arb:
         def integrand(x: acb, _analytic: bool) -> acb:
             return f(coefficients(exact, x.exp(), BALLS))
 
-        return acb.integral(integrand, arb(edges[k]), arb(edges[k + 1])).real / length
+        return acb.integral(integrand, edges[k], edges[k + 1], rel_tol=PRECISION, abs_tol=0).real / length
 
     def share(weight: Callable[[Coefficients], acb]) -> Share:
         parts = [
@@ -281,59 +280,8 @@ def _integrated(device: Device, low: float, high: float, places: int) -> tuple[S
         numerator, constant, v, p, v2, p2 = (
             Enclosure(np.array([float(x.mid()) for x in row]), np.array([float(x.rad()) for x in row])) for row in found
         )
-        square = _bottom(numerator) ** 2 * (1 - ENDS)
+        square = _bottom(numerator) ** 2 * (1 - GUARD)
         return Share(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
 
     with ctx.workprec(64):
         return share(lambda c: acb(1)), share(lambda c: c.Z2)
-
-
-@np.errstate(all="ignore")
-def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> Floats:
-    """Return for each box a lower bound on the error of its admissible designs; inf where it has none."""
-    problem = relaxed.problem
-    least_tau, most_tau = boxes.low[2], boxes.high[2]
-    least, dead = least_damping(relaxed, boxes)
-    limit = problem.stability.max_sensitivity * (1 + GUARD)
-    dead |= (relaxed.sensitivity.numerator > limit**2 * relaxed.sensitivity.D2.greatest(boxes)).any(axis=1)
-    bounds = problem.bounds
-    b_c = np.maximum(np.maximum(least, bounds.damping.min), bounds.mass.min / most_tau) * (1 - GUARD)
-    dead |= b_c > np.minimum(bounds.damping.max, bounds.mass.max / least_tau) * (1 + 2 * GUARD)
-    admittance, tracking = (
-        share.numerator / share.D2.greatest(boxes) for share in (relaxed.admittance, relaxed.tracking)
-    )
-    loop = admittance + tracking
-    b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
-    if relaxed.omega is None:
-        share = _mean_share(problem, least_tau)
-        squared = loop.sum(axis=1) + factor * (b_0 * b_0 + (2 * b_0 + b_c) * b_c * share)
-    else:
-        x2 = np.square(relaxed.omega * least_tau[:, None])
-        over = (2 * b_0 + b_c)[:, None] * b_c[:, None] * (x2 / (1 + x2))
-        squared = (loop + factor * (np.square(b_0)[:, None] + over)).max(axis=1)
-    return np.where(dead, inf, np.sqrt(squared) * (1 - 10 * GUARD))
-
-
-def least_damping(relaxed: Relaxation, boxes: Boxes) -> tuple[Floats, Flags]:
-    """Return the least b_c that the conditions leave to any design of a box, and where they leave none."""
-    at = relaxed.demand
-    low, high = (
-        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
-        for turn in (at.turn_low, tuple(-t for t in at.turn_high))
-    )
-    turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
-    re_D, P = at.re_D.greatest(boxes), at.P.greatest(boxes)
-    weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
-    product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
-    excess = np.maximum(np.where(turn > 0, turn * turn / weight, 0.0), product - P)
-    R = excess / (2 * re_D) * (1 - 10 * GUARD)
-    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[3][:, None], 0.0)
-    lever = 1 + 1 / np.square(at.omega * boxes.high[2][:, None])
-    return (needed * lever).max(axis=1) * (1 - 10 * GUARD), np.asarray((re_D <= 0).any(axis=1))
-
-
-def _mean_share(problem: Problem, tau_c: Floats) -> Floats:
-    """Return the mean of x^2/(1 + x^2), x = omega tau_c, over log frequency: of |Z_c/b_c|^2 and of Re Z_c/b_c."""
-    low, high = problem.transparency.band.min, problem.transparency.band.max
-    rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
-    return np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low))

@@ -92,6 +92,10 @@ def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("phase margin", loop["phase_margin_deg"], "deg", 5),
         ("delay margin", loop["delay_margin_s"], "s", 5),
     ]
+    if record.get("optimality"):
+        found = record["optimality"]
+        gap = "" if found["gap"] is None else f"gap {100 * found['gap']:.3g} %, "
+        rows.append(("no design is below", found["lower_bound"], f"{gap}{found['verdict']}", 5))
     count = loop["nyquist"]
     rows.append(
         (

@@ -1,0 +1,83 @@
+"""What is left of a branch and bound: its open boxes, and how they are kept in a file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.boxes import Axis
+from vctune.proof.enclosures import Flags
+from vctune.proof.relaxation import Boxes
+
+
+@dataclass(frozen=True, slots=True)
+class Leaves:
+    """Boxes that are still open.
+
+    Attributes
+    ----------
+    boxes : the boxes
+    bound : a lower bound on the error in each
+    settled : whether all of its loops are known to be stable
+    """
+
+    boxes: Boxes
+    bound: Floats
+    settled: Flags
+
+    def taken(self, at: Flags) -> Leaves:
+        """Return some of the leaves."""
+        return Leaves(self.boxes.taken(at), self.bound[at], self.settled[at])
+
+
+def root(axes: tuple[Axis, ...]) -> Leaves:
+    """Return the box of all designs."""
+    low, high = (np.array([[getattr(axis, end)] for axis in axes]) for end in ("low", "high"))
+    return Leaves(Boxes(low, high), np.zeros(1), np.zeros(1, bool))
+
+
+def joined(parts: list[Leaves]) -> Leaves:
+    """Return several sets of leaves as one."""
+    low, high = (np.concatenate([getattr(part.boxes, end) for part in parts], axis=1) for end in ("low", "high"))
+    bound, settled = (np.concatenate([getattr(part, name) for part in parts]) for name in ("bound", "settled"))
+    return Leaves(Boxes(low, high), bound, settled)
+
+
+@dataclass(frozen=True, slots=True)
+class Unfinished:
+    """What a search needs to go on.
+
+    Attributes
+    ----------
+    leaves : boxes that are still open
+    fallen : the least lower bound of the boxes that have fallen
+    boxes, seconds : what it took so far
+    """
+
+    leaves: Leaves
+    fallen: float
+    boxes: int
+    seconds: float
+
+    def arrays(self) -> dict[str, Floats]:
+        """Return everything as arrays, to be kept in a file."""
+        leaves = self.leaves
+        return {
+            "low": leaves.boxes.low,
+            "high": leaves.boxes.high,
+            "bound": leaves.bound,
+            "settled": leaves.settled.astype(float),
+            "rest": np.array([self.fallen, self.boxes, self.seconds]),
+        }
+
+
+ARRAYS = {"low", "high", "bound", "settled", "rest"}
+
+
+def unfinished(arrays: dict[str, Floats]) -> Unfinished:
+    """Return what `Unfinished.arrays` had made of a search."""
+    fallen, boxes, seconds = arrays["rest"].tolist()
+    leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
+    return Unfinished(leaves, fallen, int(boxes), seconds)

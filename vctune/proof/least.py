@@ -1,0 +1,139 @@
+"""The least that the designs of a box cost (DESIGN 1.8, 1.9), from a relaxation of their problem."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import inf, log
+
+import numpy as np
+
+from vctune.document.problem import Problem
+from vctune.proof.enclosures import Flags, Floats
+from vctune.proof.relaxation import GUARD, Boxes, Demand, Relaxation
+
+
+@dataclass(frozen=True, slots=True)
+class Least:
+    """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
+
+    Attributes
+    ----------
+    damping, mass : the least b_c and m_c
+    none : where they leave none
+    """
+
+    damping: Floats
+    mass: Floats
+    none: Flags
+
+
+@dataclass(frozen=True, slots=True)
+class Floors:
+    """What the designs of each box at least come to; arrays of shape (boxes,).
+
+    Attributes
+    ----------
+    error : a lower bound on the error of the admissible designs; inf where there are none
+    strain : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; nothing is admissible above 1
+    """
+
+    error: Floats
+    strain: Floats
+
+
+@np.errstate(all="ignore")
+def floors(relaxed: Relaxation, boxes: Boxes) -> Floors:
+    """Return what the designs of each box at least come to."""
+    problem = relaxed.problem
+    least, strain = least_coupling(relaxed, boxes), _strain_of_loops(relaxed, boxes)
+    strain = np.fmax(strain, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max))
+    none = least.none | (strain > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
+    admittance, tracking = (
+        share.numerator / share.D2.greatest(boxes) for share in (relaxed.admittance, relaxed.tracking)
+    )
+    loop = admittance + tracking
+    b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
+    if relaxed.omega is None:
+        coupling = _coupling(least, boxes, partial(_mean_share, problem))
+        squared = loop.sum(axis=1) + factor * (b_0 * b_0 + coupling)
+    else:
+        coupling = _coupling(least, boxes, partial(_share, relaxed.omega[:, None]))
+        squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)
+    known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
+    return Floors(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, strain))
+
+
+def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
+    """Return a lower bound of |S| relative to its limit."""
+    at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
+    S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
+    return np.sqrt(S2) / limit * (1 - GUARD)
+
+
+def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
+    """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
+
+    The limit is b^2/(4 (b + K_v - tau K_p)) (DESIGN 1.6).
+    """
+    if problem.stability.band.min > 0:
+        return np.zeros(len(boxes), bool)
+    b, tau = problem.device.damping, problem.device.lag
+    most = (b + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
+    return (most < 0) | (4 * most * boxes.high[3] < problem.stability.safety_factor * b * b * (1 - 10 * GUARD))
+
+
+def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
+    """Return the least b_c and m_c that the conditions and the bounds leave to any design of a box.
+
+    Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
+    (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega.
+    """
+    at, bounds = relaxed.demand, relaxed.problem.bounds
+    R, none = _least_resistance(at, boxes)
+    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[3][:, None], 0.0)
+    shortest, longest = (edge[2][:, None] for edge in (boxes.low, boxes.high))
+    nearest = np.clip(1 / at.omega, shortest, longest)
+    damping = (needed * (1 + 1 / np.square(at.omega * longest))).max(axis=1)
+    mass = (needed * (nearest + 1 / (np.square(at.omega) * nearest))).max(axis=1)
+    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[2])
+    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[2])
+    return Least(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
+
+
+def _least_resistance(at: Demand, boxes: Boxes) -> tuple[Floats, Flags]:
+    """Return a lower bound of R, shape (boxes, frequencies), and the boxes in which Re D is nowhere positive."""
+    low, high = (
+        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
+        for turn in (at.turn_low, tuple(-t for t in at.turn_high))
+    )
+    turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
+    re_D, P = at.re_D.greatest(boxes), at.P.greatest(boxes)
+    weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
+    product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
+    excess = np.fmax(np.where(turn > 0, turn * turn / weight, 0.0), product - P)
+    return np.fmax(excess / (2 * re_D) * (1 - 10 * GUARD), 0.0), np.asarray((re_D <= 0).any(axis=1))
+
+
+def _coupling(least: Least, boxes: Boxes, share: Callable[[Floats], Floats]) -> Floats:
+    """Return a lower bound of |Z_c|^2 - b_0^2 = 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, x = omega tau_c.
+
+    s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
+    """
+    b_c, m_c, b_0 = least.damping, least.mass, boxes.low[3]
+    light, heavy = share(boxes.low[2]), share(boxes.high[2])
+    return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[2]) * heavy)
+
+
+def _share(omega: Floats, tau_c: Floats) -> Floats:
+    """Return x^2/(1 + x^2), x = omega tau_c: |Z_c/b_c|^2 and Re Z_c/b_c without drag."""
+    x2 = np.square(omega * tau_c)
+    return x2 / (1 + x2)
+
+
+def _mean_share(problem: Problem, tau_c: Floats) -> Floats:
+    """Return the mean of `_share` over log frequency."""
+    low, high = problem.transparency.band.min, problem.transparency.band.max
+    rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
+    return np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low))
