@@ -70,20 +70,28 @@ class Dense:
 
         Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
         """
-        f, g = _functions(self.shape).values(z, self.numbers.parameters)
+        f, g = functions(self.shape).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the gradient of the objective and the Jacobian of the demands."""
-        df, dg = _functions(self.shape).slopes(z, self.numbers.parameters)
+        df, dg = functions(self.shape).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
     def curvature(self, z: Floats, share: float, multipliers: Floats) -> Floats:
         """Return the Hessian of share * objective + multipliers . demands."""
         full = np.zeros(self.numbers.least.size)
         full[self.posed] = multipliers
-        return np.array(_functions(self.shape).curvature(z, self.numbers.parameters, share, full))
+        return np.array(functions(self.shape).curvature(z, self.numbers.parameters, share, full))
+
+    def evaluated(self, times: int) -> None:
+        """Evaluate everything that an iteration of a solver of second order needs, so many times."""
+        nothing = np.zeros(self.levels.size)
+        for _ in range(times):
+            self.values(self.numbers.guess)
+            self.slopes(self.numbers.guess)
+            self.curvature(self.numbers.guess, 1.0, nothing)
 
     @property
     def posed(self) -> Any:
@@ -104,21 +112,23 @@ class Dense:
 
 
 @dataclass(frozen=True, slots=True)
-class _Functions:
+class Functions:
+    """Objective and demands, their first derivatives, the Hessian of the Lagrangian."""
+
     values: ca.Function
     slopes: ca.Function
     curvature: ca.Function
 
 
 @lru_cache(maxsize=8)
-def _functions(shape: Shape) -> _Functions:
+def functions(shape: Shape) -> Functions:
     """Return the functions of a shape's NLP, compiled."""
     with interrupt_deferred():
         nlp = assembled(shape)
         x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
         share, multipliers = ca.MX.sym("share"), ca.MX.sym("multipliers", g.shape[0])
         hessian, _ = ca.hessian(share * f + ca.dot(multipliers, g), x)
-        return _Functions(
+        return Functions(
             ca.Function("values", [x, p], [f, g]).expand(),
             ca.Function("slopes", [x, p], [ca.gradient(f, x), ca.jacobian(g, x)]).expand(),
             ca.Function("curvature", [x, p, share, multipliers], [hessian]).expand(),

@@ -25,7 +25,7 @@ from vctune.report.benchmarks import Panel, Series
 GRID, COARSE, COARSEST = 2000, 1000, 200
 """Frequencies for Llewellyn's conditions, and as many for |S|: for most peers, for the slower and the slowest ones."""
 RESERVE = 1e-5
-"""Sharpening of the peers' demands on `GRID`, about what they can miss between two neighbours; as its spacing squared."""
+"""Sharpening of the peers' demands on `GRID`, about what they miss between neighbours; grows as the spacing squared."""
 MET = 1e-6
 """A violation on the grid up to which a peer's answer counts as one."""
 REPEATS, SLOW = 3, 1.0
@@ -217,7 +217,8 @@ class Score:
 
     Attributes
     ----------
-    problems, stable, proved, best : how many there are; answers in stable loops; proved; proved within 0.1 % of the best
+    problems, stable, proved : how many there are; answers in stable loops; answers that are proved
+    best : answers that are proved and within `CLOSE` of the best
     seconds : the sum, s
     worst_gap : greatest gap of a proved answer, nan without one
     worst_violation : greatest violation of an answer
