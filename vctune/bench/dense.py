@@ -120,7 +120,7 @@ class Functions:
     curvature: ca.Function
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=16)
 def functions(shape: Shape) -> Functions:
     """Return the functions of a shape's NLP, compiled."""
     with interrupt_deferred():
@@ -170,7 +170,8 @@ class Stopped:
 
 
 @lru_cache(maxsize=32)
-def _solver(name: str, shape: Shape) -> ca.Function:
+def compiled_solver(name: str, shape: Shape) -> ca.Function:
+    """Return one of CasADi's solvers in `SETTINGS` for a shape."""
     return ca.nlpsol("peer", name, assembled(shape), SETTINGS[name])
 
 
@@ -178,7 +179,7 @@ def casadi_solve(dense: Dense, name: str) -> Stopped:
     """Solve by one of CasADi's solvers in `SETTINGS`."""
     given = dense.numbers
     with interrupt_deferred():
-        solver = _solver(name, dense.shape)
+        solver = compiled_solver(name, dense.shape)
         found = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )

@@ -10,7 +10,7 @@ from time import process_time
 
 from vctune.bench import paper, peers
 from vctune.bench.benchmark import Measured, Size, Tick
-from vctune.bench.dense import Dense, Stopped, casadi_solve, dense
+from vctune.bench.dense import Dense, Stopped, casadi_solve, compiled_solver, dense
 from vctune.bench.evaluator import spectral_radius
 from vctune.bench.judged import Worth, worth
 from vctune.bench.problems import reference_problems
@@ -37,12 +37,23 @@ Work = Callable[[Dense, int], "Stopped | tuple[Stopped, float]"]
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """A solver: its name, its grid, what it does with a problem, and whether it needs no starts but bounds."""
+    """A solver.
+
+    Attributes
+    ----------
+    name, count : how it is called, and frequencies of each kind in its grid
+    work : what it does with a problem; Octave counts its own time
+    slow : whether it is left out where there is little time
+    everywhere : whether it needs no starts but bounds
+    compiles : name of the CasADi solver that is compiled before, if it is one
+    """
 
     name: str
     count: int
     work: Work
+    slow: bool = False
     everywhere: bool = False
+    compiles: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,36 +87,35 @@ class Row:
     consistent: bool
 
 
-def _casadi(name: str) -> Work:
-    return lambda given, seed: casadi_solve(given, name)
+def _casadi(label: str, name: str, *, slow: bool = False) -> Peer:
+    return Peer(label, GRID, lambda given, seed: casadi_solve(given, name), slow, compiles=name)
 
 
 def all_peers(*, quick: bool) -> list[Peer]:
-    """Return the peers that there are on this machine; the slowest ones only without `quick`."""
+    """Return the peers that there are on this machine; the slow ones only without `quick`."""
     found = [
         Peer(MULTISTART, GRID, peers.slsqp),
         Peer("SciPy SLSQP, differences", GRID, peers.slsqp_differences),
         Peer("NLopt SLSQP", GRID, peers.nlopt_slsqp),
-        Peer("CasADi sqpmethod", GRID, _casadi("sqpmethod")),
-        Peer("IPOPT, dense grid", GRID, _casadi("ipopt")),
-        Peer("CasADi fatrop", GRID, _casadi("fatrop")),
+        _casadi("CasADi sqpmethod", "sqpmethod"),
+        _casadi("IPOPT, dense grid", "ipopt"),
+        _casadi("CasADi fatrop", "fatrop", slow=True),
         Peer("paper: SciPy BFGS", COARSE, paper.bfgs),
-        Peer("SciPy trust-constr", COARSE, peers.trust_constr),
+        Peer("SciPy trust-constr", COARSE, peers.trust_constr, slow=True),
+        Peer("SciPy COBYQA", COARSEST, peers.cobyqa, slow=True),
+        Peer("SciPy diff. evolution", COARSEST, peers.differential_evolution, slow=True, everywhere=True),
     ]
-    if not quick:
-        found.append(Peer("SciPy COBYQA", COARSEST, peers.cobyqa))
-        found.append(Peer("SciPy diff. evolution", COARSEST, peers.differential_evolution, everywhere=True))
     if paper.octave():
-        found.append(Peer("Octave sqp", COARSE, paper.octave_sqp))
-        found.append(Peer("paper: Octave fminunc", COARSE, paper.octave_fminunc))
-    return found
+        found.append(Peer("Octave sqp", COARSE, paper.octave_sqp, slow=True))
+        found.append(Peer("paper: Octave fminunc", COARSE, paper.octave_fminunc, slow=True))
+    return [peer for peer in found if not (quick and peer.slow)]
 
 
 def measure(size: Size, tick: Tick) -> Measured:
     """Run every solver on the reference problems."""
     peers.need("scipy", "nlopt")
     rows: list[Row] = []
-    for name, problem in reference_problems(2 if size.quick else None).items():
+    for name, problem in reference_problems(1 if size.quick else None).items():
         rows += _problem_rows(name, problem, size, tick)
     return Measured(
         "vctune against other solvers",
@@ -146,10 +156,10 @@ def _theirs(name: str, problem: Problem, scaled: Problem, seen: ScanResult, peer
     posed = [
         dense(problem, scaled, start, peer.count, RESERVE * (GRID / peer.count) ** 2) for start in _starts(seen, peer)
     ]
-    for given in posed:  # compiles what is not yet
-        given.values(given.numbers.guess)
-        given.slopes(given.numbers.guess)
-    peer.work(posed[0], seed)
+    for given in posed:
+        given.evaluated(1)
+        if peer.compiles:
+            compiled_solver(peer.compiles, given.shape)
     answers, first = _multistart(posed, seen, peer, seed)
     times = [first]
     while len(times) < REPEATS and first < SLOW:

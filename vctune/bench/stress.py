@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import Future
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import inf, pi
 from statistics import median
 from time import process_time
+from types import FrameType
 
 import numpy as np
 
@@ -25,7 +27,9 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.report.benchmarks import Panel, Series
 from vctune.study.executors import available_cores, crew_of
 
-QUICK, FULL = 60, 3000
+QUICK, FULL = 40, 2000
+PATIENCE = 20.0
+"""Processor time, s, after which a device counts as failed."""
 FREQUENCIES = 40
 """Where a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
 FAILED = "failed"
@@ -39,7 +43,7 @@ class Row:
 
     Attributes
     ----------
-    status : certified, infeasible, undecided, or failed for an exception or a number that is none
+    status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
     seconds : processor time of the solve
     wrong : what contradicts the verdict, "" if nothing does
     float_error : largest relative error of the float formulas against 50 digits, over ratio, |G_hh|, |S|, |Z_c|; nan
@@ -62,13 +66,9 @@ def measure(size: Size, tick: Tick) -> Measured:
     count = QUICK if size.quick else FULL
     rows = []
     with crew_of("processes", available_cores()) as crew:
-        waiting: list[Future[Row]] = []
-        for number in range(count):
-            waiting.append(crew.executor.submit(examined, size.seed, number))
-            if len(waiting) >= crew.ahead:
-                rows.append(waiting.pop(0).result())
-                tick(f"{len(rows)} of {count} devices")
-        rows += [future.result() for future in waiting]
+        for future in [crew.executor.submit(examined, size.seed, number) for number in range(count)]:
+            rows.append(future.result())
+            tick(f"{len(rows)} of {count} devices")
     return Measured(
         "Devices over ten decades",
         "Left: how long each device took, by what became of it. Right: the largest relative error of the double "
@@ -84,7 +84,8 @@ def examined(seed: int, number: int) -> Row:
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()
     try:
-        solved = solve(problem)
+        with _patience():
+            solved = solve(problem)
     except Exception as error:  # a failure is a row, which is what this benchmark looks for
         return Row(number, FAILED, process_time() - began, "", inf, f"{type(error).__name__}: {error}", said)
     seconds, judgement = process_time() - began, solved.judgement
@@ -100,6 +101,22 @@ def examined(seed: int, number: int) -> Row:
     if solved.status.value in ("certified", "infeasible") and not wrong:
         reason = said = ""
     return Row(number, solved.status.value, seconds, wrong, float_error, reason, said)
+
+
+@contextmanager
+def _patience() -> Iterator[None]:
+    """Raise TimeoutError in the block once it has taken `PATIENCE`; only in a process's main thread."""
+
+    def give_up(_signal: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"no answer within {PATIENCE:g} s")
+
+    before = signal.signal(signal.SIGPROF, give_up)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
@@ -179,7 +196,9 @@ def facts(rows: list[Row]) -> list[str]:
     said = [
         f"{len(rows)} devices: {shares}.",
         f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
-        f"Failed, tracebacks or numbers that are none: {counts[FAILED]}.",
+        f"Failed (tracebacks, numbers that are none, no answer within {PATIENCE:g} s): {counts[FAILED]}"
+        + "".join(f"; device {row.number}: {row.reason}" for row in rows if row.status == FAILED)
+        + ".",
     ]
     if worst is not None:
         said.append(
