@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
-from math import inf
 
 import design_oracle as oracle
 import numpy as np
 import pytest
-from conftest import DEVICE, ROOT
+from conftest import DEVICE
 
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
-from vctune.design.leaves import ARRAYS, unfinished
 from vctune.design.solve import improved, solve
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem, Range
+from vctune.document.problem import Problem
 from vctune.document.reading import parse_problem, read_problem
 from vctune.proof.least import floors, least_coupling
 from vctune.proof.relaxation import Boxes, relaxation
@@ -158,8 +156,12 @@ def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
     assert best is not None
 
     def run(posed: Problem) -> Optimality:
-        gains = replace(best.gains, velocity=best.gains.velocity / impedance, position=best.gains.position * time / impedance)
-        coupling = replace(best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time)
+        gains = replace(
+            best.gains, velocity=best.gains.velocity / impedance, position=best.gains.position * time / impedance
+        )
+        coupling = replace(
+            best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time
+        )
         known = best if posed is problem else replace(best, gains=gains, coupling=coupling)
         return bound(posed, known, hopeless, gap=0.02)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +24,13 @@ class Minima:
     value: Floats
 
 
+@lru_cache(maxsize=16)
 def frequency_grid(omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE) -> Floats:
     """Return a logarithmic grid that contains both ends exactly."""
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
     grid[0], grid[-1] = omega_min, omega_max
+    grid.setflags(write=False)
     return grid
 
 
@@ -44,7 +47,8 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     """
 
     def value(omega: Floats) -> Floats:
-        return np.nan_to_num(f(omega), nan=np.inf, posinf=np.inf, neginf=-np.inf)
+        found = f(omega)
+        return np.where(np.isnan(found), np.inf, found)
 
     values = value(grid)
     padded = np.concatenate(([np.inf], values, [np.inf]))

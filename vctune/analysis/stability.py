@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +49,13 @@ def model_curve(device: Device) -> Curve:
     return curve
 
 
+@cache
 def angles() -> Floats:
     """Return the grid on which the turns of a curve are counted: dense near 0 and near the Nyquist frequency."""
     below, above = np.geomspace(1e-4, np.pi / 2, ANGLES), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES // 4)
-    return np.concatenate((below, above[1:], [np.pi]))
+    found = np.concatenate((below, above[1:], [np.pi]))
+    found.setflags(write=False)
+    return found
 
 
 def unit_circle(device: Device, *, integrator: bool) -> ReturnDifference:

@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import click
 
+from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
 from vctune.cli.front import front
@@ -56,6 +57,7 @@ main.add_command(simulate)
 main.add_command(report)
 main.add_command(region)
 main.add_command(bound)
+main.add_command(bench)
 main.add_command(schema)
 
 

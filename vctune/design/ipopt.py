@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from math import inf, log, pi
 
 import numpy as np
@@ -23,6 +24,46 @@ REACH = 0.5
 """How far the NLP may follow a peak of |S|, in log frequency."""
 
 
+@dataclass(frozen=True, slots=True)
+class Posed:
+    """The numbers of an NLP: where to start, its parameters, bounds of its variables and of its constraints."""
+
+    guess: Floats
+    parameters: Floats
+    low: Floats
+    high: Floats
+    least: Floats
+    most: Floats
+
+
+def posed(
+    problem: Problem,
+    shape: Shape,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    box: tuple[Floats, Floats],
+    frequencies: WorkingSet,
+    tightening: float,
+) -> Posed:
+    """Return the numbers of the NLP of a dimensionless problem on the given frequencies.
+
+    Parameters
+    ----------
+    start : the five numbers to start from; those that are not free stay
+    box : bounds of the coordinates
+    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    """
+    low, high = (list(bound) for bound in box)
+    guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
+    y = [log(omega) for omega in frequencies.moving]
+    low, high, guess = [*low, *(at - REACH for at in y)], [*high, *(min(at + REACH, log(pi)) for at in y)], [*guess, *y]
+    if shape.norm == "peak":
+        low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
+    least, most = _demands(problem, shape, frequencies, tightening)
+    parameters = _parameters(problem, shape, free, start, frequencies)
+    return Posed(np.array(guess), parameters, np.array(low), np.array(high), least, most)
+
+
 def solve(
     problem: Problem,
     shape: Shape,
@@ -32,27 +73,16 @@ def solve(
     frequencies: WorkingSet,
     tightening: float,
 ) -> Solution:
-    """Solve the NLP of a dimensionless problem on the given frequencies.
-
-    Parameters
-    ----------
-    start : the five numbers to start from; those that are not free stay
-    box : bounds of the coordinates
-    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    """Solve the NLP that `posed` describes.
 
     Ctrl-C waits for IPOPT's answer.
     """
-    low, high = (list(bound) for bound in box)
-    guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
-    y = [log(omega) for omega in frequencies.moving]
-    low, high, guess = [*low, *(at - REACH for at in y)], [*high, *(min(at + REACH, log(pi)) for at in y)], [*guess, *y]
-    if shape.norm == "peak":
-        low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
-    demands, most = _demands(problem, shape, frequencies, tightening)
-    parameters = _parameters(problem, shape, free, start, frequencies)
+    given = posed(problem, shape, free, start, box, frequencies, tightening)
     with interrupt_deferred():
         solver = compiled(shape)
-        result = solver(x0=guess, p=parameters, lbx=low, ubx=high, lbg=demands, ubg=most)
+        result = solver(
+            x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
+        )
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
         history = stats.get("iterations", {})
@@ -61,7 +91,7 @@ def solve(
         error=float(np.exp(error[0])),
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
         iterations=int(stats["iter_count"]),
-        multipliers=np.abs(multipliers[demands > -inf]),
+        multipliers=np.abs(multipliers[given.least > -inf]),
         primal=[float(value) for value in history.get("inf_pr", [])],
         dual=[float(value) for value in history.get("inf_du", [])],
     )

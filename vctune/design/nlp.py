@@ -144,7 +144,12 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
 
 @lru_cache(maxsize=16)
 def compiled(shape: Shape) -> ca.Function:
-    """Return the solver of a shape: parameters are `common`, then the columns of each kind of frequency."""
+    """Return the solver of a shape."""
+    return ca.nlpsol("design", "ipopt", assembled(shape), OPTIONS)
+
+
+def assembled(shape: Shape) -> dict[str, ca.MX]:
+    """Return the NLP of a shape: parameters are `common`, then the columns of each kind of frequency."""
     one = _at_one_frequency(shape)
     z, common = ca.MX.sym("z", one.z.numel()), ca.MX.sym("common", one.common.numel())
     epigraph = ca.MX.sym("t") if shape.norm == "peak" else ca.MX(0)
@@ -166,5 +171,4 @@ def compiled(shape: Shape) -> ca.Function:
     if shape.moving:
         follow = ca.Function("moving", [one.z, one.common, one.inputs["moving"]], [one.values["moving"]])
         demands.append(ca.vec(follow.map(shape.moving)(z, common, y.T)))
-    nlp = {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}
-    return ca.nlpsol("design", "ipopt", nlp, OPTIONS)
+    return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}

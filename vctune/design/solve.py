@@ -63,7 +63,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if theorem is not None:
         return Solved(problem, None, None, 0, theorem, None, {})
     progress("scanning")
-    scaled = _dimensionless(problem)
+    scaled = dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
     optima = _optima(scaled, seen, progress)
@@ -104,7 +104,7 @@ def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
 @np.errstate(all="ignore")
 def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | None:
     """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
-    scaled = _dimensionless(problem)
+    scaled = dimensionless(problem)
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     start = rescan(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
     target = incumbent / _unit_of_error(problem)
@@ -124,7 +124,7 @@ def _unit_of_error(problem: Problem) -> float:
     return max(weights.admittance, weights.tracking, weights.coupling)
 
 
-def _dimensionless(problem: Problem) -> Problem:
+def dimensionless(problem: Problem) -> Problem:
     """Return the problem with Z_0 = T = 1 and the greatest weight 1."""
     scaled = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
     weights, most = scaled.transparency.weights, _unit_of_error(problem)

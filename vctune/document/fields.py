@@ -26,4 +26,4 @@ Text = Annotated[str, Field(strict=True)]
 class Table(BaseModel):
     """A table that refuses keys that it does not know."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -1,0 +1,1 @@
+"""Benchmarks: what vctune's answers cost and what they are worth, against its peers and at the extremes."""

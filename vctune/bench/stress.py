@@ -1,0 +1,224 @@
+"""Thousands of devices over ten decades, and every verdict checked by arithmetic of another kind."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf, pi
+from statistics import median
+from time import process_time
+from types import FrameType
+
+import numpy as np
+
+from vctune.analysis.demands import error_terms, sampled_span, stability_ratio
+from vctune.bench.benchmark import Measured, Size, Tick
+from vctune.bench.devices import device
+from vctune.bench.evaluator import coupling_impedance, impedances, required, spectral_radius
+from vctune.bench.peers import need
+from vctune.design.judge import Judgement
+from vctune.design.solve import solve
+from vctune.document.problem import Problem, Range
+from vctune.model.quantities import Coupling, Gains
+from vctune.report.benchmarks import Panel, Series
+from vctune.study.executors import available_cores, crew_of
+
+QUICK, FULL = 40, 2000
+PATIENCE = 20.0
+"""Processor time, s, after which a device counts as failed."""
+FREQUENCIES = 40
+"""Where a certified design is evaluated with 50 digits, log-spaced over each of its bands."""
+FAILED = "failed"
+SCAN_GAINS, SCAN_DAMPING, SCAN_FREQUENCIES = 28, 48, 120
+SLOWEST = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One device.
+
+    Attributes
+    ----------
+    status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
+    seconds : processor time of the solve
+    wrong : what contradicts the verdict, "" if nothing does
+    float_error : largest relative error of the float formulas against 50 digits, over ratio, |G_hh|, |S|, |Z_c|; nan
+        where no design was found
+    reason, device : what is said of a device without an answer or with a wrong one, and its numbers; else ""
+    """
+
+    number: int
+    status: str
+    seconds: float
+    wrong: str
+    float_error: float
+    reason: str
+    device: str
+
+
+def measure(size: Size, tick: Tick) -> Measured:
+    """Solve and check random devices."""
+    need("mpmath")
+    count = QUICK if size.quick else FULL
+    rows = []
+    with crew_of("processes", available_cores()) as crew:
+        for future in [crew.executor.submit(examined, size.seed, number) for number in range(count)]:
+            rows.append(future.result())
+            tick(f"{len(rows)} of {count} devices")
+    return Measured(
+        "Devices over ten decades",
+        "Left: how long each device took, by what became of it. Right: the largest relative error of the double "
+        "precision formulas at the frequencies that were checked with 50 digits.",
+        {"stress": rows},
+        facts(rows),
+        panels(rows),
+    )
+
+
+def examined(seed: int, number: int) -> Row:
+    """Solve a device and check what comes of it."""
+    document, problem = device(seed, number)
+    said, began = json.dumps(document), process_time()
+    try:
+        with _patience():
+            solved = solve(problem)
+    except Exception as error:  # a failure is a row, which is what this benchmark looks for
+        return Row(number, FAILED, process_time() - began, "", inf, f"{type(error).__name__}: {error}", said)
+    seconds, judgement = process_time() - began, solved.judgement
+    reason = solved.infeasibility.reason if solved.infeasibility else ""
+    wrong, float_error = "", float("nan")
+    if judgement is not None:
+        if not np.isfinite(judgement.transparency.error):
+            return Row(number, FAILED, seconds, "", inf, "the error is no number", said)
+        wrong, float_error = contradiction(problem, judgement)
+    elif solved.status.value == "infeasible":
+        found = feasible(problem)
+        wrong = "" if found is None else f"an independent scan finds {found}"
+    if solved.status.value in ("certified", "infeasible") and not wrong:
+        reason = said = ""
+    return Row(number, solved.status.value, seconds, wrong, float_error, reason, said)
+
+
+@contextmanager
+def _patience() -> Iterator[None]:
+    """Raise TimeoutError in the block once it has taken `PATIENCE`; only in a process's main thread."""
+
+    def give_up(_signal: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"no answer within {PATIENCE:g} s")
+
+    before = signal.signal(signal.SIGPROF, give_up)
+    signal.setitimer(signal.ITIMER_PROF, PATIENCE)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
+    """Return what 50 digits say against a certified design, "" if nothing, and the floats' largest relative error."""
+    from vctune.bench import digits
+
+    device, gains, coupling = problem.device, judgement.gains, judgement.coupling
+    impedance = problem.transparency.reference_impedance
+    factor, faults = judgement.certificate.factor, []
+    inside = [*np.geomspace(*sampled_span(problem), FREQUENCIES), judgement.worst]
+    below = [*np.geomspace(1e-3 * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
+    largest = 0.0
+    for omega in (w for w in {*map(float, inside), *map(float, below)} if 0 < w < inf):
+        true = digits.exact(device, gains, coupling, omega)
+        at = np.array([omega])
+        terms = error_terms(problem, gains, coupling, at)
+        floats = [(float(np.sqrt(terms.admittance[0])) / impedance, true.admittance)]
+        floats += [(float(np.sqrt(terms.tracking[0])), true.sensitivity)]
+        floats += [(float(np.sqrt(terms.coupling[0])) * impedance, true.coupling)]
+        if omega in inside and true.conductance > 0:
+            floats.append((float(stability_ratio(device, gains, coupling, at)[0]), true.ratio))
+        largest = max([largest, *(float(abs(x - y) / abs(y)) for x, y in floats if y and np.isfinite(x))])
+        if omega in inside and not (true.conductance > 0 and true.ratio >= factor):
+            faults.append(f"Re Z_c/R is {float(true.ratio):.9g} at {omega / (2 * pi):.6g} Hz")
+        if omega in below and omega <= problem.nyquist and true.sensitivity > problem.stability.max_sensitivity:
+            faults.append(f"|S| is {float(true.sensitivity):.9g} at {omega / (2 * pi):.6g} Hz")
+    if not digits.stable(device, gains):
+        faults.append("a pole of the sampled loop lies outside the unit circle")
+    return "; ".join(faults) if judgement.status.value == "certified" else "", largest
+
+
+def feasible(problem: Problem) -> str | None:
+    """Scan gains and couplings with the independent evaluator; return a design that meets every demand, or None.
+
+    m_c and b_0 are at their upper bounds, which ease the demands; b_c is scanned.
+    """
+    device, bounds, stability = problem.device, problem.bounds, problem.stability
+    omega = np.geomspace(*sampled_span(problem), SCAN_FREQUENCIES)
+    below = np.geomspace(1e-3 * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
+    m_c, b_0 = bounds.mass.max, bounds.drag.max
+    couplings = [Coupling(b_c, m_c, b_0) for b_c in _spread(bounds.damping, SCAN_DAMPING)]
+    offered = np.array([coupling_impedance(coupling, omega).real for coupling in couplings])
+    for gains in _loops(problem):
+        Z_d, C = impedances(device, gains.velocity, gains.position, below)
+        if np.abs(Z_d / (Z_d + C)).max() > stability.max_sensitivity:
+            continue
+        needed = stability.safety_factor * required(*impedances(device, gains.velocity, gains.position, omega))
+        enough = (offered >= needed).all(axis=1)
+        if enough.any() and spectral_radius(device, gains) < 1 - 1e-9:
+            return f"{gains} with {couplings[int(np.argmax(enough))]}"
+    return None
+
+
+def _loops(problem: Problem) -> Iterator[Gains]:
+    for K_v in _spread(problem.bounds.velocity, SCAN_GAINS):
+        for K_p in _spread(problem.bounds.position, SCAN_GAINS):
+            yield Gains(K_v, K_p)
+
+
+def _spread(bounds: Range, count: int) -> list[float]:
+    """Return values over a range, log-spaced, ends and 0 included where they belong to it."""
+    if bounds.fixed:
+        return [bounds.min]
+    if bounds.min > 0:
+        inner = np.geomspace(bounds.min, bounds.max, count)
+        return [bounds.min, *(float(x) for x in inner[1:-1]), bounds.max]
+    return [0.0, *(float(x) for x in np.geomspace(1e-9 * bounds.max, bounds.max, count))]
+
+
+def facts(rows: list[Row]) -> list[str]:
+    """Say what became of the devices, and whether any verdict is wrong."""
+    counts = Counter(row.status for row in rows)
+    shares = ", ".join(f"{status} {count} ({count / len(rows):.2%})" for status, count in counts.most_common())
+    wrong = [row for row in rows if row.wrong]
+    told = [row for row in rows if not np.isnan(row.float_error)]
+    worst = max(told, key=lambda row: row.float_error, default=None)
+    said = [
+        f"{len(rows)} devices: {shares}.",
+        f"Wrong verdicts: {len(wrong)}" + "".join(f"; device {row.number}: {row.wrong}" for row in wrong[:3]) + ".",
+        f"Failed (tracebacks, numbers that are none, no answer within {PATIENCE:g} s): {counts[FAILED]}"
+        + "".join(f"; device {row.number}: {row.reason}" for row in rows if row.status == FAILED)
+        + ".",
+    ]
+    if worst is not None:
+        said.append(
+            f"Largest relative error of the float formulas against 50 digits: {worst.float_error:.2g} (device "
+            f"{worst.number}); median of the devices' largest {median(row.float_error for row in told):.2g}."
+        )
+    slowest = sorted(rows, key=lambda row: -row.seconds)[:SLOWEST]
+    named = ", ".join(f"device {row.number} ({row.status}, {row.seconds:.2f} s)" for row in slowest)
+    return [*said, f"Processor time: median {median(row.seconds for row in rows):.3f} s; slowest: {named}."]
+
+
+def panels(rows: list[Row]) -> list[Panel]:
+    """Draw times in order, and errors of the floats in order."""
+    series = []
+    for status in dict.fromkeys(row.status for row in rows):
+        times = sorted((row.seconds for row in rows if row.status == status), reverse=True)
+        series.append(Series(status, [float(k) for k in range(1, len(times) + 1)], times))
+    errors = sorted((max(row.float_error, 1e-17) for row in rows if row.float_error >= 0), reverse=True)
+    ranks = [float(k) for k in range(1, len(errors) + 1)]
+    return [
+        Panel("time of each device", "rank", "processor time, s", series),
+        Panel("float formulas", "rank", "largest relative error", [Series("devices with a design", ranks, errors)]),
+    ]

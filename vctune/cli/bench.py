@@ -1,0 +1,65 @@
+"""`vctune bench`."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+ABOUT = {
+    "sampling": "Fixed grids of frequencies against the exchange.",
+    "solvers": "vctune against other solvers.",
+    "stress": "Thousands of devices over ten decades.",
+    "scaling": "How cost grows, and where the time goes.",
+    "scene": "What leaving out is worth.",
+}
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@click.group(short_help="Measure what answers cost and what they are worth.")
+def bench() -> None:
+    """Measure vctune against its peers and at the extremes; results go to OUT/, as CSV, picture and page.
+
+    Peers come with pip install 'vctune[bench]'; GNU Octave is used where it is on PATH.
+    """
+
+
+def _command(name: str) -> Any:
+    @click.command(name, short_help=ABOUT[name], help=ABOUT[name])
+    @click.option("--quick/--full", default=True, help="Under a minute, or everything.  [default: quick]")
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of what is random.")
+    @click.option(
+        "--out", type=click.Path(path_type=Path), default=Path("results/bench"), show_default=True, help="Folder."
+    )
+    def command(quick: bool, seed: int, out: Path) -> int:
+        return _run(name, quick, seed, out)
+
+    return command
+
+
+for _name in ABOUT:
+    bench.add_command(_command(_name))
+
+
+def _run(name: str, quick: bool, seed: int, out: Path) -> int:
+    for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
+        os.environ[variable] = "1"
+    from vctune.bench.benchmark import Size
+    from vctune.bench.files import write_measured
+    from vctune.bench.timing import machine
+    from vctune.cli.output import emit
+    from vctune.cli.progress import progress_on_stderr
+    from vctune.document.files import make_folder
+    from vctune.exits import ExitCode
+
+    make_folder(out)
+    where, size = machine(), "quick" if quick else "full"
+    command = f"vctune bench {name} --{size} --seed {seed}"
+    with progress_on_stderr(command, shown=True) as progress:
+        measured = import_module(f"vctune.bench.{name}").measure(Size(quick, seed), progress)
+        write_measured(out, name, measured, command, where)
+    emit("\n".join([measured.title, where, *measured.facts, f"written to {out}"]))
+    return ExitCode.OK

@@ -1,0 +1,71 @@
+"""Pictures of benchmarks: points and curves on logarithmic axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+
+from vctune.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
+
+INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a0", "#9aa11e", INK)
+MARKS = "osD^vP*X<>hd"
+PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Points with a name, on a curve or not."""
+
+    label: str
+    x: list[float]
+    y: list[float]
+    joined: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One pair of logarithmic axes.
+
+    Attributes
+    ----------
+    title, x, y : labels
+    series : what is drawn
+    floor : where values at or below it are drawn, on a dotted line; None if there are none
+    """
+
+    title: str
+    x: str
+    y: str
+    series: list[Series]
+    floor: float | None = None
+
+
+def benchmark_figure(panels: list[Panel]) -> Figure:
+    """Return the panels side by side, two in a row, with one legend for series of the same names."""
+    with rc_context(STYLE):
+        columns = min(2, len(panels))
+        rows = -(-len(panels) // columns)
+        figure = Figure(figsize=(PANEL_WIDTH * columns, PANEL_HEIGHT * rows), layout="constrained")
+        places = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, panel in zip(places, panels, strict=False):
+            for k, series in enumerate(panel.series):
+                y = [max(value, panel.floor) for value in series.y] if panel.floor else series.y
+                style = {"color": INKS[k % len(INKS)], "marker": MARKS[k % len(MARKS)], "markersize": 5}
+                axes.plot(
+                    series.x, y, linestyle="-" if series.joined else "", linewidth=1.2, label=series.label, **style
+                )
+            if panel.floor:
+                axes.axhline(panel.floor, color=GREY, linewidth=1, linestyle=":")
+            axes.set(xscale="log", yscale="log", title=panel.title, xlabel=panel.x, ylabel=panel.y)
+        for axes in places[len(panels) :]:
+            axes.set_axis_off()
+        labels = [[series.label for series in panel.series] for panel in panels]
+        if all(names == labels[0] for names in labels):
+            handles, names = places[0].get_legend_handles_labels()
+            figure.legend(handles, names, loc="outside lower center", ncols=4)
+        else:
+            for axes in places[: len(panels)]:
+                axes.legend(loc="best", fontsize=8)
+    return figure
