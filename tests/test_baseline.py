@@ -169,8 +169,6 @@ WRONG_USE = {
     "nothing free": (DEVICE + FIXED.format(160.0), [], "the problem fixes every number"),
     "same axes": (DEVICE, ["--y", K_V], "gains.velocity: is both axes of the plane"),
     "free gain": (DEVICE, ["--y", B_C], "gains.position: is free but not an axis; fix it"),
-    "from 0": (LAG + "[stability]\nband_hz = [0.0, 100.0]\n", [], "stability.band_hz: goes from 0 or to inf"),
-    "to inf": (LAG + "[stability]\nband_hz = [1.0, inf]\n", [], "stability.band_hz: goes from 0 or to inf"),
     "no axis": (DEVICE, ["--x", "gains.speed"], "'gains.speed' is not one of"),
     "too fine": (DEVICE, ["--resolution", "1e-6"], "Invalid value for '--resolution'"),
     "no place": (DEVICE, ["--out", "/proc/none"], "cannot be written"),
