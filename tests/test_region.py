@@ -29,6 +29,7 @@ LAG = '[device]\nmass = 0.5\ndamping = 2.0\nsample_time = 1e-3\nhold = "lag"\n'
 PROBLEMS = {
     "friction-wheel": ((ROOT / "problems/friction-wheel.toml").read_text(), K_V, K_P),
     "late": ((ROOT / "problems/extremes/late.toml").read_text(), K_P, K_V),
+    "two hundred samples late": (DEVICE + "delay = 0.2\n", K_V, K_P),
     "coupling": (
         (ROOT / "problems/keemink.toml").read_text()
         + "[coupling]\ndamping = { min = 1e3, max = 1e5 }\nmass = { min = 1.0, max = 1e3 }\n",

@@ -33,7 +33,7 @@ STEP = 1.4
 """Ratio of the edges of the first intervals."""
 ROUNDS = 24
 """How often an interval of frequency is halved for a single design."""
-CELL_ROUNDS = 6
+CELL_ROUNDS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does."""
 NEAR = 1e-6
 """Allowance for the rounding of an angle that is a whole number of quarter turns in the end."""

@@ -23,7 +23,7 @@ Integers = NDArray[np.intp]
 
 CHUNK = 4096
 """Pairs evaluated together: their arrays stay in the processor's cache."""
-MOST = 10_000
+MOST = 4_000
 """Pairs of a cell that are looked at for one claim before it is left open; most take some hundred."""
 BLUR = 2.0
 """A pair is not halved when the cell's size contributes this much more to its uncertainty than the interval's."""
