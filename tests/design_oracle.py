@@ -107,7 +107,9 @@ def turns(problem: Problem, design: np.ndarray) -> float:
     """Return how often D (times s with an integrator) turns around 0 less than a stable one does."""
     device, (K_v, K_p) = problem.device, design[:2]
     stiffest = 40 * max(K_v / device.mass, np.sqrt(K_p / device.mass), device.damping / device.mass, problem.nyquist)
-    omega = np.concatenate((np.geomspace(stiffest * 1e-9, stiffest * 1e-3, 20000), np.linspace(1e-3, 1, 400000) * stiffest))
+    omega = np.concatenate(
+        (np.geomspace(stiffest * 1e-9, stiffest * 1e-3, 20000), np.linspace(1e-3, 1, 400000) * stiffest)
+    )
     Z_d, C = loops(problem, design[:, None], omega)
     D = (Z_d + C[0]) * (1j * omega if K_p > 0 else 1)
     angle = np.unwrap(np.angle(D))
@@ -128,7 +130,9 @@ def below(problem: Problem, bound: float, designs: np.ndarray) -> np.ndarray:
     return np.array(found).reshape(-1, 5).T
 
 
-def random_designs(problem: Problem, count: int, rng: np.random.Generator, near: np.ndarray | None = None) -> np.ndarray:
+def random_designs(
+    problem: Problem, count: int, rng: np.random.Generator, near: np.ndarray | None = None
+) -> np.ndarray:
     """Return designs, log-uniform in their bounds or around a design; most with about the least b_c they can have."""
     names = ("velocity", "position", "damping", "mass", "drag")
     ranges = [getattr(problem.bounds, name) for name in names]
@@ -184,11 +188,16 @@ def random_texts(seed: int) -> Iterator[str]:
         edges = [repr(low), repr(top)]
         if kind == "lag" and delay == 0 and rng.random() < 0.3:
             edges = ["0.0", edges[1]] if rng.random() < 0.5 else [edges[0], "inf"]
-        text = f"[device]\nmass = {mass!r}\ndamping = {damping!r}\nsample_time = {T!r}\nhold = \"{kind}\"\ndelay = {delay!r}\n"
+        text = f"[device]\nmass = {mass!r}\ndamping = {damping!r}\nsample_time = {T!r}\n"
+        text += f'hold = "{kind}"\ndelay = {delay!r}\n'
         free = rng.random(5) < [0.1, 0.15, 0.1, 0.1, 0.0]
         text += "[gains]\n" if free[:2].any() or rng.random() < 0.3 else ""
         if "[gains]" in text:
-            text += f"velocity = {log(1e-3, 0.6) * Z!r}\n" if free[0] else f"velocity = {{ min = {1e-4 * Z!r}, max = {Z!r} }}\n"
+            text += (
+                f"velocity = {log(1e-3, 0.6) * Z!r}\n"
+                if free[0]
+                else f"velocity = {{ min = {1e-4 * Z!r}, max = {Z!r} }}\n"
+            )
             if free[1]:
                 text += f"position = {(log(1e-5, 0.1) * Z / lag if rng.random() < 0.5 else 0.0)!r}\n"
         text += "[coupling]\n"
@@ -201,7 +210,7 @@ def random_texts(seed: int) -> Iterator[str]:
         elif rng.random() < 0.2:
             text += f"drag = {Z_0 * log(1e-4, 0.1)!r}\n"
         text += f"[transparency]\nband_hz = [{f1!r}, {f2!r}]\nreference_impedance = {Z_0!r}\n"
-        text += f"norm = \"{rng.choice(['rms', 'rms', 'peak'])}\"\n"
+        text += f'norm = "{rng.choice(["rms", "rms", "peak"])}"\n'
         text += "weights = {{ admittance = {!r}, tracking = {!r}, coupling = {!r} }}\n".format(*weights)
         text += f"[stability]\nband_hz = [{edges[0]}, {edges[1]}]\nsafety_factor = {log(1.0, 1.5)!r}\n"
         text += f"max_sensitivity = {1 + log(0.05, 9)!r}\n"
