@@ -36,6 +36,8 @@ SHARPENING = 10.0
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
 design it is content with."""
+EARLY_BOXES = 20_000
+"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
 BOUND_BOXES = 20_000_000
 """Effort of the search for a bound that was asked for."""
 
@@ -66,7 +68,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scaled = _dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
-    optima = _optima(scaled, seen, progress)
+    optima = [] if _emptied(problem, seen) else _optima(scaled, seen, progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -84,6 +86,13 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         proved = solved.optimality is not None and solved.optimality.proved
         solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
     return solved
+
+
+def _emptied(problem: Problem, seen: ScanResult) -> bool:
+    """Return whether a short search proves that there is nothing to polish, where the scan met no admissible point."""
+    if any(start.admissible for start in seen.starts):
+        return False
+    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES).proved
 
 
 def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
