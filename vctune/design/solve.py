@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.design.bound import Glance, bound
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
@@ -24,6 +24,9 @@ from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
+
+if TYPE_CHECKING:
+    from vctune.design.bound import Glance
 
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
@@ -92,11 +95,15 @@ def _emptied(problem: Problem, seen: ScanResult) -> bool:
     """Return whether a short search proves that there is nothing to polish, where the scan met no admissible point."""
     if any(start.admissible for start in seen.starts):
         return False
+    from vctune.design.bound import bound
+
     return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES).proved
 
 
 def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
     """Search every box of designs: for a design where there is none, for a bound where it was asked for."""
+    from vctune.design.bound import bound
+
     problem, began = solved.problem, perf_counter()
 
     def tell(at: Glance) -> None:
