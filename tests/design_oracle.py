@@ -188,7 +188,8 @@ def random_texts(seed: int) -> Iterator[str]:
         edges = [repr(low), repr(top)]
         if kind == "lag" and delay == 0 and rng.random() < 0.3:
             edges = ["0.0", edges[1]] if rng.random() < 0.5 else [edges[0], "inf"]
-        text = f'[device]\nmass = {mass!r}\ndamping = {damping!r}\nsample_time = {T!r}\nhold = "{kind}"\ndelay = {delay!r}\n'
+        text = f"[device]\nmass = {mass!r}\ndamping = {damping!r}\nsample_time = {T!r}\n"
+        text += f'hold = "{kind}"\ndelay = {delay!r}\n'
         free = rng.random(5) < [0.1, 0.15, 0.1, 0.1, 0.0]
         text += "[gains]\n" if free[:2].any() or rng.random() < 0.3 else ""
         if "[gains]" in text:

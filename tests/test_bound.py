@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
+from math import exp, inf, log
 
 import design_oracle as oracle
 import numpy as np
@@ -12,9 +13,10 @@ from conftest import DEVICE
 
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
+from vctune.design.leaves import ARRAYS, unfinished
 from vctune.design.solve import improved, solve
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem
+from vctune.document.problem import Problem, Range
 from vctune.document.reading import parse_problem, read_problem
 from vctune.proof.least import floors, least_coupling
 from vctune.proof.relaxation import Boxes, relaxation
@@ -81,8 +83,9 @@ def test_a_million_random_designs_are_not_below_the_bound(number):
     attacked(random_problems(20)[number], 1_000_000)
 
 
-@pytest.mark.parametrize("problem", random_problems(40), ids=lambda problem: str(id(problem))[:0] or "random")
-def test_boxes_cost_no_more_than_the_designs_in_them(problem):
+@pytest.mark.parametrize("number", range(40))
+def test_boxes_cost_no_more_than_the_designs_in_them(number):
+    problem = random_problems(number + 1)[number]
     rng, count = np.random.default_rng(1), 300
     designs = oracle.random_designs(problem, count, rng)
     omega, upto = np.geomspace(*oracle.band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
@@ -168,3 +171,169 @@ def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
     here, there = run(problem), run(problem.in_units(impedance, time))
     assert there.bound == pytest.approx(here.bound, rel=1e-6)
     assert there.rest.boxes == pytest.approx(here.rest.boxes, rel=0.02)
+
+
+def infeasible_texts(count: int, seed: int = 7) -> list[tuple[str, str]]:
+    """Return problems without a design, each with what makes it impossible."""
+    rng = np.random.default_rng(seed)
+
+    def between(low: float, high: float) -> float:
+        return exp(rng.uniform(log(low), log(high)))
+
+    found = []
+    while len(found) < count:
+        m, T, hold = between(1e-2, 10), between(1e-4, 1e-2), ("zoh", "lag")[len(found) // 10 % 2]
+        b, late = m / T * between(1e-4, 1e-1), T * between(5, 50)
+        Z = 2 * m / T + b
+        device = f'[device]\nmass = {m}\nsample_time = {T}\nhold = "{hold}"\ndamping = {b}\n'
+        undamped = f'[device]\nmass = {m}\nsample_time = {T}\nhold = "lag"\ndamping = 0.0\n'
+        lag = f'[device]\nmass = {m}\nsample_time = {T}\nhold = "lag"\ndamping = {b}\n'
+        slack = f"[device]\nmass = {m}\nsample_time = {T}\ndamping = {b / 100}\ndelay = {T / 2}\n"
+        some = f"[gains]\nvelocity = {{ min = {0.1 * Z}, max = {Z} }}\n"
+        strong = f"[gains]\nvelocity = {{ min = {0.3 * Z}, max = {Z} }}\nposition = {{ min = 0.0, max = {Z / T} }}\n"
+        found += [
+            ("K_v too high", device + f"[gains]\nvelocity = {{ min = {3 * Z}, max = {5 * Z} }}\n"),
+            ("K_p too high", device + f"[gains]\nposition = {{ min = {3 * Z / T}, max = {6 * Z / T} }}\n"),
+            ("b_c too small", device + some + f"[coupling]\ndamping = {{ min = {b * 1e-6}, max = {b * 1e-2} }}\n"),
+            ("m_c too small", device + some + f"[coupling]\nmass = {{ min = {m * 1e-9}, max = {m * 1e-6} }}\n"),
+            ("max_sensitivity", device + strong + f"[stability]\nmax_sensitivity = {1 + between(1e-3, 3e-2)}\n"),
+            ("delay", device + f"delay = {late}\n" + strong),
+            ("no damping, whole axis", undamped + "[stability]\nband_hz = [0.0, inf]\n"),
+            (
+                "K_p > 0 from 0",
+                lag + f"[gains]\nposition = {{ min = {Z / T / 500}, max = {2 * Z / T} }}\n"
+                f"[stability]\nband_hz = [0.0, {0.1 / T}]\n",
+            ),
+            ("band too wide", slack + some + f"[stability]\nband_hz = [{5e-4 / T}, {0.49 / T}]\n"),
+            (
+                "narrow bounds",
+                device + f"[gains]\nvelocity = {{ min = {0.3 * Z}, max = {0.31 * Z} }}\nposition = 0.0\n"
+                f"[coupling]\ndamping = {{ min = {Z * 1e-9}, max = {0.3 * Z} }}\n"
+                f"mass = {{ min = {m * 1e-9}, max = {m * 1e-2} }}\n",
+            ),
+        ]
+    return found[:count]
+
+
+def proved_infeasible(text: str) -> None:
+    solved = solve(problem_of(text))
+    assert solved.status is Status.INFEASIBLE
+    assert solved.infeasibility is not None and solved.infeasibility.proved
+
+
+@pytest.mark.parametrize("cause, text", infeasible_texts(10), ids=[cause for cause, _ in infeasible_texts(10)])
+def test_infeasible_problems_are_proved_so(cause, text):
+    proved_infeasible(text)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("cause, text", infeasible_texts(200), ids=[cause for cause, _ in infeasible_texts(200)])
+def test_two_hundred_infeasible_problems_are_proved_so(cause, text):
+    proved_infeasible(text)
+
+
+def barely_feasible(problem: Problem, best: Judgement, slack: float) -> Problem:
+    """Return a problem that leaves a known design, and others only within a factor 1 + slack of it."""
+
+    def around(x: float, given: Range) -> Range:
+        if given.fixed:
+            return given
+        return Range(x / (1 + slack), x * (1 + slack)) if x > 0 else Range(0.0, slack * given.max)
+
+    names = ("velocity", "position", "damping", "mass", "drag")
+    ranges = {name: around(x, getattr(problem.bounds, name)) for name, x in zip(names, numbers(best), strict=True)}
+    demands = replace(
+        problem.stability,
+        safety_factor=max(1.0, best.min_ratio / (1 + slack / 10)),
+        max_sensitivity=min(problem.stability.max_sensitivity, best.peak_sensitivity * (1 + slack / 10)),
+    )
+    return replace(problem, bounds=replace(problem.bounds, **ranges), stability=demands)
+
+
+def never_empty(problem: Problem, slack: float) -> bool:
+    """Search a barely feasible problem without looking for designs: the one that it has must stay in an open box."""
+    best = solve(problem).judgement
+    if best is None or best.status is not Status.CERTIFIED or best.min_ratio == inf:
+        return False
+    posed = barely_feasible(problem, best, slack)
+    if posed.bounds.fixed:
+        return False
+    found = bound(posed, None, hopeless, gap=GAP, most_boxes=20_000)
+    assert not found.proved
+    K_v, K_p, b_c, m_c, b_0 = numbers(best)
+    inner, boxes = np.array([[K_v], [K_p], [m_c / b_c], [b_0]]), found.rest.leaves.boxes
+    assert ((boxes.low * (1 - 1e-15) <= inner) & (inner <= boxes.high * (1 + 1e-15))).all(axis=0).any()
+    return True
+
+
+@pytest.mark.parametrize("slack", [1e-1, 1e-3, 1e-6])
+@pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "keemink", "extremes/whole-axis"])
+def test_barely_feasible_problems_are_never_emptied(name, slack, problems):
+    assert never_empty(read_problem(problems / f"{name}.toml").problem, slack)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("slack", [1e-1, 1e-3, 1e-6])
+def test_two_hundred_barely_feasible_problems_are_never_emptied(slack):
+    assert sum(never_empty(problem, slack) for problem in random_problems(90, seed=5)) >= 67
+
+
+def test_a_search_that_goes_on_never_goes_back(problems):
+    problem = read_problem(problems / "friction-wheel.toml").problem
+    best = solve(problem).judgement
+    assert best is not None
+    whole, rest, reached = bound(problem, best, hopeless, gap=0.01), None, []
+    for limit in range(2_000, 100_000, 2_000):
+        found = bound(problem, best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
+        reached.append((found.bound, found.rest.boxes))
+        if found.proved:
+            break
+        arrays = found.rest.arrays()
+        assert set(arrays) == ARRAYS
+        rest = unfinished(arrays)
+    assert found.proved and len(reached) > 5
+    assert reached == sorted(reached)
+    assert found.bound == pytest.approx(whole.bound, rel=1e-3)
+
+
+def test_a_rest_is_not_gone_on_with_when_it_was_less_strict(problems):
+    problem = read_problem(problems / "friction-wheel.toml").problem
+    best = solve(problem).judgement
+    assert best is not None
+    loose = bound(problem, best, hopeless, gap=0.1)
+    assert loose.proved and not len(loose.rest.leaves.bound)
+    strict = bound(problem, best, hopeless, gap=0.01, rest=loose.rest)
+    assert strict.proved and strict.gap <= 0.01
+    worse = replace(best, transparency=replace(best.transparency, error=2 * best.transparency.error))
+    again = bound(problem, worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
+    assert not again.proved and len(again.rest.leaves.bound)
+
+
+def test_threads_and_the_time_limit_change_no_bound(problems):
+    problem = read_problem(problems / "friction-wheel.toml").problem
+    best = solve(problem).judgement
+    assert best is not None
+    one, two = (bound(problem, best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
+    assert (one.bound, one.rest.boxes) == (two.bound, two.rest.boxes)
+    none = bound(problem, best, hopeless, gap=0.02, time_limit=0.0)
+    assert not none.proved and none.bound == 0.0 and none.gap == inf
+    stopped = bound(problem, best, hopeless, gap=0.02, stopped=lambda: True)
+    assert stopped.rest.boxes == 0
+
+
+def test_a_basin_that_was_missed_is_found(problems):
+    problem = read_problem(problems / "friction-wheel.toml").problem
+    best = solve(problem).judgement
+    assert best is not None
+    poor = replace(best, transparency=replace(best.transparency, error=1.5 * best.transparency.error))
+    found = searched(problem, poor)
+    assert found.proved and found.improved is not None
+    assert found.improved.status is Status.CERTIFIED
+    assert found.incumbent == found.improved.transparency.error
+    assert found.incumbent <= best.transparency.error * 1.03
+
+
+def test_scan_sees_the_basin_of_fast_integral_action(problems):
+    solved = solve(read_problem(problems / "extremes/seven-decades.toml").problem)
+    assert solved.judgement is not None
+    assert solved.judgement.transparency.error == pytest.approx(37.44048, rel=1e-4)

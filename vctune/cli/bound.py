@@ -54,17 +54,18 @@ def bound(
 
     from vctune.document.simulation import simulation_beside
     from vctune.exits import ExitCode
-    from vctune.interrupt import interrupt_deferred
+    from vctune.interrupt import interrupt_noted
     from vctune.report.report import write_report
 
     with progress_on_stderr(f"vctune bound {problem.name}", shown=True) as progress:
         known = _known(file, path, given=design is not None) or _solved(file, progress)
         record, best = known.record, known.best
-        if record["status"] != "infeasible":
-            found = _searched(file, path.parent / SAVED, known, gap, jobs, time_limit, progress)
-            record, best = _added(file, record, found), found.improved or best
-        text = json.dumps(record, indent=2, allow_nan=False)
-        with interrupt_deferred():  # the files of a design agree with each other
+        with interrupt_noted() as stopped:  # from here on something would be lost
+            if record["status"] != "infeasible":
+                found = _searched(file, known, gap, jobs, time_limit, stopped, progress)
+                record, best = _added(file, record, found), found.improved or best
+                _keep(file, path.parent / SAVED, found)
+            text = json.dumps(record, indent=2, allow_nan=False)
             _write(file, path, record, text, best)
             progress("drawing the report")
             write_report(record, path.parent, simulation_beside(path.parent, record))
@@ -145,40 +146,42 @@ def _solved(file: ProblemFile, progress: Callable[[str], None]) -> _Known:
 
 def _searched(
     file: ProblemFile,
-    saved: Path,
     known: _Known,
     gap: float,
     jobs: int,
     time_limit: float | None,
+    stopped: Callable[[], bool],
     progress: Callable[[str], None],
 ) -> Optimality:
-    """Search, going on where an earlier search of the same problem has stopped; keep what is left to do."""
+    """Search, going on where an earlier search of the same problem has stopped."""
     from functools import partial
     from math import inf
 
     from vctune.design.bound import bound
     from vctune.design.solve import improved
+
+    return bound(
+        file.problem,
+        known.best,
+        partial(improved, file.problem),
+        gap=gap,
+        time_limit=inf if time_limit is None else time_limit,
+        jobs=jobs,
+        rest=known.rest,
+        stopped=stopped,
+        progress=lambda at: progress(str(at)),
+    )
+
+
+def _keep(file: ProblemFile, saved: Path, found: Optimality) -> None:
+    """Keep what is left to do."""
     from vctune.document.files import write_together
     from vctune.document.unfinished import unfinished_bytes
-    from vctune.interrupt import interrupt_noted
 
-    with interrupt_noted() as stopped:
-        found = bound(
-            file.problem,
-            known.best,
-            partial(improved, file.problem),
-            gap=gap,
-            time_limit=inf if time_limit is None else time_limit,
-            jobs=jobs,
-            rest=known.rest,
-            stopped=stopped,
-            progress=lambda at: progress(str(at)),
-        )
     if found.proved:
         saved.unlink(missing_ok=True)
     else:
         write_together({saved: unfinished_bytes(file.sha256, found.rest.arrays())})
-    return found
 
 
 def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict[str, Any]:

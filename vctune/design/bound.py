@@ -133,7 +133,7 @@ def bound(
     best : the best design known; None if none is
     improve : looks for a design with a lower error near given gains
     gap : stop when the incumbent's error is at most 1 + gap times the bound
-    most_boxes, time_limit : when to give up; s
+    most_boxes, time_limit : when to give up; s, from when the problem is relaxed on
     jobs : threads
     rest : of an earlier search of the same problem, taken up unless it has let fall what this gap does not allow
     stopped : whether to give up now
@@ -145,13 +145,14 @@ def bound(
     if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
     search = _Search(_relaxed(problem, best), incumbent, None, fallen, boxes, [])
-    rounds = 0
+    rounds, ready = 0, perf_counter()
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
             leaves, seconds = _pruned(leaves, search, gap), perf_counter() - began
             search.history.append(_glance(search, leaves, spent + seconds))
             progress(search.history[-1])
-            if not len(leaves.bound) or search.boxes > most_boxes or seconds > time_limit or stopped():
+            late = perf_counter() - ready > time_limit
+            if not len(leaves.bound) or search.boxes > most_boxes or late or stopped():
                 break
             if rounds % LOOK_EVERY == 0:
                 _look(problem, search, leaves, improve)

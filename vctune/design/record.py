@@ -5,13 +5,12 @@ from __future__ import annotations
 from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, log10, pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import encirclements, loop_margins
-from vctune.design.bound import Optimality
 from vctune.design.judge import Judgement
 from vctune.design.result import Solved
 from vctune.design.rounding import near
@@ -26,6 +25,9 @@ from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import spectral_radius
 from vctune.version import __version__
+
+if TYPE_CHECKING:
+    from vctune.design.bound import Optimality
 
 ACTIVE = 1e-5
 SHOWN = 200

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from vctune.analysis.extrema import Floats
-from vctune.design.bound import Optimality
 from vctune.design.infeasible import Infeasibility
 from vctune.design.judge import Judgement, Status
 from vctune.design.scan import ScanResult, Start
 from vctune.design.shape import Shape, WorkingSet
 from vctune.design.variables import Point
 from vctune.document.problem import Problem
+
+if TYPE_CHECKING:
+    from vctune.design.bound import Optimality
 
 
 @dataclass(frozen=True, slots=True)

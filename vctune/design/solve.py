@@ -7,10 +7,10 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.design.bound import Glance, bound
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
@@ -25,6 +25,9 @@ from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
 
+if TYPE_CHECKING:
+    from vctune.design.bound import Glance
+
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
 WORTH_ANOTHER = 0.9995
@@ -36,6 +39,8 @@ SHARPENING = 10.0
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
 design it is content with."""
+EARLY_BOXES = 20_000
+"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
 BOUND_BOXES = 20_000_000
 """Effort of the search for a bound that was asked for."""
 
@@ -66,7 +71,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scaled = dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
-    optima = _optima(scaled, seen, progress)
+    optima = [] if _emptied(problem, seen) else _optima(scaled, seen, progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -86,8 +91,19 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     return solved
 
 
+def _emptied(problem: Problem, seen: ScanResult) -> bool:
+    """Return whether a short search proves that there is nothing to polish, where the scan met no admissible point."""
+    if any(start.admissible for start in seen.starts):
+        return False
+    from vctune.design.bound import bound
+
+    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES).proved
+
+
 def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
     """Search every box of designs: for a design where there is none, for a bound where it was asked for."""
+    from vctune.design.bound import bound
+
     problem, began = solved.problem, perf_counter()
 
     def tell(at: Glance) -> None:

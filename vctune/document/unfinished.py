@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from io import BytesIO
 from pathlib import Path
 from zipfile import BadZipFile
@@ -28,7 +29,7 @@ def read_unfinished(path: Path, sha256: str, names: set[str]) -> Arrays | None:
             if str(file["owner"]) != _owner(sha256) or not names <= set(file.files):
                 return None
             return {name: file[name] for name in names}
-    except (OSError, ValueError, KeyError, BadZipFile):
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error):
         return None
 
 

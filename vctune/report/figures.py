@@ -219,14 +219,20 @@ def _optimality(found: dict[str, Any]) -> Figure:
         for key in ("seconds", "lower_bound", "error")
     )
     figure = Figure(figsize=(8, 3.6), layout="constrained")
-    axes, boxes = figure.subplots(1, 2, width_ratios=(3, 2))
+    axes, *others = figure.subplots(1, 2 if found["open"] else 1, squeeze=False)[0]
     axes.step(seconds, error, where="post", color=GREEN, label="best design known")
     axes.step(seconds, bound, where="post", color=BLUE, label="no design is below")
     axes.set(xlabel="seconds", ylabel="transparency error", yscale="log")
     axes.legend(loc="lower right")
-    for box in found["open"]:
-        (x, y, *_), (x_end, y_end, *_) = box["low"], box["high"]
-        boxes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
-    boxes.autoscale_view()
-    boxes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m", title=f"open boxes: {found['history'][-1]['open']}")
+    for boxes in others:
+        _draw_boxes(boxes, found["open"])
+        boxes.set_title(f"{len(found['open'])} of {found['history'][-1]['open']} open boxes", fontsize=10)
     return figure
+
+
+def _draw_boxes(axes: Axes, boxes: list[dict[str, list[float]]]) -> None:
+    for box in boxes:
+        (x, y, *_), (x_end, y_end, *_) = box["low"], box["high"]
+        axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
+    axes.autoscale_view()
+    axes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m")

@@ -1,0 +1,137 @@
+"""`vctune bound` as its users meet it: exit codes, what it goes on with, files whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from conftest import DEVICE, FIXED, ROOT
+from test_cli import run, strict
+
+from vctune.document.design import read_design
+from vctune.document.errors import InputError
+from vctune.exits import ExitCode
+
+WHEEL = ROOT / "problems/friction-wheel.toml"
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A solved problem: its folder, problem.toml and design.json in it."""
+    folder = tmp_path_factory.mktemp("bound")
+    shutil.copy(WHEEL, folder / "problem.toml")
+    assert run("solve", "problem.toml", "--quiet", "--out", "o", cwd=folder).returncode == ExitCode.OK
+    return folder
+
+
+@pytest.fixture
+def folder(solved, tmp_path):
+    shutil.copytree(solved, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def optimality(path) -> dict:
+    found = read_design(path)["optimality"]
+    assert found["history"][-1]["lower_bound"] == found["lower_bound"]
+    return found
+
+
+def test_a_gap_is_proved_and_shown(folder):
+    done = run("bound", "problem.toml", "o/friction-wheel/design.json", "--gap", "0.02", "--json", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+    found = optimality(folder / "o/friction-wheel/design.json")
+    assert strict(done.stdout)["optimality"] == found
+    assert found["verdict"] == "proved" and 0 < found["gap"] <= 0.02 and found["open"] == []
+    page = (folder / "o/friction-wheel/report.html").read_text()
+    assert "no design is below" in page and "How much better could any design be?" in page
+    assert not (folder / "o/friction-wheel/bound.npz").exists()
+
+
+def test_what_is_left_is_kept_and_gone_on_with(folder):
+    design = folder / "o/friction-wheel/design.json"
+    command = ("bound", "problem.toml", str(design), "--time-limit")
+    reached = []
+    for limit in ("0", "0.1", "0.1"):
+        assert run(*command, limit, "--gap", "0.0005", cwd=folder).returncode == ExitCode.UNDECIDED
+        found = optimality(design)
+        reached.append((found["lower_bound"], found["boxes"]))
+        assert found["verdict"] == "open" and found["open"]
+    assert reached == sorted(reached) and reached[0] == (0.0, 0) and reached[2][1] > reached[1][1] > 0
+    assert run(*command, "60", "--gap", "0.01", cwd=folder).returncode == ExitCode.OK
+    assert optimality(design)["boxes"] >= reached[2][1]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not whole", b"\x93NUMPY"], ids=["empty", "torn", "foreign"])
+def test_a_damaged_rest_is_not_gone_on_with(folder, content):
+    (folder / "o/friction-wheel/bound.npz").write_bytes(content)
+    done = run("bound", "problem.toml", "o/friction-wheel/design.json", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+
+
+def test_ctrl_c_leaves_the_bound_reached(folder):
+    design = folder / "o/friction-wheel/design.json"
+    command = [sys.executable, "-m", "vctune", "bound", "problem.toml", str(design), "--gap", "0.0001"]
+    process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(4)
+    process.send_signal(signal.SIGINT)
+    _, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stderr) == (ExitCode.UNDECIDED, "")
+    assert optimality(design)["lower_bound"] > 0
+    assert (design.parent / "bound.npz").exists()
+    assert not [path for path in design.parent.iterdir() if path.name.startswith(".")]
+
+
+def test_input_that_cannot_be_bounded(folder):
+    (folder / "fixed.toml").write_text(DEVICE + FIXED.format(160.0))
+    assert "there is nothing to choose" in refused("bound", "fixed.toml", cwd=folder)
+    design = folder / "o/friction-wheel/design.json"
+    (folder / "other.toml").write_text((folder / "problem.toml").read_text() + "\n")
+    assert "of another version" in refused("bound", "other.toml", str(design), cwd=folder)
+    record = json.loads(design.read_text())
+    poor = {**record, "coupling": {**record["coupling"], "damping": 1.0}}
+    (folder / "poor.json").write_text(json.dumps(poor))
+    assert "is not proved to meet the demands" in refused("bound", "problem.toml", "poor.json", cwd=folder)
+    (folder / "torn.json").write_text(design.read_text()[:500])
+    assert "is not JSON" in refused("bound", "problem.toml", "torn.json", cwd=folder)
+
+
+def refused(*arguments, cwd) -> str:
+    done = run(*arguments, cwd=cwd)
+    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def test_infeasible_and_undecided(tmp_path):
+    done = run("bound", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
+    record = strict(done.stdout)
+    assert (done.returncode, record["status"], record["proved"]) == (ExitCode.FAILED, "infeasible", True)
+    theorem = tmp_path / "theorem.toml"
+    theorem.write_text(
+        DEVICE.replace("damping = 2.0", "damping = 0.0") + 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+    )
+    done = run("bound", theorem, "--json", "--time-limit", "0", cwd=tmp_path)
+    record = strict(done.stdout)
+    assert (done.returncode, record["status"], record["proved"]) == (ExitCode.FAILED, "infeasible", True)
+
+
+def test_solve_proves_a_gap(tmp_path):
+    done = run("solve", WHEEL, "--prove-gap", "0.05", cwd=tmp_path)
+    assert done.returncode == ExitCode.OK
+    assert "lower bound" in done.stdout
+    assert optimality(tmp_path / "results/friction-wheel/design.json")["verdict"] == "proved"
+
+
+@pytest.mark.parametrize("change", [{"verdict": "perhaps"}, {"history": []}, {"open": [{"low": [1.0], "high": []}]}])
+def test_a_damaged_optimality_is_refused(folder, change):
+    design = folder / "o/friction-wheel/design.json"
+    run("bound", "problem.toml", str(design), "--gap", "0.1", cwd=folder)
+    record = json.loads(design.read_text())
+    design.write_text(json.dumps({**record, "optimality": {**record["optimality"], **change}}))
+    with pytest.raises(InputError, match="optimality"):
+        read_design(design)
