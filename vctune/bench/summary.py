@@ -1,4 +1,4 @@
-"""The summary that README shows, from nothing but the CSV files of results/bench/."""
+"""The summary that README shows, from nothing but the CSV files of results/bench/ and the commands that made them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from math import inf
 from pathlib import Path
 
-from vctune.bench.files import NAMES, read_csv
+from vctune.bench.files import NAMES, PAGE, command_of, read_csv
 from vctune.bench.sampling import EXCHANGE, FIXED
 from vctune.bench.scaling import EXPECTED
 from vctune.bench.solvers import CLOSE, OURS
@@ -25,9 +25,17 @@ def summary(folder: Path) -> str:
         If a CSV file is not there.
     """
     sampling, solvers, stress, scaling, scene = (read_csv(folder / f"{name}.csv") for name in NAMES)
-    lines = [*_solvers(solvers), "", "| command | what it finds |", "|---|---|"]
+    page = (folder / PAGE).read_text()
+    lines = [
+        f"`{command_of(page, 'solvers')}`:",
+        "",
+        *_solvers(solvers),
+        "",
+        "| command | what it finds |",
+        "|---|---|",
+    ]
     lines += [
-        f"| `vctune bench {name} --full` | {text} |"
+        f"| `{command_of(page, name)}` | {text} |"
         for name, text in (
             ("sampling", _sampling(sampling)),
             ("stress", _stress(stress)),
