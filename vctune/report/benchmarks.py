@@ -43,7 +43,8 @@ class Panel:
 
 
 def benchmark_figure(panels: list[Panel]) -> Figure:
-    """Return the panels side by side, two in a row, with one legend for series of the same names."""
+    """Return the panels that have points, side by side, two in a row; one legend for series of the same names."""
+    panels = [panel for panel in panels if any(series.x for series in panel.series)]
     with rc_context(STYLE):
         columns = min(2, len(panels))
         rows = -(-len(panels) // columns)
