@@ -49,7 +49,7 @@ def summary(folder: Path) -> str:
 def _solvers(rows: list[Cells]) -> list[str]:
     count = len({row["problem"] for row in rows})
     lines = [
-        f"| solver, {count} problems | proved, error within {CLOSE:.1%} of the best | proved at all | unstable loops "
+        f"| solver, {count} problem{'s' if count > 1 else ''} | proved, error within {CLOSE:.1%} of the best | proved at all | unstable loops "
         "| processor time, s | worst gap of a proved answer | worst violation |",
         "|---|---|---|---|---|---|---|",
     ]
@@ -71,13 +71,13 @@ def _solvers(rows: list[Cells]) -> list[str]:
 
 def _sampling(rows: list[Cells]) -> str:
     fixed = [row for row in rows if row["method"] == FIXED and row["succeeded"] == "yes"]
-    refuted = sum(row["verdict"] != Status.CERTIFIED for row in fixed)
+    refuted = sum(row["verdict"] == Status.VIOLATED for row in fixed)
     exchanged = [row for row in rows if row["method"] == EXCHANGE]
     proved = sum(row["verdict"] == Status.CERTIFIED for row in exchanged)
     largest = max(int(row["frequencies"]) for row in fixed)
     return (
         f'IPOPT "succeeds" on {len(fixed)} fixed grids of 8 to {largest} frequencies, and {refuted} of these answers '
-        f"are refuted; of the exchange's {proved} of {len(exchanged)} are proved"
+        f"are refuted; the exchange's are proved on {proved} of {len(exchanged)} problems"
     )
 
 
