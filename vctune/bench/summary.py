@@ -49,8 +49,8 @@ def summary(folder: Path) -> str:
 def _solvers(rows: list[Cells]) -> list[str]:
     count = len({row["problem"] for row in rows})
     lines = [
-        f"| solver, {count} problem{'s' if count > 1 else ''} | proved, error within {CLOSE:.1%} of the best | proved at all | unstable loops "
-        "| processor time, s | worst gap of a proved answer | worst violation |",
+        f"| solver, {count} problem{'s' if count > 1 else ''} | proved, error within {CLOSE:.1%} of the best "
+        "| proved at all | unstable loops | processor time, s | worst gap of a proved answer | worst violation |",
         "|---|---|---|---|---|---|---|",
     ]
     scored = []
