@@ -118,8 +118,8 @@ def measure(size: Size, tick: Tick) -> Measured:
     return Measured(
         "vctune against other solvers",
         "Gap to the best proved error against processor time, one point a problem, for answers that are proved and for "
-        f"those that are not; a gap below {LEAST_GAP:g} lies on the dotted line, as do those of answers that seem better "
-        "than the best because they violate a demand.",
+        f"those that are not; a gap below {LEAST_GAP:g} lies on the dotted line, as do those of answers that seem "
+        "better than the best because they violate a demand.",
         {"solvers": rows},
         facts(rows),
         panels(rows),
