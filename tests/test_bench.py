@@ -240,6 +240,9 @@ def test_page_keeps_other_sections_in_order():
     def text(name, content):
         return f"<!-- {name} -->\n{content}\n<!-- /{name} -->\n"
 
+    assert files.command_of("<!-- scene -->\n## What\n\n`vctune bench scene --quick` on a machine\n", "scene") == (
+        "vctune bench scene --quick"
+    )
     page = files.with_section("", "scene", text("scene", "old"))
     page = files.with_section(page, "sampling", text("sampling", "first"))
     page = files.with_section(page, "scene", text("scene", "new"))

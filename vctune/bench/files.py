@@ -69,6 +69,13 @@ def section(name: str, measured: Measured, command: str, machine: str) -> str:
     return "\n".join(lines) + "\n"
 
 
+def command_of(page: str, name: str) -> str:
+    """Return the command that made a benchmark's section of the page."""
+    found = re.search(rf"<!-- {name} -->\n.*?\n`(.*?)`", page, re.DOTALL)
+    assert found is not None, name
+    return found[1]
+
+
 def with_section(page: str, name: str, text: str) -> str:
     """Return the page with the section of a benchmark made anew, sections in the order of `NAMES`."""
     known = {found[1]: found[0] for found in re.finditer(r"<!-- (\w+) -->\n.*?<!-- /\1 -->\n", page, re.DOTALL)} | {

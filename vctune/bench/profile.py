@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import nan
 from pathlib import Path
 from statistics import median
+from time import process_time
 
 from vctune.bench.dense import dense
 from vctune.bench.problems import DOCUMENTS, posed, reference_problems
@@ -95,7 +96,7 @@ def _tasks(quick: bool) -> dict[str, Callable[[], object]]:
 def _parts(command: str, task: Callable[[], object], repeats: int) -> list[Share]:
     """Return the parts' shares of a profile, times the time that the command takes without one."""
     _, seconds = timed(task, repeats)
-    profile = cProfile.Profile()
+    profile = cProfile.Profile(process_time)
     profile.enable()
     for _ in range(repeats):
         task()

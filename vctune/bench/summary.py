@@ -1,4 +1,4 @@
-"""The summary that README shows, from nothing but the CSV files of results/bench/."""
+"""The summary that README shows, from nothing but the CSV files of results/bench/ and the commands that made them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 from math import inf
 from pathlib import Path
 
-from vctune.bench.files import NAMES, read_csv
+from vctune.bench.files import NAMES, PAGE, command_of, read_csv
 from vctune.bench.sampling import EXCHANGE, FIXED
 from vctune.bench.scaling import EXPECTED
 from vctune.bench.solvers import CLOSE, OURS
@@ -25,9 +25,17 @@ def summary(folder: Path) -> str:
         If a CSV file is not there.
     """
     sampling, solvers, stress, scaling, scene = (read_csv(folder / f"{name}.csv") for name in NAMES)
-    lines = [*_solvers(solvers), "", "| command | what it finds |", "|---|---|"]
+    page = (folder / PAGE).read_text()
+    lines = [
+        f"`{command_of(page, 'solvers')}`:",
+        "",
+        *_solvers(solvers),
+        "",
+        "| command | what it finds |",
+        "|---|---|",
+    ]
     lines += [
-        f"| `vctune bench {name} --full` | {text} |"
+        f"| `{command_of(page, name)}` | {text} |"
         for name, text in (
             ("sampling", _sampling(sampling)),
             ("stress", _stress(stress)),
@@ -41,8 +49,8 @@ def summary(folder: Path) -> str:
 def _solvers(rows: list[Cells]) -> list[str]:
     count = len({row["problem"] for row in rows})
     lines = [
-        f"| solver, {count} problems | proved, error within {CLOSE:.1%} of the best | proved at all | unstable loops "
-        "| processor time, s | worst gap of a proved answer | worst violation |",
+        f"| solver, {count} problem{'s' if count > 1 else ''} | proved, error within {CLOSE:.1%} of the best "
+        "| proved at all | unstable loops | processor time, s | worst gap of a proved answer | worst violation |",
         "|---|---|---|---|---|---|---|",
     ]
     scored = []
@@ -63,13 +71,13 @@ def _solvers(rows: list[Cells]) -> list[str]:
 
 def _sampling(rows: list[Cells]) -> str:
     fixed = [row for row in rows if row["method"] == FIXED and row["succeeded"] == "yes"]
-    refuted = sum(row["verdict"] != Status.CERTIFIED for row in fixed)
+    refuted = sum(row["verdict"] == Status.VIOLATED for row in fixed)
     exchanged = [row for row in rows if row["method"] == EXCHANGE]
     proved = sum(row["verdict"] == Status.CERTIFIED for row in exchanged)
     largest = max(int(row["frequencies"]) for row in fixed)
     return (
         f'IPOPT "succeeds" on {len(fixed)} fixed grids of 8 to {largest} frequencies, and {refuted} of these answers '
-        f"are refuted; of the exchange's {proved} of {len(exchanged)} are proved"
+        f"are refuted; the exchange's are proved on {proved} of {len(exchanged)} problems"
     )
 
 

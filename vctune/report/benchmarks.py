@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from vctune.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
 
@@ -43,7 +44,8 @@ class Panel:
 
 
 def benchmark_figure(panels: list[Panel]) -> Figure:
-    """Return the panels side by side, two in a row, with one legend for series of the same names."""
+    """Return the panels that have points, side by side, two in a row; one legend for series of the same names."""
+    panels = [panel for panel in panels if any(series.x for series in panel.series)]
     with rc_context(STYLE):
         columns = min(2, len(panels))
         rows = -(-len(panels) // columns)
@@ -59,12 +61,13 @@ def benchmark_figure(panels: list[Panel]) -> Figure:
             if panel.floor:
                 axes.axhline(panel.floor, color=GREY, linewidth=1, linestyle=":")
             axes.set(xscale="log", yscale="log", title=panel.title, xlabel=panel.x, ylabel=panel.y)
+            axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         for axes in places[len(panels) :]:
             axes.set_axis_off()
         labels = [[series.label for series in panel.series] for panel in panels]
         if all(names == labels[0] for names in labels):
             handles, names = places[0].get_legend_handles_labels()
-            figure.legend(handles, names, loc="outside lower center", ncols=4)
+            figure.legend(handles, names, loc="outside lower center", ncols=2 * columns)
         else:
             for axes in places[: len(panels)]:
                 axes.legend(loc="best", fontsize=8)
