@@ -10,7 +10,7 @@ import time
 
 import pytest
 from conftest import DEVICE, FIXED
-from test_region import B_0, B_C, K_P, K_V, LAG, M_C, found
+from test_region import B_0, B_C, K_P, K_V, M_C, found
 
 from vctune.cli.main import execute
 from vctune.document.region import read_region
