@@ -93,7 +93,18 @@ def meet_demands(problem: Problem, designs: np.ndarray, frequencies: int = DENSE
     holds = (couplings(designs, omega).real >= demand).all(axis=1)
     upto = np.geomspace(problem.nyquist * 1e-6, problem.nyquist, frequencies)
     Z_d, C = loops(problem, designs, upto)
-    return holds & (np.abs(Z_d / (Z_d + C)) <= problem.stability.max_sensitivity).all(axis=1)
+    quiet = (np.abs(Z_d / (Z_d + C)) <= problem.stability.max_sensitivity).all(axis=1)
+    return holds & quiet & meet_limit(problem, designs)
+
+
+def meet_limit(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    """Return which designs meet the conditions in the limit omega = 0, as far as drag and K_p decide (DESIGN 1.6)."""
+    device, (K_v, K_p, _, _, b_0) = problem.device, designs
+    if problem.stability.band.min > 0:
+        return np.ones(designs.shape[1], bool)
+    slope = device.damping + K_v - (device.sample_time / 2 + device.delay) * K_p
+    enough = 4 * slope * b_0 >= problem.stability.safety_factor * device.damping**2
+    return (K_p == 0) | ((slope >= 0) & enough)
 
 
 def stable(problem: Problem, design: np.ndarray) -> bool:
