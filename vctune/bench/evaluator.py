@@ -94,7 +94,8 @@ def violation(problem: Problem, gains: Gains, coupling: Coupling, extra: Sequenc
     R = required(*impedances(device, gains.velocity, gains.position, omega))
     with np.errstate(divide="ignore", invalid="ignore"):
         short = float(np.max(stability.safety_factor * R / coupling_impedance(coupling, omega).real))
-    omega = np.concatenate((np.geomspace(1e-4 * nyquist, nyquist, POINTS), noted[noted <= nyquist]))
+    bottom = min(1e-4 * nyquist, problem.transparency.band.min, low)
+    omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), noted[noted <= nyquist]))
     Z_d, C = impedances(device, gains.velocity, gains.position, omega)
     loud = float(np.max(np.abs(Z_d / (Z_d + C)))) / stability.max_sensitivity
     return float(np.log(max(short, loud, 1.0)))

@@ -1,6 +1,7 @@
 """What a user would pick instead: SciPy's and NLopt's solvers on a fixed grid, each with its best reasonable settings.
 
-Settings were chosen by trying grids, radii and tolerances on the reference problems.
+Settings of trust-constr and COBYQA were chosen by trying a few grids, radii and barriers on friction-wheel, two-basins
+and at-bound.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, nan, pi
 from statistics import median
 from time import process_time
 from types import FrameType
@@ -18,7 +18,7 @@ import numpy as np
 from vctune.analysis.demands import error_terms, sampled_span, stability_ratio
 from vctune.bench.benchmark import Measured, Size, Tick
 from vctune.bench.devices import device
-from vctune.bench.evaluator import coupling_impedance, impedances, required, spectral_radius
+from vctune.bench.evaluator import coupling_impedance, impedances, opinion, required, spectral_radius
 from vctune.bench.peers import need
 from vctune.design.judge import Judgement
 from vctune.design.solve import solve
@@ -87,13 +87,13 @@ def examined(seed: int, number: int) -> Row:
         with _patience():
             solved = solve(problem)
     except Exception as error:  # a failure is a row, which is what this benchmark looks for
-        return Row(number, FAILED, process_time() - began, "", inf, f"{type(error).__name__}: {error}", said)
+        return Row(number, FAILED, process_time() - began, "", nan, f"{type(error).__name__}: {error}", said)
     seconds, judgement = process_time() - began, solved.judgement
     reason = solved.infeasibility.reason if solved.infeasibility else ""
-    wrong, float_error = "", float("nan")
+    wrong, float_error = "", nan
     if judgement is not None:
         if not np.isfinite(judgement.transparency.error):
-            return Row(number, FAILED, seconds, "", inf, "the error is no number", said)
+            return Row(number, FAILED, seconds, "", nan, "the error is no number", said)
         wrong, float_error = contradiction(problem, judgement)
     elif solved.status.value == "infeasible":
         found = feasible(problem)
@@ -166,7 +166,9 @@ def feasible(problem: Problem) -> str | None:
         needed = stability.safety_factor * required(*impedances(device, gains.velocity, gains.position, omega))
         enough = (offered >= needed).all(axis=1)
         if enough.any() and spectral_radius(device, gains) < 1 - 1e-9:
-            return f"{gains} with {couplings[int(np.argmax(enough))]}"
+            coupling = couplings[int(np.argmax(enough))]
+            if opinion(problem, gains, coupling).violation == 0:  # the scan's frequencies are few
+                return f"{gains} with {coupling}"
     return None
 
 
