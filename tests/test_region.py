@@ -9,15 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import DEVICE, ROOT
-from hypothesis import given
-from hypothesis import strategies as st
 from oracles import Demand, best_damping, surpluses
 
 from vctune.design.variables import KEYS, ranges
 from vctune.document.reading import problem_file
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.batch import Demands, prove
-from vctune.proof.cells import Cells
+from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
@@ -29,7 +25,7 @@ LAG = '[device]\nmass = 0.5\ndamping = 2.0\nsample_time = 1e-3\nhold = "lag"\n'
 PROBLEMS = {
     "friction-wheel": ((ROOT / "problems/friction-wheel.toml").read_text(), K_V, K_P),
     "late": ((ROOT / "problems/extremes/late.toml").read_text(), K_P, K_V),
-    "two hundred samples late": (DEVICE + "delay = 0.2\n", K_V, K_P),
+    "a hundred samples late": (DEVICE + "delay = 0.1\n[gains]\nposition = { min = 0.01, max = 20.0 }\n", K_V, K_P),
     "coupling": (
         (ROOT / "problems/keemink.toml").read_text()
         + "[coupling]\ndamping = { min = 1e3, max = 1e5 }\nmass = { min = 1.0, max = 1e3 }\n",
@@ -281,18 +277,6 @@ def test_witnesses_are_certified_by_arb(name):
             design = Design(problem.device, Gains(*v[:2]), Coupling(*v[2:]))
             proof = certify(design, band, (stability.safety_factor,), stability.max_sensitivity)
             assert proof.verdict is Verdict.PROVED
-
-
-@given(st.sampled_from(["zoh", "lag"]), st.floats(0, 3), st.floats(0, 2), st.floats(-3, 2), st.floats(-6, 1))
-def test_a_point_is_a_cell(hold, delay, damping, velocity, position):
-    """A cell without width is proved exactly if its design is."""
-    device = Device(1.0, damping, 1.0, delay, hold)
-    values = np.array([[10.0**velocity], [10.0**position], [5.0], [5.0], [0.1]])
-    band, limit = (0.01, 1.0), 2.0
-    (proved,) = prove(Demands(device, band, 1.0, limit), Cells(values, values)).proved
-    v = values.ravel().tolist()
-    verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
-    assert proved == (verdict is Verdict.PROVED)
 
 
 def test_no_loop_is_judged_and_takes_no_memory():
