@@ -5,8 +5,30 @@ from __future__ import annotations
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from types import FrameType
+
+
+@contextmanager
+def interrupt_noted() -> Iterator[Callable[[], bool]]:
+    """Let SIGINT only be noted within the block; yield a function that tells whether there was one.
+
+    For work that is worth something wherever it stops. Only the main thread is ever interrupted.
+    """
+    noted = False
+
+    def remember(_signal: int, _frame: FrameType | None) -> None:
+        nonlocal noted
+        noted = True
+
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: False
+        return
+    previous = signal.signal(signal.SIGINT, remember)
+    try:
+        yield lambda: noted
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 @contextmanager
@@ -15,38 +37,12 @@ def interrupt_deferred() -> Iterator[None]:
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    pending = False
 
-    def remember(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal pending
-        pending = True
-
-    previous = signal.signal(signal.SIGINT, remember)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, previous)
-        if pending:
+    def deliver() -> None:
+        if interrupted():
             signal.raise_signal(signal.SIGINT)
 
-
-@contextmanager
-def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Let SIGINT only be noted within the block; yield a function that tells whether there was one.
-
-    For work that is worth something wherever it stops.
-    """
-    noted = False
-
-    def remember(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal noted
-        noted = True
-
-    previous = signal.signal(signal.SIGINT, remember)
-    try:
-        yield lambda: noted
-    finally:
-        signal.signal(signal.SIGINT, previous)
+    with ExitStack() as stack:
+        stack.callback(deliver)  # last of all, when the handler from before is back
+        interrupted = stack.enter_context(interrupt_noted())
+        yield

@@ -63,8 +63,8 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     problem, gains = files[0], files[1:]
     checked, again = guard(problem, baseline)
     if again.lost and checked.finding:
+        from vctune.report.page import figure_files
         from vctune.report.region import lost_figure
-        from vctune.report.sweep import figure_files
 
         folder = out / folder_name(checked.name)
         make_folder(folder)

@@ -56,7 +56,8 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
         make_folder(folder)
         terms = _solved(terms_study(document, file.problem), terms_front, folder, crew)
         band = _solved(band_study(document, file.problem), band_front, folder, crew)
-    from vctune.report.sweep import band_figure, figure_files, terms_figure
+    from vctune.report.page import figure_files
+    from vctune.report.sweep import band_figure, terms_figure
 
     edge = file.problem.transparency.band.max / (2 * pi)
     tables = table_files(terms, folder, "terms") | table_files(band, folder, "band")

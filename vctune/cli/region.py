@@ -64,8 +64,8 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
         designs = [(best.gains, best.coupling)] if best and best.status is Status.CERTIFIED else []
         record = region_record(file, found, designs, seconds)
         progress("drawing")
+        from vctune.report.page import figure_files
         from vctune.report.region import region_figure
-        from vctune.report.sweep import figure_files
 
         text = json.dumps(record, allow_nan=False)
         pictures = figure_files(region_figure(file.problem, found, designs), folder, "region")

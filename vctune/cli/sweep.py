@@ -71,7 +71,8 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
             with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
                 keys = run(plan, rows, crew, tick)
             table = table_of(plan, rows, keys)
-    from vctune.report.sweep import figure_files, sweep_figure
+    from vctune.report.page import figure_files
+    from vctune.report.sweep import sweep_figure
 
     figure = sweep_figure(table, grid=plan.sample.kind == "grid")
     pictures = figure_files(figure, folder, "error") if figure else {}

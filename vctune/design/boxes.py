@@ -10,7 +10,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.judge import demands_of
 from vctune.design.variables import coordinates
 from vctune.document.problem import Problem
-from vctune.proof.batch import by_integrator, claims_of, encirclements, steady
+from vctune.proof.batch import by_integrator, claims_of, encirclements
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
@@ -101,8 +101,7 @@ def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for integrator, at in by_integrator(cells):
         claims, part = claims_of(demands_of(problem), integrator=integrator), cells.taken(at)
-        number = encirclements(claims, problem.device, part.centres(), integrator=integrator).number
-        same = steady(claims, problem.device, part)
-        stable[at] = ((number == 0) & same).all(axis=0)
-        unstable[at] = ((number != 0) & np.isfinite(number) & same).any(axis=0)
+        number = encirclements(claims, problem.device, part, integrator=integrator).number
+        stable[at] = (number == 0).all(axis=0)
+        unstable[at] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable

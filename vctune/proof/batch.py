@@ -187,13 +187,8 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
         return sifted.open.count(len(cells)) == 0, sifted.boxes
 
     def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
-        stable, boxes = np.zeros(len(cells), bool), np.zeros((2, len(cells)), np.intp)
-        calm = np.arange(len(cells))
-        if any(cells.moving()):
-            calm = np.flatnonzero(steady(claims, device, cells).all(axis=0))
-        turned = encirclements(claims, device, cells.taken(calm).centres(), integrator=integrator)
-        stable[calm], boxes[:, calm] = (turned.number == 0).all(axis=0), turned.boxes
-        return stable, boxes
+        turned = encirclements(claims, device, cells, integrator=integrator)
+        return (turned.number == 0).all(axis=0), turned.boxes
 
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
     for rows, holds in ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay)):
@@ -211,7 +206,7 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
     Parameters
     ----------
     demands : what is to be met
-    cells : as for `certified`
+    cells : as for `prove`
     omega : rad/s, for each cell a frequency of the band at which Llewellyn's conditions may fail throughout
     omega_S : rad/s, for each cell a frequency up to Nyquist at which |S| may be too great throughout
     """
@@ -222,33 +217,41 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
         lost |= image_at(claims.damped, part, omega[at]).negative()
         lost |= image_at(claims.sensitivity, part, omega_S[at]).negative()
         left = np.flatnonzero(~lost)
-        calm = steady(claims, demands.device, part.taken(left))
-        left, calm = left[calm.any(axis=0)], calm[:, calm.any(axis=0)]
-        number = encirclements(claims, demands.device, part.taken(left).centres(), integrator=integrator).number
-        lost[left] = (calm & (number != 0) & np.isfinite(number)).any(axis=0)
+        number = encirclements(claims, demands.device, part.taken(left), integrator=integrator).number
+        lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
         fails[at] = lost
     return fails
 
 
 @dataclass(frozen=True, slots=True)
 class Encirclements:
-    """How often the curves of many designs go around 0, the model's and the sampled loop's: shape (2, n).
+    """How often the curves of every design of a cell go around 0, the model's and the sampled loop's: shape (2, n).
 
     Attributes
     ----------
-    number : 0 where stable, nan where not settled
-    boxes : pairs looked at
+    number : 0 where stable, nan where not settled or not the same throughout the cell
+    boxes : pairs looked at, at the centres
     """
 
     number: Floats
     boxes: Integers
 
 
-def encirclements(claims: Claims, device: Device, points: Cells, *, integrator: bool) -> Encirclements:
-    """Return how often the curves of each point go around 0; the arguments are those of `vctune.proof.poles`.
+def encirclements(claims: Claims, device: Device, cells: Cells, *, integrator: bool) -> Encirclements:
+    """Return how often the curves of each cell go around 0: as often as its centre's, where no pole crosses over."""
+    same = steady(claims, device, cells) if any(cells.moving()) else np.ones((2, len(cells)), bool)
+    number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
+    calm = np.flatnonzero(same.any(axis=0))
+    counted, boxes[:, calm] = _turns_at(claims, device, cells.taken(calm).centres(), integrator=integrator)
+    number[:, calm] = np.where(same[:, calm], counted, np.nan)
+    return Encirclements(number, boxes)
 
-    The model's curve ends within a quarter turn of where it goes; the sampled loop's begins at F(1) > 0 and ends on
-    the real axis.
+
+def _turns_at(claims: Claims, device: Device, points: Cells, *, integrator: bool) -> tuple[Floats, Integers]:
+    """Return the number of each point, nan where not settled, and the pairs looked at.
+
+    The arguments are those of `vctune.proof.poles`: the model's curve ends within a quarter turn of where it goes; the
+    sampled loop's begins at F(1) > 0 and ends on the real axis.
     """
     curves = (
         (claims.model_poles, stiffest(device, points), 2 * pi, pi if integrator else pi / 2),
@@ -261,7 +264,7 @@ def encirclements(claims: Claims, device: Device, points: Cells, *, integrator: 
         whole = found.open.count(len(points)) == 0
         numbers.append(np.where(whole, np.round((goal - turns(curve, points, found.closed)) / turn), np.nan))
         boxes.append(found.boxes)
-    return Encirclements(np.stack(numbers), np.stack(boxes))
+    return np.stack(numbers), np.stack(boxes)
 
 
 def steady(claims: Claims, device: Device, cells: Cells) -> Flags:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -68,6 +69,11 @@ def png(figure: Figure) -> bytes:
     stream = BytesIO()
     figure.savefig(stream, format="png", dpi=120, facecolor="white", metadata={"Software": None})
     return stream.getvalue()
+
+
+def figure_files(figure: Figure, folder: Path, stem: str) -> dict[Path, str | bytes | memoryview]:
+    """Return a figure as SVG and PNG files."""
+    return {folder / f"{stem}.svg": svg(figure, stem), folder / f"{stem}.png": png(figure)}
 
 
 def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -13,7 +13,7 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.report.contents import READINGS, REPORT, remove_figures
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
-from vctune.report.page import page, png, svg
+from vctune.report.page import figure_files, page, png, svg
 
 
 def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> None:
@@ -38,19 +38,12 @@ def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any
         drawn["simulation"] = simulation_figure(simulation)
     vector = {name: svg(figure, name) for name, figure in drawn.items()}
     files: dict[Path, str | bytes | memoryview] = {folder / REPORT: page(record, problem, vector, simulation)}
-    files |= _figure_files(drawn, vector, folder)
+    files |= {folder / f"{name}.svg": text for name, text in vector.items()}
+    files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
     write_together(files)
     remove_figures(folder, set(READINGS) - set(drawn))  # of an earlier design that had them
 
 
 def write_simulation(simulation: dict[str, Any], folder: Path) -> None:
     """Write the figure of a simulation alone."""
-    figure = simulation_figure(simulation)
-    write_together(_figure_files({"simulation": figure}, {"simulation": svg(figure, "simulation")}, folder))
-
-
-def _figure_files(
-    drawn: dict[str, Figure], vector: dict[str, str], folder: Path
-) -> dict[Path, str | bytes | memoryview]:
-    files: dict[Path, str | bytes | memoryview] = {folder / f"{name}.svg": text for name, text in vector.items()}
-    return files | {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
+    write_together(figure_files(simulation_figure(simulation), folder, "simulation"))

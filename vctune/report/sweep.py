@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
 from vctune.report.figures import BLUE, GREY, RED, STYLE
-from vctune.report.page import png, svg
 from vctune.study.table import Table
 
 WIDE = 10.0
@@ -21,11 +19,6 @@ WIDE = 10.0
 COLOURS = "viridis_r"
 TERM_LABELS = {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c| / Z_0"}
 FEW = 40
-
-
-def figure_files(figure: Figure, folder: Path, stem: str) -> dict[Path, str | bytes | memoryview]:
-    """Return a figure as SVG and PNG files."""
-    return {folder / f"{stem}.svg": svg(figure, stem), folder / f"{stem}.png": png(figure)}
 
 
 def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
