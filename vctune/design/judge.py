@@ -23,6 +23,7 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.proof.batch import Demands
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
+from vctune.proof.devices import DeviceBox, device_box
 from vctune.proof.interval import Verdict
 
 
@@ -86,7 +87,7 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
     demands, factor = demands_of(problem), problem.stability.safety_factor
     factors = (factor, 1.0) if seen["min_ratio"] >= factor else (1.0,)
     certificate = certify(
-        Design(problem.device, gains, coupling), demands.band, factors, problem.stability.max_sensitivity
+        Design(problem.device, gains, coupling), demands.band, factors, demands.max_sensitivity, devices_of(problem)
     )
     return Judgement(gains, coupling, certificate=certificate, **seen)
 
@@ -94,7 +95,8 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
     """Judge several designs against a problem's demands, as `judge` does, their proofs made together."""
-    certificates = certify_all([Design(problem.device, *design) for design in designs], demands_of(problem))
+    posed = [Design(problem.device, *design) for design in designs]
+    certificates = certify_all(posed, demands_of(problem), devices_of(problem))
     return [
         Judgement(*design, certificate=certificate, **_seen(problem, *design))
         for design, certificate in zip(designs, certificates, strict=True)
@@ -105,6 +107,11 @@ def demands_of(problem: Problem) -> Demands:
     """Return what a design of a problem has to meet (DESIGN 1.9)."""
     band, stability = problem.stability.band, problem.stability
     return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
+
+
+def devices_of(problem: Problem) -> DeviceBox | None:
+    """Return the devices on which a design has to meet the demands; None for the problem's own alone."""
+    return device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
 
 
 def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:

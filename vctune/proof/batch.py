@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
@@ -12,7 +12,14 @@ from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.sampled import difference_slope, return_difference, sampled_plant, whole_samples
+from vctune.model.sampled import (
+    ReturnDifference,
+    SampledPlant,
+    difference_slope,
+    return_difference,
+    sampled_plant,
+    whole_samples,
+)
 from vctune.proof.cells import Cells, Integers, Margin, Values, all_pairs, image_at, sift
 from vctune.proof.claims import (
     HALF_TURN,
@@ -86,48 +93,64 @@ class Claims:
     sampled_floor: Margin
 
 
-def claims_of(demands: Demands, *, integrator: bool) -> Claims:
-    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0."""
+def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
+    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    integrator : whether the law has its K_p/s term
+    uncertain : numbers of the device that each claim takes from among its values, where they follow the five of a
+        design; such a delay has as many whole samples as the device's own
+    """
     given = demands.device
     mass, damping, sample_time, delay = map(decimal, (given.mass, given.damping, given.sample_time, given.delay))
-    device = Device(mass, damping, sample_time, delay, given.hold)
+    named = Device(mass, damping, sample_time, delay, given.hold)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
     whole, fraction = whole_samples(given.delay, given.sample_time)
-    plant = sampled_plant(device, whole, delay - whole * sample_time, fraction > 0, OPS)
 
-    def loop(omega: Number, values: Values) -> LoopResponse:
-        hold = hold_response(device, omega, OPS)
-        return loop_response(device, Gains(*values[:2]), omega, hold, integrator=integrator)
+    def sampled(device: Device) -> SampledPlant:
+        return sampled_plant(device, whole, device.delay - whole * sample_time, fraction > 0, OPS)
 
-    def model_curve(omega: Enclosure, values: Values) -> Pair:
-        D = loop(omega, values).D
+    known = sampled(named)
+
+    def device(v: Values) -> Device:
+        return replace(named, **dict(zip(uncertain, v[5:], strict=True)))
+
+    def loop(omega: Number, v: Values) -> LoopResponse:
+        hold = hold_response(device(v), omega, OPS)
+        return loop_response(device(v), Gains(*v[:2]), omega, hold, integrator=integrator)
+
+    def model_curve(omega: Enclosure, v: Values) -> Pair:
+        D = loop(omega, v).D
         return Pair(-D.im, D.re) if integrator else D
 
-    def sampled_curve(theta: Enclosure, values: Values) -> Pair:
-        parts = return_difference(plant, theta, OPS, integrator=integrator)
-        return parts.closed(Gains(*values[:2]), integrator=integrator)
+    def returned(theta: Enclosure, v: Values, *, integrator: bool) -> ReturnDifference:
+        return return_difference(sampled(device(v)) if uncertain else known, theta, OPS, integrator=integrator)
 
-    def sampled_floor(theta: Enclosure, values: Values) -> Enclosure:
-        law = Gains(*values[:2])
-        velocity_loop = return_difference(plant, theta, OPS, integrator=False).closed(law, integrator=False)
+    def sampled_curve(theta: Enclosure, v: Values) -> Pair:
+        return returned(theta, v, integrator=integrator).closed(Gains(*v[:2]), integrator=integrator)
+
+    def sampled_floor(theta: Enclosure, v: Values) -> Enclosure:
+        velocity_loop = returned(theta, v, integrator=False).closed(Gains(*v[:2]), integrator=False)
         turning = velocity_loop * difference_slope(theta, OPS)
-        position = return_difference(plant, theta, OPS).position
+        position = returned(theta, v, integrator=True).position
         return turning.im * position.re - turning.re * position.im
 
     def design(v: Values) -> Design:
-        return Design(device, Gains(*v[:2]), Coupling(*v[2:]))
+        return Design(device(v), Gains(*v[:2]), Coupling(*v[2:5]))
 
     return Claims(
         lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda omega, v: sensitivity_margin(device, Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
+        lambda omega, v: sensitivity_margin(device(v), Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
         lambda omega, v: loop(omega, v).re_D,
         lambda omega, v: required_resistance(loop(omega, v), OPS),
-        lambda omega, v: sensitivity_floor(device, Gains(*v[:2]), omega, limit, OPS),
+        lambda omega, v: sensitivity_floor(device(v), Gains(*v[:2]), omega, limit, OPS),
         model_curve,
         sampled_curve,
-        lambda omega, v: along_hold(device, Gains(*v[:2]), omega, OPS)[0],
+        lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS)[0],
         sampled_floor,
     )
 

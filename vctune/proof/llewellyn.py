@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import inf, sqrt
 
 from flint import arb
@@ -83,7 +84,7 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
         start = _low_start(design, 1.0, low)
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
-    return _march(margin, low, low * LOWEST_EDGE)
+    return march(partial(_proved, margin), low, low * LOWEST_EDGE)
 
 
 def _highest(design: Design, margin: Callable[[Number], Number], high: float) -> float:
@@ -91,21 +92,21 @@ def _highest(design: Design, margin: Callable[[Number], Number], high: float) ->
         return inf
     nyquist = 3.141592653589793 / design.device.sample_time
     if design.device.hold != "lag" or design.device.delay > 0:
-        return _march(margin, high, nyquist)
+        return march(partial(_proved, margin), high, nyquist)
     if high_end_verdict(design) is Verdict.PROVED:
         stop = _high_start(design, 1.0, high)
         if stop is not None and (stop <= high or _proved(margin, high, stop)):
             return inf
-    return _march(margin, high, high * HIGHEST_EDGE)
+    return march(partial(_proved, margin), high, high * HIGHEST_EDGE)
 
 
-def _march(margin: Callable[[Number], Number], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal the margin is proved positive, to `FINEST_STEP`."""
+def march(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
+    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`."""
     down = goal < edge
     step = 4.0
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
-        if _proved(margin, min(edge, ahead), max(edge, ahead)):
+        if holds(min(edge, ahead), max(edge, ahead)):
             edge, step = ahead, min(step * step, 16.0)
         else:
             step = sqrt(step)
