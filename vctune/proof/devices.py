@@ -34,6 +34,12 @@ class DeviceBox:
         """The numbers that are uncertain."""
         return tuple(name for name in UNCERTAIN if getattr(self.low, name) < getattr(self.high, name))
 
+    @property
+    def loops(self) -> tuple[DeviceBox, ...]:
+        """The boxes of devices whose velocity loops must be stable by themselves, let go and in the operator's hand."""
+        parts = zip(self.nominal.loops, self.low.loops, self.high.loops, strict=True)
+        return tuple(DeviceBox(*ends) for ends in parts)
+
     def corners(self) -> list[Device]:
         """Return the devices at the vertices."""
         ends = product(*((getattr(self.low, name), getattr(self.high, name)) for name in self.moving))

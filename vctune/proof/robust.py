@@ -49,6 +49,11 @@ class Family:
         five = (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag)
         return [decimal(x) for x in five]
 
+    def loops(self) -> list[Family]:
+        """Return the design on the boxes of devices whose loops must be stable by themselves."""
+        design = self.design
+        return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
+
     def ends(self) -> tuple[Floats, Floats]:
         """Return the least and the greatest of the uncertain numbers."""
         low, high = (
@@ -109,11 +114,13 @@ def sensitivity_over(family: Family, alone: Alone) -> Outcome:
 
 def model_poles_over(family: Family, alone: Alone) -> Outcome:
     """Prove that no pole of the frequency model crosses the imaginary axis from one device to another."""
-    claims, gains = family.claims(family.box.nominal), family.design.gains
-    law = np.array([[gains.velocity], [gains.position]])
-    last = stiffest(family.box.low, Cells(law, law))
-    look = missing(claims.model_poles, family.values, claims.model_floor)
-    return _outcome(family, [_part(family, look, 0.0, last)], alone)
+    gains = family.design.gains
+    law, parts = np.array([[gains.velocity], [gains.position]]), []
+    for loop in family.loops():
+        claims = loop.claims(loop.box.nominal)
+        look = missing(claims.model_poles, loop.values, claims.model_floor)
+        parts.append(_part(loop, look, 0.0, stiffest(loop.box.low, Cells(law, law))))
+    return _outcome(family, parts, alone)
 
 
 def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
@@ -122,12 +129,13 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     The loop depends continuously on the delay where a whole sample is added to it.
     """
     parts = []
-    for device, low, high in _whole_samples(family):
-        claims = family.claims(device)
-        look = missing(claims.sampled_poles, family.values, claims.sampled_floor)
-        parts.append(prove_blocks(look, over_band(all_pairs(1, 0.0, HALF_TURN, STEP), low, high), MOST))
-        if parts[-1].verdict is not Verdict.PROVED:
-            break
+    for loop in family.loops():
+        for device, low, high in _whole_samples(loop):
+            claims = loop.claims(device)
+            look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
+            parts.append(prove_blocks(look, over_band(all_pairs(1, 0.0, HALF_TURN, STEP), low, high), MOST))
+            if parts[-1].verdict is not Verdict.PROVED:
+                return _outcome(family, parts, alone)
     return _outcome(family, parts, alone)
 
 
