@@ -140,7 +140,7 @@ def bound(
     progress : told where the search stands, every round
     """
     began, axes = perf_counter(), axes_of(problem)
-    incumbent = best.transparency.error if best else inf
+    incumbent = best.error if best else inf
     leaves, fallen, boxes, spent = root(axes), inf, 0, 0.0
     if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
@@ -242,7 +242,7 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
     _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if found is not None:
-        search.improved, search.incumbent = found, found.transparency.error
+        search.improved, search.incumbent = found, found.error
 
 
 def _know_more(problem: Problem, search: _Search, gains: Gains, coupling: Coupling) -> None:

@@ -18,15 +18,15 @@ from vctune.analysis.demands import (
     response,
     sampled_span,
     sensitivity_maxima,
-    transparency_error,
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, frequency_grid, local_minima
 from vctune.analysis.stability import clearly_stable, stability_cut
+from vctune.design.cases import cases_of, counted_of, error_of, with_device
 from vctune.design.ipopt import solve
 from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult, Start
-from vctune.design.shape import WorkingSet, shape_of
+from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
@@ -53,13 +53,23 @@ QUADRATURE_TOLERANCE = 1e-7
 
 @dataclass(slots=True)
 class _Demands:
-    """Where the demands are not met at a point, and by how much (relative)."""
+    """Where the demands are not met at a point, and by how much (relative).
 
-    ratio: list[float] = field(default_factory=list)
-    sensitivity: list[float] = field(default_factory=list)
-    peak: list[float] = field(default_factory=list)
+    Attributes
+    ----------
+    ratio, sensitivity, peak : places
+    violation : the greatest
+    near_peak : where |S| is greatest, if it is near its limit
+    loudest : the greatest |S|
+    positive : whether Re(D + Z_h) > 0 throughout
+    """
+
+    ratio: list[Place] = field(default_factory=list)
+    sensitivity: list[Place] = field(default_factory=list)
+    peak: list[Place] = field(default_factory=list)
     violation: float = 0.0
-    near_peak: float | None = None
+    near_peak: Place | None = None
+    loudest: float = 0.0
     positive: bool = True
 
 
@@ -81,16 +91,21 @@ def polish(
     seen : what the scan saw, which decides which demands the NLP begins with
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
-    witnesses : frequencies that a proof has refuted, to begin with
+    witnesses : places that a proof has refuted, to begin with
     """
-    reference = _pulled_in(problem, start)
+    witnesses = witnesses or WorkingSet()
+    known, cases = {case.device for case in cases_of(problem)}, list(cases_of(problem))
+    for place in (*witnesses.ratio, *witnesses.sensitivity):
+        if place.device not in known:
+            known.add(place.device)
+            cases.append(with_device(problem, place.device))
+    reference = _pulled_in(problem, cases, start)
     if reference is None:
         return None
     frequencies = _first_frequencies(problem, start, seen)
-    if witnesses is not None:
-        _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
-    _follow(frequencies, _check(problem, reference, tightening))
-    search = _Search(start, perf_counter(), tightening, incumbent, frequencies, reference, reference)
+    _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
+    _follow(frequencies, _checked(problem, cases, reference, tightening))
+    search = _Search(start, cases, perf_counter(), tightening, incumbent, frequencies, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
     return search.best
@@ -102,12 +117,14 @@ class _Search:
 
     Attributes
     ----------
+    cases : the devices at which the demands are posed
     reference : the last point with sound loops, centre of the box
     warm : where IPOPT starts
     radius : half the box's width in log coordinates
     """
 
     start: Start
+    cases: list[Problem]
     began: float
     tightening: float
     incumbent: float
@@ -129,12 +146,13 @@ def _step(problem: Problem, search: _Search) -> None:
     box = _box(free, search.reference, search.radius)
     solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
-    demands = _check(problem, values, search.tightening)
+    demands = _checked(problem, search.cases, values, search.tightening)
     seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
     search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution))
     gains = design_of(values)[0]
-    if not _stable(problem, gains):
-        if not _guard(problem, frequencies, design_of(search.reference)[0], gains):
+    unstable = next((case for case in search.cases if not _stable(case, gains)), None)
+    if unstable is not None:
+        if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2
         search.warm = search.reference
         return
@@ -155,7 +173,7 @@ def _step(problem: Problem, search: _Search) -> None:
 
 def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) -> None:
     """Keep an admissible design if it is the best so far; finish if it is a local optimum."""
-    error = transparency_error(problem, *design_of(found.values)).error
+    error = error_of(problem, *design_of(found.values))
     if search.best is None or error < search.best.error:
         search.best = replace(found, error=error)
     if settled and _rough(problem, found.solution, error, search.panels):
@@ -164,12 +182,12 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
         search.finished = True
 
 
-def _pulled_in(problem: Problem, start: Start) -> Point | None:
+def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
     """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
-        if _stable(problem, gains):
+        if all(_stable(case, gains) for case in cases):
             return point(gains, start.coupling)
     return None
 
@@ -186,12 +204,13 @@ def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> Work
     coarse = np.geomspace(low, high, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.bounds.velocity.max > 0 or start.gains.position > 0:
-        first.ratio.extend(coarse)
+        first.ratio.extend(places(problem.device, coarse))
     if seen.peak_sensitivity > problem.stability.max_sensitivity:
-        first.sensitivity.extend(np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES))
+        upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
+        first.sensitivity.extend(places(problem.device, upto))
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
-        first.peak.extend(np.geomspace(band.min, band.max, FIRST_FREQUENCIES))
+        first.peak.extend(places(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
     return first
 
 
@@ -217,26 +236,39 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
     return tuple(values)  # type: ignore[return-value]
 
 
+def _checked(problem: Problem, cases: list[Problem], values: Point, tightening: float) -> _Demands:
+    """Find where the demands fail on any device, and where the error is greatest."""
+    parts = [_check(case, values, tightening) for case in cases]
+    loudest = max(parts, key=lambda part: part.loudest)
+    peaks = counted_of(problem) if problem.transparency.norm == "peak" else ()
+    return _Demands(
+        ratio=[place for part in parts for place in part.ratio],
+        sensitivity=[place for part in parts for place in part.sensitivity],
+        peak=[place for case in peaks for place in _error_peaks(case, *design_of(values))],
+        violation=max(part.violation for part in parts),
+        near_peak=loudest.near_peak,
+        loudest=loudest.loudest,
+        positive=all(part.positive for part in parts),
+    )
+
+
 def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     """Find where the demands fail by more than half the tightening."""
     gains, coupling = design_of(values)
-    stability, found = problem.stability, _Demands()
+    device, stability, found = problem.device, problem.stability, _Demands()
     ratio = ratio_minima(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
-    found.ratio = [
-        float(w) for w, v, s in zip(ratio.omega, ratio.value, short, strict=True) if s > tightening / 2 and v > 0
-    ]
+    found.ratio = places(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
     if ratio.value[0] <= 0:
         found.positive = False
-        found.ratio.append(_worst_resistance(problem, gains))
+        found.ratio += places(device, [_worst_resistance(problem, gains)])
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
-    found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
-    if -peaks.value[0] > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
-        found.near_peak = float(peaks.omega[0])
+    found.sensitivity = places(device, peaks.omega[over > tightening / 2])
+    found.loudest = float(-peaks.value[0])
+    if found.loudest > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
+        found.near_peak = Place(float(peaks.omega[0]), device)
     found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
-    if problem.transparency.norm == "peak":
-        _check_peak(problem, gains, coupling, found, tightening)
     found.violation = max(found.violation, 0.0)
     return found
 
@@ -246,13 +278,13 @@ def _worst_resistance(problem: Problem, gains: Gains) -> float:
     return float(local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid).omega[0])
 
 
-def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Demands, tightening: float) -> None:
+def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[Place]:
     band, weights = problem.transparency.band, problem.transparency.weights
 
     def negative_error(omega: Floats) -> Floats:
         return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
 
-    found.peak = [float(w) for w in local_minima(negative_error, frequency_grid(band.min, band.max)).omega]
+    return places(problem.device, local_minima(negative_error, frequency_grid(band.min, band.max)).omega)
 
 
 def _stable(problem: Problem, gains: Gains) -> bool:
@@ -292,7 +324,11 @@ def _join(frequencies: WorkingSet, demands: _Demands) -> bool:
     return any(added)
 
 
-def _extend(known: list[float], candidates: list[float]) -> bool:
-    new = [w for w in candidates if all(abs(w - k) > 1e-7 * k for k in known)]
+def _extend(known: list[Place], candidates: list[Place]) -> bool:
+    new = [place for place in candidates if not any(_same(place, other) for other in known)]
     known.extend(new)
     return bool(new)
+
+
+def _same(place: Place, other: Place) -> bool:
+    return abs(place.omega - other.omega) <= 1e-7 * other.omega and place.device == other.device

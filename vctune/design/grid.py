@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import closes_stable, sampled_stable
+from vctune.design.cases import cases_of, counted_of
 from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
@@ -125,7 +126,8 @@ def _towards_limit(problem: Problem, K_v: Floats) -> Floats:
     """Refine an axis of K_v towards the stability limit of the velocity loop alone, where good designs live."""
     for _ in range(LIMIT_ROUNDS):
         alone = Gains(K_v[:, None], np.array([0.0]))
-        stable = np.all([sampled_stable(loop, alone) for loop in problem.device.loops], axis=0)
+        loops = [loop for case in cases_of(problem) for loop in case.device.loops]
+        stable = np.all([sampled_stable(loop, alone) for loop in loops], axis=0)
         if stable.all() or not stable.any():
             return K_v
         last = int(np.argmin(stable)) - 1
@@ -172,6 +174,24 @@ def least_errors(problem: Problem, gains: Gains) -> Floats:
 
 
 def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:
+    """Return what the loops are worth on the device for which they are worth least."""
+    found = _alone(problem, samples, gains)
+    worst = len(counted_of(problem)) > 1
+    for case, there in samples.others:
+        other = _alone(case, there, gains)
+        louder = _mean(other.error2, samples.averages) > _mean(found.error2, samples.averages)
+        found = Loops(
+            np.maximum(found.required, other.required),
+            np.maximum(found.deficit, other.deficit),
+            np.maximum(found.sensitivity, other.sensitivity),
+            found.stable & other.stable,
+            found.strength,
+            np.where(louder[..., None], other.error2, found.error2) if worst else found.error2,
+        )
+    return found
+
+
+def _alone(problem: Problem, samples: Samples, gains: Gains) -> Loops:
     device, integrator, weights = problem.device, samples.integrator, problem.transparency.weights
     spread = Gains(gains.velocity[..., None], gains.position[..., None])
     band = samples.band.response(device, spread, integrator=integrator)

@@ -16,6 +16,7 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
+from vctune.design.cases import counted_of, error_of
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -56,7 +57,8 @@ class Judgement:
     Attributes
     ----------
     gains, coupling : the design
-    transparency : its error and the three terms
+    transparency : its error and the three terms, on the nominal device
+    error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
     certificate : what is proved
@@ -65,6 +67,7 @@ class Judgement:
     gains: Gains
     coupling: Coupling
     transparency: TransparencyError
+    error: float
     min_ratio: float
     worst: float
     peak_sensitivity: float
@@ -118,8 +121,10 @@ def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
     """Return the parts of a judgement that double precision gives."""
     min_ratio, worst = least_ratio(problem, gains, coupling)
     sensitivity = sensitivity_maxima(problem, gains)
+    transparency = transparency_error(problem, gains, coupling)
     return {
-        "transparency": transparency_error(problem, gains, coupling),
+        "transparency": transparency,
+        "error": error_of(problem, gains, coupling) if len(counted_of(problem)) > 1 else transparency.error,
         "min_ratio": min_ratio,
         "worst": worst,
         "peak_sensitivity": float(-sensitivity.value[0]),

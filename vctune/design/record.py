@@ -16,8 +16,8 @@ from vctune.analysis.margins import encirclements, loop_margins
 from vctune.design.judge import Judgement, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import near
-from vctune.design.shape import DEMANDS, size
-from vctune.design.variables import KEYS, Point, design_of, physical, point, ranges
+from vctune.design.shape import DEMANDS, size, stacked
+from vctune.design.variables import KEYS, Point, design_of, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
@@ -138,14 +138,15 @@ def active(solved: Solved) -> list[dict[str, Any]]:
     """
     if solved.polished is None:
         return []
-    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.problem, solved.polished)]
+    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
-    places: list[tuple[str, float | None]] = [("Re Z_c >= safety_factor R", omega * rate) for omega in posed.ratio]
-    places += [("|S| <= max_sensitivity", omega * rate) for omega in posed.sensitivity]
+    places: list[tuple[str, float | None]] = [("Re Z_c >= safety_factor R", at.omega * rate) for at in posed.ratio]
+    places += [("|S| <= max_sensitivity", at.omega * rate) for at in posed.sensitivity]
     places += [("stability of the sampled loop", None) for _ in posed.stability]
-    places += [("greatest error", omega * rate) for omega in posed.peak]
-    for omega in posed.moving:
-        places += [("|S| <= max_sensitivity", omega * rate), ("", None)]
+    places += [("greatest error", at.omega * rate) for at in posed.peak]
+    for at in posed.moving:
+        places += [("|S| <= max_sensitivity", at.omega * rate), ("", None)]
+    places += [("greatest error", None)] * solved.polished.shape.errors
     held = [
         {"demand": demand, "hz": hz, "multiplier": multiplier}
         for (demand, hz), multiplier in zip(places, multipliers, strict=True)
@@ -154,15 +155,15 @@ def active(solved: Solved) -> list[dict[str, Any]]:
     return sorted(held, key=lambda row: -float(row["multiplier"]))
 
 
-def _priced(problem: Problem, polished: Polished) -> Floats:
+def _priced(polished: Polished) -> Floats:
     """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
 
     In the hand of an operator the NLP has written it with both terms of the factor on different sides.
     """
-    multipliers, ratio = polished.solution.multipliers.copy(), np.array(polished.frequencies.ratio)
-    if polished.shape.held:
-        omega = ratio / problem.device.sample_time
-        loop = response(problem.device, design_of(physical(problem, polished.values))[0], omega)
+    multipliers, ratio = polished.solution.multipliers.copy(), polished.frequencies.ratio
+    if polished.shape.held and ratio:
+        device, omega = stacked(ratio)
+        loop = response(device, design_of(polished.values)[0], omega)
         multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers
 

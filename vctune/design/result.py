@@ -96,6 +96,7 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
+    nominal_error : of the best design for the nominal device alone, None when no device is uncertain
     """
 
     problem: Problem
@@ -106,6 +107,7 @@ class Solved:
     seen: ScanResult | None
     seconds: dict[str, float]
     optimality: Optimality | None = None
+    nominal_error: float | None = None
 
     @property
     def status(self) -> Status:

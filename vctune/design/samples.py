@@ -9,6 +9,7 @@ import numpy as np
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import unit_circle
+from vctune.design.cases import cases_of
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import HoldResponse, LoopResponse, hold_response, loop_response
@@ -43,6 +44,7 @@ class Samples:
     below_nyquist : for |S|
     nodes, averages : of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle
+    others : the other devices at which the demands are posed, with the same frequencies
     """
 
     integrator: bool
@@ -51,23 +53,21 @@ class Samples:
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
+    others: list[tuple[Problem, Samples]]
 
 
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
-    device, nyquist, band = problem.device, problem.nyquist, problem.transparency.band
+    nyquist, band = problem.nyquist, problem.transparency.band
     low, high = sampled_span(problem)
     count = int(FREQUENCIES * min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0))
+    within = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
+    below_nyquist = np.geomspace(1e-3 * nyquist, nyquist, count)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
-    def spectrum(omega: Floats) -> Spectrum:
-        return Spectrum(omega, hold_response(device, omega, FLOATS))
+    def samples(device: Device, others: list[tuple[Problem, Samples]]) -> Samples:
+        band, upto, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, below_nyquist, nodes))
+        circles = [unit_circle(loop, integrator=integrator) for loop in device.loops]
+        return Samples(integrator, band, upto, seen, averages, circles, others)
 
-    return Samples(
-        integrator,
-        spectrum(np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))),
-        spectrum(np.geomspace(1e-3 * nyquist, nyquist, count)),
-        spectrum(nodes),
-        averages,
-        [unit_circle(loop, integrator=integrator) for loop in device.loops],
-    )
+    return samples(problem.device, [(case, samples(case.device, [])) for case in cases_of(problem)[1:]])

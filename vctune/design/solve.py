@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vctune.design.cases import with_device
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import rounded
 from vctune.design.scan import ScanResult, rescan, scan
-from vctune.design.shape import WorkingSet
+from vctune.design.shape import Place, WorkingSet
 from vctune.design.variables import design_of, physical
 from vctune.document.problem import Problem, Range
 from vctune.model.quantities import Gains
@@ -47,12 +48,12 @@ BOUND_BOXES = 20_000_000
 Progress = Callable[[str], None]
 
 
-@np.errstate(all="ignore")
 def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up.
+    none, or gives up. Where the device is uncertain, the design for the nominal device alone is found too, to say what
+    robustness costs.
 
     Parameters
     ----------
@@ -60,6 +61,20 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
     """
+    solved = _solved(problem, progress, gap)
+    if problem.uncertainty is None or solved.polished is None:
+        return solved
+    began = perf_counter()
+    nominal = _solved(replace(problem, uncertainty=None), progress, None).judgement
+    return replace(
+        solved,
+        nominal_error=nominal.transparency.error if nominal is not None else None,
+        seconds={**solved.seconds, "nominal": perf_counter() - began},
+    )
+
+
+@np.errstate(all="ignore")
+def _solved(problem: Problem, progress: Progress, gap: float | None) -> Solved:
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
@@ -129,7 +144,7 @@ def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | No
     seen = scan(scaled)
     optimum = polish(scaled, start, seen, incumbent=target)
     judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
-    if judgement is None or not _meets_demands(problem, judgement) or judgement.transparency.error >= incumbent:
+    if judgement is None or not _meets_demands(problem, judgement) or judgement.error >= incumbent:
         return None
     return judgement
 
@@ -202,9 +217,10 @@ def _attempts(
         polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
 
 
-def _collect(known: list[float], outcome: Outcome, problem: Problem) -> None:
+def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
-        known.append(outcome.witness * problem.device.sample_time)
+        refuted = dimensionless(with_device(problem, outcome.device or problem.device))
+        known.append(Place(outcome.witness * problem.device.sample_time, refuted.device))
 
 
 def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
@@ -216,7 +232,7 @@ def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
         bounds=replace(bounds, **loop),
         transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
     )
-    least = solve(narrowed).judgement
+    least = _solved(narrowed, lambda stage: None, None).judgement
     if least is None:
         return judgement
     lighter = judge(problem, gains, least.coupling)
