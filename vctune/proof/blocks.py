@@ -188,16 +188,22 @@ def _looked(
 
 
 def _by_slopes(margin: Callable[[Rows], Number], rows: Rows) -> Looked:
-    """Bound a margin from below by its value at one point of each block and by its slopes."""
+    """Bound a margin from below by its value at one point of each block and by its slopes.
+
+    A block is halved where that costs most, or where it is widest while nothing is known of the slopes.
+    """
     whole = margin(variables(rows, [True] * len(rows)))
     slopes = [slope or Enclosure(0.0) for slope in whole.slopes]
     slopes += [Enclosure(0.0)] * (len(rows) - len(slopes))
     rad = np.stack([row.rad for row in rows])
     side = np.stack([np.broadcast_to(1.0 * slope.negative() - slope.positive(), rad.shape[1]) for slope in slopes])
     steep = np.stack([np.broadcast_to(np.abs(slope.mid) + slope.rad, rad.shape[1]) for slope in slopes])
-    point = np.stack([row.mid for row in rows]) + side * rad
+    middle = np.stack([row.mid for row in rows])
+    point = middle + side * rad
     least = margin([Enclosure(at, 2 * UNIT * (np.abs(at) + r)) for at, r in zip(point, rad, strict=True)])
     loose = np.where(side == 0, steep * rad, 0.0)
     spread = Enclosure(least.mid, (least.rad + loose.sum(axis=0)) * SWELL)
     proved = spread.positive() | whole.value.positive()
-    return Looked(proved, np.asarray(least.negative()), point, np.argmax(np.nan_to_num(loose, nan=np.inf), axis=0))
+    known = np.isfinite(loose).all(axis=0)
+    axis = np.argmax(np.where(known, loose, rad / middle), axis=0)
+    return Looked(proved, np.asarray(least.negative()), point, axis)
