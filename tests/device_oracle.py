@@ -44,7 +44,11 @@ def loops(problem: Problem, design: np.ndarray, devices: np.ndarray, omega: np.n
 
 def errors(problem: Problem, design: np.ndarray, devices: np.ndarray, nodes: int = 2000) -> np.ndarray:
     """Return the error on each device by the midpoint rule in log frequency, or on so many frequencies."""
-    band, Z_0, weights = problem.transparency.band, problem.transparency.reference_impedance, problem.transparency.weights
+    band, Z_0, weights = (
+        problem.transparency.band,
+        problem.transparency.reference_impedance,
+        problem.transparency.weights,
+    )
     peak = problem.transparency.norm == "peak"
     at = np.linspace(0, 1, nodes) if peak else (np.arange(nodes) + 0.5) / nodes
     omega = band.min * (band.max / band.min) ** at
@@ -118,7 +122,9 @@ def model_turns(problem: Problem, design: np.ndarray, devices: np.ndarray, point
     """Return how often D (times s with an integrator) turns around 0 less than that of a stable loop does."""
     lightest, nyquist = devices[0].min(), np.pi / problem.device.sample_time
     last = 40 * max(design[0] / lightest, np.sqrt(design[1] / lightest), nyquist)
-    omega = np.concatenate((np.geomspace(last * 1e-9, last * 1e-3, points), np.linspace(1e-3, 1, 4 * points)[1:] * last))
+    omega = np.concatenate(
+        (np.geomspace(last * 1e-9, last * 1e-3, points), np.linspace(1e-3, 1, 4 * points)[1:] * last)
+    )
     Z_d, C = loops(problem, design, devices, omega)
     angle = np.unwrap(np.angle((Z_d + C) * (1j * omega if design[1] > 0 else 1)), axis=1)
     return (np.pi / 2 * (2 if design[1] > 0 else 1) - (angle[:, -1] - angle[:, 0])) / (2 * np.pi)

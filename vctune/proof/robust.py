@@ -15,8 +15,9 @@ from vctune.proof.cells import Cells, all_pairs
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosures import Enclosure, Floats, decimal
+from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
-from vctune.proof.llewellyn import HIGHEST_EDGE, LOWEST_EDGE, MARCH_BOXES, march
+from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
 
 MOST = 400_000
 """Blocks looked at for one claim before it is left open."""
@@ -98,11 +99,11 @@ def widest_band_over(family: Family) -> tuple[float, float]:
     def holds(low: float, high: float) -> bool:
         return all(part.verdict is Verdict.PROVED for part in _conditions(family, low, high, MARCH_BOXES))
 
-    endless = device.hold == "lag" and device.delay == 0
+    endless = is_rational(device)
     first = 0.0 if low == 0 or holds(0.0, low) else march(holds, low, low * LOWEST_EDGE)
     if high == inf or (endless and holds(high, inf)):
         return first, inf
-    return first, march(holds, high, high * HIGHEST_EDGE if endless else pi / device.sample_time)
+    return first, march(holds, high, high / LOWEST_EDGE if endless else pi / device.sample_time)
 
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
