@@ -16,11 +16,11 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.design.cases import counted_of, error_of
+from vctune.design.cases import cases_of, counted_of, error_of
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.batch import Demands
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
@@ -60,7 +60,8 @@ class Judgement:
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
+    tightest : the device on which it is least, of the nominal one and the vertices of a box
+    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
 
@@ -70,6 +71,7 @@ class Judgement:
     error: float
     min_ratio: float
     worst: float
+    tightest: Device
     peak_sensitivity: float
     worst_sensitivity: float
     certificate: Certificate
@@ -119,14 +121,17 @@ def devices_of(problem: Problem) -> DeviceBox | None:
 
 def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
     """Return the parts of a judgement that double precision gives."""
-    min_ratio, worst = least_ratio(problem, gains, coupling)
-    sensitivity = sensitivity_maxima(problem, gains)
+    cases = cases_of(problem)
+    ratios = [least_ratio(case, gains, coupling) for case in cases]
+    (min_ratio, worst), tightest = min(zip(ratios, (case.device for case in cases), strict=True), key=lambda at: at[0])
+    sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(problem, gains, coupling)
     return {
         "transparency": transparency,
         "error": error_of(problem, gains, coupling) if len(counted_of(problem)) > 1 else transparency.error,
         "min_ratio": min_ratio,
         "worst": worst,
+        "tightest": tightest,
         "peak_sensitivity": float(-sensitivity.value[0]),
         "worst_sensitivity": float(sensitivity.omega[0]),
     }

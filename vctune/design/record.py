@@ -17,6 +17,7 @@ from vctune.design.judge import Judgement, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import near
 from vctune.design.shape import DEMANDS, size, stacked
+from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import KEYS, Point, design_of, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
@@ -26,6 +27,7 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import demanded, modulus_excess
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
+from vctune.proof.devices import UNCERTAIN
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import spectral_radius
 from vctune.version import __version__
@@ -74,6 +76,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
         record["warnings"] = warnings(problem, judgement)
+        if problem.uncertainty is not None:
+            record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     checked: dict[str, Any] = finite(record)
     return checked
 
@@ -178,6 +182,12 @@ def left_out(solved: Solved) -> list[str]:
     for term in ("admittance", "tracking", "coupling"):
         if getattr(problem.transparency.weights, term) == 0:
             found.append(f"transparency.weights.{term}: 0")
+    if problem.uncertainty is not None:
+        found += [
+            f"uncertainty.{name}: device.{name} is 0"
+            for name in UNCERTAIN
+            if getattr(problem.uncertainty, name) > 0 and getattr(problem.device, name) == 0
+        ]
     if solved.polished is None or solved.seen is None:
         return found
     shape = solved.polished.shape
@@ -241,10 +251,11 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
             "min_ratio": judgement.min_ratio,
             "worst_hz": _hz(worst),
-            "rollett_k": rollett_factor_at(problem.device, gains, coupling, worst) if 0 < worst < inf else None,
+            "rollett_k": rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
             "boxes": certificate.boxes,
             "claims": [
                 {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
+                | ({"witness_device": device_record(outcome.device)} if outcome.device else {})
                 for claim, outcome in certificate.outcomes.items()
             ],
             **_without_operator(problem, gains, coupling),

@@ -9,6 +9,7 @@ from math import exp, log
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima
+from vctune.design.cases import cases_of
 from vctune.design.judge import Status, judge
 from vctune.design.variables import KEYS, Point, design_of, point
 from vctune.document.problem import Problem
@@ -60,7 +61,10 @@ def _moved(values: Point, index: int, change: float) -> Point:
 
 
 def _passes(problem: Problem, values: Point) -> bool:
-    gains, coupling = design_of(values)
+    return all(_passes_with(case, *design_of(values)) for case in cases_of(problem))
+
+
+def _passes_with(problem: Problem, gains: Gains, coupling: Coupling) -> bool:
     if ratio_minima(problem, gains, coupling).value[0] < 1 + SLACK:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
