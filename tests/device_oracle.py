@@ -69,7 +69,7 @@ def coupling(design: np.ndarray, omega: np.ndarray) -> np.ndarray:
 def least_ratio(problem: Problem, design: np.ndarray, devices: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Return the least Re Z_c / R over the frequencies, -inf where Re(D + Z_h) is not positive somewhere.
 
-    R is by its definition from the two-port that has absorbed the operator's damping, Re q from 1 - q where q is near 1.
+    R is by its definition from the two-port that has absorbed the operator's damping, Im q from 1 - q.
     """
     Z_d, C = loops(problem, design, devices, omega)
     b_h = problem.device.operator.damping if problem.device.operator else 0.0

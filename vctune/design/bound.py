@@ -16,6 +16,7 @@ import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
 from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
+from vctune.design.cases import cases_of
 from vctune.design.judge import Judgement
 from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.document.problem import Problem
@@ -168,8 +169,9 @@ def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
     omega = [np.geomspace(*sampled_span(problem), FREQUENCIES)]
     omega_S = [np.geomspace(problem.nyquist * 1e-3, problem.nyquist, FREQUENCIES)]
     if best is not None:
-        omega.append(ratio_minima(problem, best.gains, best.coupling).omega)
-        omega_S.append(sensitivity_maxima(problem, best.gains).omega)
+        for case in cases_of(problem):
+            omega.append(ratio_minima(case, best.gains, best.coupling).omega)
+            omega_S.append(sensitivity_maxima(case, best.gains).omega)
     return relaxation(problem, np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S)), PLACES)
 
 
@@ -247,10 +249,12 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
 
 def _know_more(problem: Problem, search: _Search, gains: Gains, coupling: Coupling) -> None:
     """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
-    ratio, peaks = ratio_minima(problem, gains, coupling), sensitivity_maxima(problem, gains)
     relaxed, stability = search.relaxed, problem.stability
-    omega = ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)]
-    omega_S = peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)]
-    known, known_S = relaxed.demand.omega, relaxed.omega_S
-    if len(known) < MOST_FREQUENCIES and (len(omega) or len(omega_S)):
-        search.relaxed = at_frequencies(relaxed, np.union1d(known, omega), np.union1d(known_S, omega_S))
+    known, known_S = np.unique(relaxed.demand.omega), relaxed.omega_S
+    more, more_S = known, known_S
+    for case in cases_of(problem):
+        ratio, peaks = ratio_minima(case, gains, coupling), sensitivity_maxima(case, gains)
+        more = np.union1d(more, ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)])
+        more_S = np.union1d(more_S, peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)])
+    if len(known) < MOST_FREQUENCIES and len(more) + len(more_S) > len(known) + len(known_S):
+        search.relaxed = at_frequencies(relaxed, more, more_S)
