@@ -166,7 +166,8 @@ class _EnclosureArithmetic:
         """Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1: between -1/6 and -e^-x/6."""
         if not isinstance(x, Jet):
             return _falling(FLOATS.decay_ramp, x)
-        return x.mapped(_falling(FLOATS.decay_ramp, x.value), _falling(lambda t: np.exp(-t), x.value) / -6)
+        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - DECAY)
+        return x.mapped(_falling(FLOATS.decay_ramp, x.value), between(least, 1.0) / -6)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
