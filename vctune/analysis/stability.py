@@ -155,7 +155,12 @@ def _between(a: Gains, b: Gains, t: Floats | float) -> Gains:
 def _lowest(curve: Curve, gains: Gains) -> float:
     """Return the angle at which |F| is least."""
     K_v, K_p = np.array(gains.velocity), np.array(gains.position)
-    return float(local_minima(lambda theta: np.abs(curve(theta, K_v, K_p)), angles()).omega[0])
+
+    def square(theta: Floats) -> Floats:
+        F = curve(theta, K_v, K_p)
+        return F.real * F.real + F.imag * F.imag
+
+    return float(local_minima(square, angles()).omega[0])
 
 
 def _at(curve: Curve, theta: float, gains: Gains) -> complex:
