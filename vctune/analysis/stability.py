@@ -65,17 +65,17 @@ def unit_circle(device: Device, *, integrator: bool) -> ReturnDifference:
     return return_difference(plant, angles(), FLOATS, integrator=integrator)
 
 
-def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
-    """Return whether the sampled loop is stable; the gains end in an axis of length 1."""
-    integrator = bool(np.any(gains.position))
-    return closes_stable(unit_circle(device, integrator=integrator), gains, integrator=integrator)
-
-
 def closes_stable(circle: ReturnDifference, gains: Gains, *, integrator: bool) -> NDArray[np.bool_]:
     """Return whether the loop closed with the given gains makes no turn around 0.
 
     The turn from the first angle to the last, where F is real, is that of the first to the positive real axis plus a
     whole turn for each crossing of the negative real axis, which chords between neighbouring angles show.
+
+    Parameters
+    ----------
+    circle : from `unit_circle`
+    gains : arrays that end in an axis of length 1
+    integrator : whether the law has its K_p/s term
     """
     F = circle.closed(gains, integrator=integrator)
     up = F.im >= 0

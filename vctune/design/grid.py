@@ -174,15 +174,15 @@ def loops_at(problem: Problem, samples: Samples, gains: Gains) -> Loops:
     spread = Gains(gains.velocity[..., None], gains.position[..., None])
     band = samples.band.response(device, spread, integrator=integrator)
     with np.errstate(divide="ignore", invalid="ignore"):
-        required = np.where(band.re_D > 0, required_resistance(band, FLOATS), 0.0)
+        required = np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0)
     scale = device.damping + gains.velocity + gains.position * device.lag
-    deficit = np.maximum(-band.re_D, 0).max(axis=-1) / np.maximum(scale, 1e-300)
+    deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
     below_nyquist = samples.below_nyquist.response(device, spread, integrator=integrator)
     sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
     loop = samples.nodes.response(device, spread, integrator=integrator)
     error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    stable = closes_stable(samples.circle, spread, integrator=integrator)
+    stable = np.all([closes_stable(circle, spread, integrator=integrator) for circle in samples.circles], axis=0)
     return Loops(required, deficit, sensitivity, stable, strength, error2)
 
 

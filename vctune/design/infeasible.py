@@ -45,15 +45,16 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 def _impossible_at_zero(problem: Problem) -> str | None:
     device, bounds = problem.device, problem.bounds
-    b, tau, K_p = device.damping, device.lag, bounds.position.min
-    most = b + bounds.velocity.max
+    b, held, tau, K_p = device.damping, device.held.damping, device.lag, bounds.position.min
+    most = held + bounds.velocity.max
     if tau * K_p > most:
         return (
             f"Re G_hh >= 0 for omega -> 0 needs tau K_p <= b + K_v, but tau times the least gains.position is "
-            f"{tau * K_p:.4g} N s/m and device.damping plus the greatest gains.velocity {most:.4g} N s/m; "
+            f"{tau * K_p:.4g} N s/m and all damping plus the greatest gains.velocity {most:.4g} N s/m; "
             f"lower gains.position.min to {most / tau:.4g} N/m"
         )
-    need = b * b / (4 * (most - tau * K_p)) if most > tau * K_p else inf
+    left = most - tau * K_p
+    need = (b * b - 4 * (held - b) * (left - held)) / (4 * left) if left > 0 else inf
     if K_p > 0 and b > 0 and bounds.drag.max < need:
         drag = need * problem.stability.safety_factor
         return (
@@ -66,7 +67,7 @@ def _impossible_at_zero(problem: Problem) -> str | None:
 
 def _impossible_at_infinity(problem: Problem) -> str | None:
     device, bounds = problem.device, problem.bounds
-    b, K_v = device.damping, bounds.velocity.min
+    b, K_v = device.held.damping, bounds.velocity.min
     most = bounds.damping.max + bounds.drag.max
     need = 2 * device.mass * K_v / (b * device.sample_time) if b > 0 else inf
     if K_v == 0 or need <= most:
@@ -113,7 +114,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> str:
             "gains.position, or shorten device.sample_time or device.delay"
         )
     grid = frequency_grid(*sampled_span(problem))
-    resistance = local_minima(lambda omega: response(device, gains, omega).re_D, grid)
+    resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
     lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
     if lack >= 0:
         return (
