@@ -105,8 +105,8 @@ def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | Non
     What is better is judged on the scan's few frequencies, the design itself too.
     """
     samples, fine = _surroundings(problem, gains)
-    tau_c = np.union1d(fine.time_constant, coupling.mass / coupling.damping)
-    fine = replace(fine, time_constant=tau_c, drag=np.union1d(fine.drag, coupling.drag))
+    tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
+    fine = replace(fine, time_constant=tau_c, drag=np.sort(np.append(fine.drag, coupling.drag)))
     grid, place = scored(problem, samples, fine), _place(problem, gains, coupling)
     here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
     at = lowest(grid.score)
@@ -120,7 +120,7 @@ def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
     """Return a fine grid around gains, with every coupling."""
     integral = gains.position > 0
     coarse, bounds = axes(problem, integral=integral), problem.bounds.velocity
-    K_v = np.unique(np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max))
+    K_v = np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max)
     corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
     return samples_of(problem, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
 

@@ -62,19 +62,18 @@ def prove_boxes(
     """
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
-        verdict = decide(left, right)
+        verdict, middle = decide(left, right), _middle(left, right)
+        if verdict is Verdict.PROVED and right == high:
+            return Outcome(Verdict.PROVED, boxes)
+        finest = right - left <= RESOLUTION * right if left > 0 else right <= LOWEST * high
+        if verdict is Verdict.REFUTED or (verdict is Verdict.UNDECIDED and finest):
+            return Outcome(verdict, boxes, middle)
         if verdict is Verdict.PROVED:
-            if right == high:
-                return Outcome(Verdict.PROVED, boxes)
             ratio = right / left if left > 0 else WIDE
             left, right = right, min(right * ratio**GROWTH, high)
-            continue
-        middle = _middle(left, right)
-        finest = right - left <= RESOLUTION * right if left > 0 else right <= LOWEST * high
-        if verdict is Verdict.REFUTED or finest:
-            break
-        right = middle
-    return Outcome(verdict, boxes, middle)
+        else:
+            right = middle
+    return Outcome(Verdict.UNDECIDED, max_boxes, middle)
 
 
 def _middle(low: float, high: float) -> float:
