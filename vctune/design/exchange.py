@@ -27,9 +27,10 @@ from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.ipopt import solve
 from vctune.design.result import Polished, Round, Solution
-from vctune.design.scan import ScanResult, Start
+from vctune.design.scan import ScanResult
 from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
@@ -91,7 +92,7 @@ def polish(
     frequencies = _first_frequencies(problem, start, seen)
     if witnesses is not None:
         _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
-    _follow(frequencies, _check(problem, reference, tightening))
+    _follow(frequencies, _near_peak(problem, sensitivity_maxima(problem, design_of(reference)[0])))
     search = _Search(start, perf_counter(), tightening, incumbent, frequencies, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
@@ -131,11 +132,15 @@ def _step(problem: Problem, search: _Search) -> None:
     box = _box(free, search.reference, search.radius)
     solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
+    gains, stable = design_of(values)[0], _stable(problem, design_of(values)[0])
+    settled = solution.converged and not _at_box(free, solution.z, box)
+    search.finished = stable and settled and solution.error > search.incumbent
+    if search.finished:
+        return
     demands = _check(problem, values, search.tightening)
     seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
     search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution))
-    gains = design_of(values)[0]
-    if not _stable(problem, gains):
+    if not stable:
         if not _guard(problem, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2
         search.warm = search.reference
@@ -143,12 +148,10 @@ def _step(problem: Problem, search: _Search) -> None:
     if demands.positive:
         search.reference = values
     posed = frequencies.copy()
-    _follow(frequencies, demands)
+    _follow(frequencies, demands.near_peak)
     search.warm = search.reference
-    settled = solution.converged and not _at_box(free, solution.z, box)
-    search.finished = settled and solution.error > search.incumbent
     admissible = demands.positive and demands.violation == 0
-    if admissible and not search.finished:
+    if admissible:
         found = Polished(search.start, values, inf, shape, posed, solution, search.rounds)
         _keep(problem, search, found, settled=settled)
     progress = _join(frequencies, demands) or (admissible and solution.converged)
@@ -240,8 +243,7 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
-    if -peaks.value[0] > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
-        found.near_peak = float(peaks.omega[0])
+    found.near_peak = _near_peak(problem, peaks)
     found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
     if problem.transparency.norm == "peak":
         _check_peak(problem, gains, coupling, found, tightening)
@@ -258,6 +260,12 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima
     value = np.append(stability_ratio(problem.device, gains, coupling, low), minima.value)
     order = np.argsort(value, kind="stable")
     return Minima(omega[order], value[order])
+
+
+def _near_peak(problem: Problem, peaks: Minima) -> float | None:
+    """Return where |S| is greatest if that is near its limit and below the Nyquist frequency."""
+    near = -peaks.value[0] > FOLLOWED * problem.stability.max_sensitivity
+    return float(peaks.omega[0]) if near and peaks.omega[0] < problem.nyquist * (1 - 1e-6) else None
 
 
 def _least_resistance(problem: Problem, gains: Gains) -> Minima:
@@ -296,9 +304,9 @@ def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Ga
     return bool(new)
 
 
-def _follow(frequencies: WorkingSet, demands: _Demands) -> None:
+def _follow(frequencies: WorkingSet, near_peak: float | None) -> None:
     """Let the NLP follow the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
-    frequencies.moving[:] = [] if demands.near_peak is None else [demands.near_peak]
+    frequencies.moving[:] = [] if near_peak is None else [near_peak]
 
 
 def _join(frequencies: WorkingSet, demands: _Demands) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -53,6 +54,7 @@ class Samples:
     circles: list[ReturnDifference]
 
 
+@lru_cache(maxsize=4)
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
     device, nyquist, band = problem.device, problem.nyquist, problem.transparency.band
