@@ -12,24 +12,19 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.analysis.demands import (
-    error_terms,
-    ratio_minima,
-    response,
-    sampled_span,
-    sensitivity_maxima,
-    weighted_square,
-)
-from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.analysis.demands import sampled_span
+from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import clearly_stable, stability_cut
-from vctune.design.cases import cases_of, counted_of, error_of, with_device
-from vctune.design.ipopt import solve
+from vctune.design.cases import cases_of, error_of, with_device
+from vctune.design.ipopt import NEAR_SIDE, solve
 from vctune.design.result import Polished, Round, Solution
-from vctune.design.scan import ScanResult, Start
+from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.violations import Violations, least_resistance, near_peak, violations
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
@@ -37,40 +32,15 @@ TIGHTENING = 1e-6
 ROUNDS = 40
 RADIUS = 2.0
 GROWTH = 2.0
-NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of the box: where the error is flat IPOPT stays off by its barrier."""
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
 PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
 STABILITY_MARGIN = 1e-4
 """Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
 MAX_CUTS = 24
-FOLLOWED = 0.8
 PANELS = 4
 MAX_PANELS = 256
 QUADRATURE_TOLERANCE = 1e-7
-
-
-@dataclass(slots=True)
-class _Demands:
-    """Where the demands are not met at a point, and by how much (relative).
-
-    Attributes
-    ----------
-    ratio, sensitivity, peak : places
-    violation : the greatest
-    near_peak : where |S| is greatest, if it is near its limit
-    loudest : the greatest |S|
-    positive : whether Re(D + Z_h) > 0 throughout
-    """
-
-    ratio: list[Place] = field(default_factory=list)
-    sensitivity: list[Place] = field(default_factory=list)
-    peak: list[Place] = field(default_factory=list)
-    violation: float = 0.0
-    near_peak: Place | None = None
-    loudest: float = 0.0
-    positive: bool = True
 
 
 def polish(
@@ -93,18 +63,16 @@ def polish(
     tightening : relative sharpening of the demands
     witnesses : places that a proof has refuted, to begin with
     """
-    witnesses = witnesses or WorkingSet()
-    known, cases = {case.device for case in cases_of(problem)}, list(cases_of(problem))
-    for place in (*witnesses.ratio, *witnesses.sensitivity):
-        if place.device not in known:
-            known.add(place.device)
-            cases.append(with_device(problem, place.device))
+    witnesses, cases = witnesses or WorkingSet(), list(cases_of(problem))
+    refuted = dict.fromkeys(place.device for place in (*witnesses.ratio, *witnesses.sensitivity))
+    posed = {case.device for case in cases}
+    cases += [with_device(problem, device) for device in refuted if device not in posed]
     reference = _pulled_in(problem, cases, start)
     if reference is None:
         return None
     frequencies = _first_frequencies(problem, start, seen)
-    _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
-    _follow(frequencies, _checked(problem, cases, reference, tightening))
+    _join(frequencies, Violations(witnesses.ratio, witnesses.sensitivity))
+    _follow(frequencies, near_peak(cases, design_of(reference)[0]))
     search = _Search(start, cases, perf_counter(), tightening, incumbent, frequencies, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
@@ -146,11 +114,15 @@ def _step(problem: Problem, search: _Search) -> None:
     box = _box(free, search.reference, search.radius)
     solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
-    demands = _checked(problem, search.cases, values, search.tightening)
-    seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
-    search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution))
     gains = design_of(values)[0]
     unstable = next((case for case in search.cases if not _stable(case, gains)), None)
+    settled = solution.converged and solution.followed and not _at_box(free, solution.z, box)
+    search.finished = unstable is None and settled and solution.error > search.incumbent
+    if search.finished:
+        return
+    demands = violations(problem, search.cases, values, search.tightening)
+    seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
+    search.rounds.append(Round(seconds, demands.greatest, solution.error, size, solution))
     if unstable is not None:
         if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2
@@ -159,12 +131,10 @@ def _step(problem: Problem, search: _Search) -> None:
     if demands.positive:
         search.reference = values
     posed = frequencies.copy()
-    _follow(frequencies, demands)
+    _follow(frequencies, demands.near_peak)
     search.warm = search.reference
-    settled = solution.converged and not _at_box(free, solution.z, box)
-    search.finished = settled and solution.error > search.incumbent
-    admissible = demands.positive and demands.violation == 0
-    if admissible and not search.finished:
+    admissible = demands.positive and demands.greatest == 0
+    if admissible:
         found = Polished(search.start, values, inf, shape, posed, solution, search.rounds)
         _keep(problem, search, found, settled=settled)
     progress = _join(frequencies, demands) or (admissible and solution.converged)
@@ -183,13 +153,19 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
 
 
 def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
+    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
+
+    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
+    stable: Point | None = None
     for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
         if all(_stable(case, gains) for case in cases):
-            return point(gains, start.coupling)
-    return None
+            if all(least_resistance(case, gains).value[0] > 0 for case in cases):
+                return point(gains, start.coupling)
+            stable = stable or point(gains, start.coupling)
+    return stable
 
 
 def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
@@ -236,57 +212,6 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
     return tuple(values)  # type: ignore[return-value]
 
 
-def _checked(problem: Problem, cases: list[Problem], values: Point, tightening: float) -> _Demands:
-    """Find where the demands fail on any device, and where the error is greatest."""
-    parts = [_check(case, values, tightening) for case in cases]
-    loudest = max(parts, key=lambda part: part.loudest)
-    peaks = counted_of(problem) if problem.transparency.norm == "peak" else ()
-    return _Demands(
-        ratio=[place for part in parts for place in part.ratio],
-        sensitivity=[place for part in parts for place in part.sensitivity],
-        peak=[place for case in peaks for place in _error_peaks(case, *design_of(values))],
-        violation=max(part.violation for part in parts),
-        near_peak=loudest.near_peak,
-        loudest=loudest.loudest,
-        positive=all(part.positive for part in parts),
-    )
-
-
-def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
-    """Find where the demands fail by more than half the tightening."""
-    gains, coupling = design_of(values)
-    device, stability, found = problem.device, problem.stability, _Demands()
-    ratio = ratio_minima(problem, gains, coupling)
-    short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
-    found.ratio = places(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
-    if ratio.value[0] <= 0:
-        found.positive = False
-        found.ratio += places(device, [_worst_resistance(problem, gains)])
-    peaks = sensitivity_maxima(problem, gains)
-    over = np.log(-peaks.value / stability.max_sensitivity) + tightening
-    found.sensitivity = places(device, peaks.omega[over > tightening / 2])
-    found.loudest = float(-peaks.value[0])
-    if found.loudest > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
-        found.near_peak = Place(float(peaks.omega[0]), device)
-    found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
-    found.violation = max(found.violation, 0.0)
-    return found
-
-
-def _worst_resistance(problem: Problem, gains: Gains) -> float:
-    grid = frequency_grid(*sampled_span(problem))
-    return float(local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid).omega[0])
-
-
-def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[Place]:
-    band, weights = problem.transparency.band, problem.transparency.weights
-
-    def negative_error(omega: Floats) -> Floats:
-        return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
-
-    return places(problem.device, local_minima(negative_error, frequency_grid(band.min, band.max)).omega)
-
-
 def _stable(problem: Problem, gains: Gains) -> bool:
     """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do."""
     return all(_loop_stable(device, gains) for device in problem.device.loops)
@@ -309,12 +234,12 @@ def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Ga
     return bool(new)
 
 
-def _follow(frequencies: WorkingSet, demands: _Demands) -> None:
+def _follow(frequencies: WorkingSet, peak: Place | None) -> None:
     """Let the NLP follow the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
-    frequencies.moving[:] = [] if demands.near_peak is None else [demands.near_peak]
+    frequencies.moving[:] = [] if peak is None else [peak]
 
 
-def _join(frequencies: WorkingSet, demands: _Demands) -> bool:
+def _join(frequencies: WorkingSet, demands: Violations) -> bool:
     """Add failing frequencies to the working set; return whether any was new."""
     added = [
         _extend(frequencies.ratio, demands.ratio),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from vctune.analysis.demands import sampled_span
+from vctune.analysis.demands import sampled_span, towards_zero
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import unit_circle
 from vctune.design.cases import cases_of
@@ -56,13 +57,14 @@ class Samples:
     others: list[tuple[Problem, Samples]]
 
 
+@lru_cache(maxsize=4)
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
     nyquist, band = problem.nyquist, problem.transparency.band
     low, high = sampled_span(problem)
     count = int(FREQUENCIES * min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0))
-    within = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
-    below_nyquist = np.geomspace(1e-3 * nyquist, nyquist, count)
+    across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
+    within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(1e-3 * nyquist, nyquist, count)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
     def samples(device: Device, others: list[tuple[Problem, Samples]]) -> Samples:
