@@ -190,7 +190,8 @@ def _looked(
 def _by_slopes(margin: Callable[[Rows], Number], rows: Rows) -> Looked:
     """Bound a margin from below by its value at one point of each block and by its slopes.
 
-    A block is halved where that costs most, or where it is widest while nothing is known of the slopes.
+    A block is halved where that costs most; where the margin varies most if it is negative at that point; where the
+    block is widest while nothing is known of the slopes.
     """
     whole = margin(variables(rows, [True] * len(rows)))
     slopes = [slope or Enclosure(0.0) for slope in whole.slopes]
@@ -201,9 +202,10 @@ def _by_slopes(margin: Callable[[Rows], Number], rows: Rows) -> Looked:
     middle = np.stack([row.mid for row in rows])
     point = middle + side * rad
     least = margin([Enclosure(at, 2 * UNIT * (np.abs(at) + r)) for at, r in zip(point, rad, strict=True)])
-    loose = np.where(side == 0, steep * rad, 0.0)
+    reach = steep * rad
+    loose = np.where(side == 0, reach, 0.0)
     spread = Enclosure(least.mid, (least.rad + loose.sum(axis=0)) * SWELL)
-    proved = spread.positive() | whole.value.positive()
-    known = np.isfinite(loose).all(axis=0)
-    axis = np.argmax(np.where(known, loose, rad / middle), axis=0)
-    return Looked(proved, np.asarray(least.negative()), point, axis)
+    proved, fails = spread.positive() | whole.value.positive(), least.negative()
+    known = np.isfinite(reach).all(axis=0)
+    axis = np.argmax(np.where(known, np.where(fails, reach, loose), rad / middle), axis=0)
+    return Looked(proved, fails, point, axis)
