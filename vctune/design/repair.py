@@ -1,67 +1,73 @@
-"""The smallest change of one gain that would make a refuted design pass."""
+"""What would make a design possible: changes of one number of the problem file, each alone sufficient and least."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
-from math import exp, log
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+from time import perf_counter
+from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, sensitivity_maxima
-from vctune.design.judge import Status, judge
-from vctune.design.variables import KEYS, Point, design_of, point
+from vctune.analysis.demands import sensitivity_maxima
+from vctune.design.judge import Status, judge, least_ratio
+from vctune.design.levers import Lever, levers
+from vctune.design.result import Solved
+from vctune.design.solve import attainable, solve
+from vctune.document import toml
 from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.document.reading import ProblemFile, pose
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
-STEPS = np.geomspace(1e-3, log(1e3), 18)
-"""Changes tried, |log(new/old)|, before the threshold is bisected."""
-BISECTIONS = 20
+SHARE = 0.9
+"""The share of a repair that must not suffice."""
+FINER = 30.0
 SLACK = 1e-5
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """One gain moved.
+class Repair:
+    """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
     Attributes
     ----------
     key : dotted key
-    old, new : values, SI
+    old, new : its values, in the unit of the file
+    change : what that means
+    size : change relative to the greater of both values, by which repairs are compared (`Lever.size`)
     """
 
     key: str
     old: float
     new: float
+    change: str
+    size: float
 
 
-def least_change(problem: Problem, gains: Gains, coupling: Coupling) -> Change | None:
-    """Return the least relative change of one nonzero gain after which the design is proved; None if none does it."""
-    values = point(gains, coupling)
-    found = []
-    for index, sign in product((i for i, old in enumerate(values) if old), (1.0, -1.0)):
-        size = _threshold(problem, values, index, sign)
-        if size is not None:
-            found.append((size, index, sign))
-    for size, index, sign in sorted(found):
-        new = float(f"{values[index] * exp(sign * size * (1 + SLACK)):.6g}")
-        moved = tuple(new if i == index else value for i, value in enumerate(values))
-        if judge(problem, *design_of(moved)).status is Status.CERTIFIED:  # type: ignore[arg-type]
-            return Change(KEYS[index], values[index], new)
-    return None
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """How a changed problem is tried.
+
+    Attributes
+    ----------
+    quick : a first opinion
+    certain : whether it is certified, or has a certified design
+    width : how closely the least change is bracketed, relative
+    """
+
+    quick: Callable[[Problem], bool]
+    certain: Callable[[Problem], bool]
+    width: float
 
 
-def _moved(values: Point, index: int, change: float) -> Point:
-    moved = list(values)
-    moved[index] *= exp(change)
-    return tuple(moved)  # type: ignore[return-value]
-
-
-def _passes(problem: Problem, values: Point) -> bool:
-    gains, coupling = design_of(values)
-    if ratio_minima(problem, gains, coupling).value[0] < 1 + SLACK:
+def _seems_in_order(problem: Problem) -> bool:
+    """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
+    gains, coupling = problem.fixed_design
+    if least_ratio(problem, gains, coupling)[0] < 1 + SLACK:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
         return False
@@ -69,17 +75,78 @@ def _passes(problem: Problem, values: Point) -> bool:
     return all(proof.verdict is Verdict.PROVED for proof in proofs)
 
 
-def _threshold(problem: Problem, values: Point, index: int, sign: float) -> float | None:
-    """Return the least change that passes, of a first one on the grid bisected towards the last that does not."""
+SOLVED = Trial(attainable, lambda problem: solve(problem).status is Status.CERTIFIED, 0.05)
+JUDGED = Trial(_seems_in_order, lambda problem: judge(problem, *problem.fixed_design).status is Status.CERTIFIED, 2e-3)
 
-    def passes(change: float) -> bool:
-        return _passes(problem, _moved(values, index, sign * change))
 
-    high = next((float(step) for step in STEPS if passes(float(step))), None)
-    if high is None:
+def repaired(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
+    """Return what came of a problem with its repairs, where it has no design or its own is refuted.
+
+    Parameters
+    ----------
+    file : the problem
+    solved : what came of it
+    progress : told the stage of the work
+    """
+    if solved.judgement is not None and solved.status is not Status.VIOLATED:
+        return solved
+    began = perf_counter()
+    found = repairs(toml.parse(file.text, file.problem.name), file.problem, progress)
+    return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": perf_counter() - began})
+
+
+@np.errstate(all="ignore")
+def repairs(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
+    """Return the least changes of one number that repair a problem, the smallest first.
+
+    Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
+    with it, and solved; a problem that fixes every number is judged instead.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    progress : told what is tried
+    """
+    trial = JUDGED if problem.bounds.fixed else SOLVED
+    found = []
+    for lever in levers(document, problem):
+        progress(f"looking for repairs: {lever.change}")
+        new = _least(document, lever, trial)
+        if new is not None:
+            found.append(Repair(lever.key, lever.old, new, lever.change, lever.size(new)))
+    return sorted(found, key=lambda repair: repair.size)
+
+
+def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> float | None:
+    """Return the least value found that repairs the problem while `SHARE` of the change does not."""
+
+    def holds(new: float, opinion: Callable[[Problem], bool]) -> bool:
+        posed, _ = pose(lever.applied(document, new), "")
+        return posed is not None and opinion(posed)
+
+    for opinion in (trial.quick, trial.certain):  # where the first opinion was wrong, ask the second all along
+        strain = _least_strain(lever, lambda new, opinion=opinion: holds(new, opinion), 1 + trial.width)
+        if strain is None:
+            return None
+        new = lever.rounded(strain, trial.width / 2)
+        if holds(new, trial.certain) and not holds(lever.part(new, SHARE), trial.certain):
+            return new
+    return None
+
+
+def _least_strain(lever: Lever, holds: Callable[[float], bool], width: float) -> float | None:
+    """Return the strain of the first value tried that holds, narrowed towards the last one that does not."""
+    low = 0.0
+    for high in lever.strains():
+        if holds(lever.value(high)):
+            break
+        low = high
+    else:
         return None
-    low = max((float(step) for step in STEPS if step < high), default=0.0)
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if passes(middle) else (middle, high)
+    while low == 0 and high > lever.finest:
+        low, high = (0.0, high / FINER) if holds(lever.value(high / FINER)) else (high / FINER, high)
+    while 0 < low * width < high < inf:
+        middle = sqrt(low * high)
+        low, high = (low, middle) if holds(lever.value(middle)) else (middle, high)
     return high

@@ -15,6 +15,7 @@ from vctune.document.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality
+    from vctune.design.repair import Repair
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,6 +97,7 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
+    repairs : changes of the problem that would make a design possible, None when nobody asked
     """
 
     problem: Problem
@@ -106,6 +108,7 @@ class Solved:
     seen: ScanResult | None
     seconds: dict[str, float]
     optimality: Optimality | None = None
+    repairs: list[Repair] | None = None
 
     @property
     def status(self) -> Status:

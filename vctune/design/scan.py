@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, Grid, axes, position_gain, scored
+from vctune.design.grid import INADMISSIBLE, NEGATIVE, SENSITIVE, Axes, Grid, axes, position_gain, scored
 from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -44,6 +44,11 @@ class Start:
     def workable(self) -> bool:
         """Whether its loop is stable with Re G_hh > 0, so that the optimiser's formulas are defined there."""
         return self.error < INADMISSIBLE * NEGATIVE
+
+    @property
+    def shortfall(self) -> float:
+        """By how much it missed the worst of the demands, as the logarithm of a ratio; 0 for an admissible point."""
+        return 0.0 if self.admissible else (self.error / INADMISSIBLE - 1) % SENSITIVE
 
 
 @dataclass(frozen=True, slots=True)

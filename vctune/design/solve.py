@@ -26,7 +26,8 @@ from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Glance
+    from vctune.design.bound import Glance, Optimality
+    from vctune.design.leaves import Unfinished
 
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
@@ -35,6 +36,8 @@ WORTH_ANOTHER = 0.9995
 PROOF_ROUNDS = 4
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
+NEARLY = 0.1
+"""A start that misses a demand by more than this share is not polished when only an opinion is wanted."""
 SHARPENING = 10.0
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
@@ -71,7 +74,12 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scaled = dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
-    optima = [] if _emptied(problem, seen) else _optima(scaled, seen, progress)
+    early = None if any(start.admissible for start in seen.starts) else _early(problem)
+    if early is not None and early.proved:
+        miss = nearest_miss(problem, scaled, seen, proved=True)
+        seconds = {"scan": scanned - began, "bound": perf_counter() - scanned}
+        return Solved(problem, None, None, 0, miss, seen, seconds, early)
+    optima = _optima(scaled, seen, progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -84,24 +92,41 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
     solved = Solved(problem, judgement, best, len(optima), None, seen, seconds)
     if judgement is None or gap is not None:
-        solved = _searched(solved, progress, gap)
+        solved = _searched(solved, progress, gap, early.rest if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
         solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
     return solved
 
 
-def _emptied(problem: Problem, seen: ScanResult) -> bool:
-    """Return whether a short search proves that there is nothing to polish, where the scan met no admissible point."""
-    if any(start.admissible for start in seen.starts):
+@np.errstate(all="ignore")
+def attainable(problem: Problem) -> bool:
+    """Return whether the optimiser finds a certified design of a problem that leaves something free; proves nothing.
+
+    It stops at the first, and where it finds none no box is searched: an opinion in a fraction of the time of `solve`.
+    """
+    if impossible(problem) is not None:
         return False
+    scaled = dimensionless(problem)
+    seen = scan(scaled)
+    for start in seen.starts[:LONG_SHOTS]:
+        hopeful = start.workable and start.shortfall < NEARLY
+        optimum = polish(scaled, start, seen) if hopeful else None
+        judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+        if judgement is not None and _meets_demands(problem, judgement):
+            return True
+    return False
+
+
+def _early(problem: Problem) -> Optimality:
+    """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
     from vctune.design.bound import bound
 
-    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES).proved
+    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
 
 
-def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
-    """Search every box of designs: for a design where there is none, for a bound where it was asked for."""
+def _searched(solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None) -> Solved:
+    """Search the boxes of designs that are left: for a design where there is none, for a bound where it was asked for."""
     from vctune.design.bound import bound
 
     problem, began = solved.problem, perf_counter()
@@ -110,7 +135,8 @@ def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
         progress(f"searching every box: {at}")
 
     most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
-    found = bound(problem, solved.judgement, partial(improved, problem), gap=within, most_boxes=most, progress=tell)
+    improve = partial(improved, problem)
+    found = bound(problem, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)
