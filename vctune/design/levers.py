@@ -13,13 +13,16 @@ from vctune.document.problem import Problem
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
 
-STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0)
+STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 FROM_NOTHING = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 """Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0."""
+FURTHEST = 1e6
+"""How far a bound, or a gain, is moved at most."""
 FINEST, FINEST_OF_NOTHING = 1e-9, 1e-18
 """Strains below which a change is none."""
 DIGITS = 12
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
+OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
 """What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
 
@@ -38,7 +41,7 @@ class Lever:
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
     natural : natural size, where `old` is 0 or infinite
-    beside : other numbers that the file must state with it, as they are
+    other : the other edge of a band or end of a range, which the file must state with it
     """
 
     path: KeyPath
@@ -46,7 +49,7 @@ class Lever:
     old: float
     limit: float
     natural: float = 1.0
-    beside: tuple[tuple[KeyPath, float], ...] = ()
+    other: float | None = None
 
     @property
     def key(self) -> str:
@@ -107,9 +110,18 @@ class Lever:
                 return new
         return exact
 
+    def line(self, new: float) -> str:
+        """Return what the file has to say after the change: a line of TOML."""
+        if self.other is None:
+            return f"{self.key} = {new!r}"
+        low, high = sorted((new, self.other))
+        form = f"[{low!r}, {high!r}]" if isinstance(self.path[-1], int) else f"{{ min = {low!r}, max = {high!r} }}"
+        return f"{dotted(self.path[:-1])} = {form}"
+
     def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
         """Return the document with the number changed."""
-        return placed(document, (*self.beside, (self.path, new)))
+        beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
+        return placed(document, (*beside, (self.path, new)))
 
 
 def levers(document: dict[str, Any], problem: Problem) -> list[Lever]:
@@ -140,10 +152,10 @@ def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
     lowest, highest = max(2 * low, inner / 100), min(high / 2, nyquist)
     if lowest < high:
         change = "a lower upper edge of the stability band"
-        yield Lever((*path, 1), change, high, lowest, nyquist, (((*path, 0), low),))
+        yield Lever((*path, 1), change, high, lowest, nyquist, low)
     if highest > low:
         change = "a higher lower edge of the stability band"
-        yield Lever((*path, 0), change, low, highest, inner, (((*path, 1), high),))
+        yield Lever((*path, 0), change, low, highest, inner, high)
 
 
 def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
@@ -169,21 +181,23 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
         path, bounds, symbol = tuple(key.split(".")), getattr(problem.bounds, name), SYMBOLS[key]
         downwards = key not in ONLY_UPWARDS
         if number_at(document, *path, "max") is not None:
-            yield Lever((*path, "max"), f"a higher bound of {symbol}", bounds.max, *_up(bounds.max, natural[key]))
+            furthest, unit = _upwards(bounds.max, natural[key]), natural[key]
+            yield Lever((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
             if downwards and bounds.min > 0:
-                yield Lever((*path, "min"), f"a lower bound of {symbol}", bounds.min, _down(bounds.min, key))
+                furthest = _downwards(bounds.min, key)
+                yield Lever((*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max)
         elif number_at(document, *path) is not None or key == "coupling.drag":
             greater = "some drag" if key == "coupling.drag" and bounds.min == 0 else f"a greater {symbol}"
-            yield Lever(path, greater, bounds.min, *_up(bounds.min, natural[key]))
+            yield Lever(path, greater, bounds.min, _upwards(bounds.min, natural[key]), natural[key])
             if downwards and bounds.min > 0:
-                yield Lever(path, f"a smaller {symbol}", bounds.min, _down(bounds.min, key))
+                yield Lever(path, f"a smaller {symbol}", bounds.min, _downwards(bounds.min, key))
 
 
-def _up(old: float, natural: float) -> tuple[float, float]:
-    """Return how far upwards to go, and the natural size."""
-    return max(1000 * old, 10 * natural), natural
+def _upwards(old: float, natural: float) -> float:
+    """Return how far upwards to go."""
+    return max(FURTHEST * old, 10 * natural)
 
 
-def _down(old: float, key: str) -> float:
+def _downwards(old: float, key: str) -> float:
     """Return how far downwards to go: to 0 where a gain may be that."""
-    return 0.0 if key.startswith("gains.") else old / 1000
+    return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, log10, pi
@@ -50,7 +51,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "schema": SCHEMA,
         "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
-        "reason": solved.infeasibility.reason if solved.infeasibility else None,
+        "reason": reason(solved),
+        "repairs": None if solved.repairs is None else [asdict(repair) for repair in solved.repairs],
         "gains": None,
         "coupling": None,
         "transparency": None,
@@ -72,6 +74,15 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record["warnings"] = warnings(problem, judgement)
     checked: dict[str, Any] = finite(record)
     return checked
+
+
+def reason(solved: Solved) -> str | None:
+    """Return why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+    if solved.infeasibility is None:
+        return None
+    if solved.repairs:
+        return f"{solved.infeasibility.cause}; the smallest repair: {solved.repairs[0]}"
+    return solved.infeasibility.reason
 
 
 @cache

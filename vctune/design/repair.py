@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima
-from vctune.design.judge import Status, judge, least_ratio
+from vctune.design.judge import Judgement, Status, judge, least_ratio
 from vctune.design.levers import Lever, levers
 from vctune.design.result import Solved
 from vctune.design.solve import attainable, solve
@@ -38,14 +38,21 @@ class Repair:
     key : dotted key
     old, new : its values, in the unit of the file
     change : what that means
+    needs : what the file has to say, a line of TOML
     size : change relative to the greater of both values, by which repairs are compared (`Lever.size`)
+    error : transparency error of the design that there is then
     """
 
     key: str
     old: float
     new: float
     change: str
+    needs: str
     size: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +62,12 @@ class Trial:
     Attributes
     ----------
     quick : a first opinion
-    certain : whether it is certified, or has a certified design
+    certified : its design, if that is certified; None if there is none
     width : how closely the least change is bracketed, relative
     """
 
     quick: Callable[[Problem], bool]
-    certain: Callable[[Problem], bool]
+    certified: Callable[[Problem], Judgement | None]
     width: float
 
 
@@ -75,8 +82,12 @@ def _seems_in_order(problem: Problem) -> bool:
     return all(proof.verdict is Verdict.PROVED for proof in proofs)
 
 
-SOLVED = Trial(attainable, lambda problem: solve(problem).status is Status.CERTIFIED, 0.05)
-JUDGED = Trial(_seems_in_order, lambda problem: judge(problem, *problem.fixed_design).status is Status.CERTIFIED, 2e-3)
+def _certified(judgement: Judgement | None) -> Judgement | None:
+    return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
+
+
+SOLVED = Trial(attainable, lambda problem: _certified(solve(problem).judgement), 0.05)
+JUDGED = Trial(_seems_in_order, lambda problem: _certified(judge(problem, *problem.fixed_design)), 2e-3)
 
 
 def repaired(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -112,26 +123,34 @@ def repairs(document: dict[str, Any], problem: Problem, progress: Progress = lam
     found = []
     for lever in levers(document, problem):
         progress(f"looking for repairs: {lever.change}")
-        new = _least(document, lever, trial)
-        if new is not None:
-            found.append(Repair(lever.key, lever.old, new, lever.change, lever.size(new)))
+        repair = _least(document, lever, trial)
+        found += [repair] if repair is not None else []
     return sorted(found, key=lambda repair: repair.size)
 
 
-def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> float | None:
-    """Return the least value found that repairs the problem while `SHARE` of the change does not."""
+def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> Repair | None:
+    """Return the least change of a lever that repairs the problem while `SHARE` of it does not, if one is found."""
 
-    def holds(new: float, opinion: Callable[[Problem], bool]) -> bool:
+    def certified(new: float) -> Judgement | None:
         posed, _ = pose(lever.applied(document, new), "")
-        return posed is not None and opinion(posed)
+        return trial.certified(posed) if posed is not None else None
 
-    for opinion in (trial.quick, trial.certain):  # where the first opinion was wrong, ask the second all along
-        strain = _least_strain(lever, lambda new, opinion=opinion: holds(new, opinion), 1 + trial.width)
+    def promising(new: float) -> bool:
+        posed, _ = pose(lever.applied(document, new), "")
+        return posed is not None and trial.quick(posed)
+
+    def sure(new: float) -> bool:
+        return certified(new) is not None
+
+    for holds in (promising, sure):  # where the first opinion was wrong, ask the second all along
+        strain = _least_strain(lever, holds, 1 + trial.width)
         if strain is None:
             return None
         new = lever.rounded(strain, trial.width / 2)
-        if holds(new, trial.certain) and not holds(lever.part(new, SHARE), trial.certain):
-            return new
+        design = certified(new)
+        if design is not None and certified(lever.part(new, SHARE)) is None:
+            error = design.transparency.error
+            return Repair(lever.key, lever.old, new, lever.change, lever.line(new), lever.size(new), error)
     return None
 
 

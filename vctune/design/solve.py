@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vctune.design.exchange import TIGHTENING, polish
-from vctune.design.infeasible import impossible, nearest_miss
+from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import rounded
 from vctune.design.scan import ScanResult, rescan, scan
 from vctune.design.shape import WorkingSet
+from vctune.design.theorems import impossible
 from vctune.design.variables import Point, design_of
 from vctune.document.problem import Problem, Range
 from vctune.model.quantities import Gains
@@ -126,7 +127,7 @@ def _early(problem: Problem) -> Optimality:
 
 
 def _searched(solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None) -> Solved:
-    """Search the boxes of designs that are left: for a design where there is none, for a bound where it was asked for."""
+    """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
     from vctune.design.bound import bound
 
     problem, began = solved.problem, perf_counter()

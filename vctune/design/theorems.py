@@ -1,0 +1,124 @@
+"""Requests that no design can meet, known beforehand: the theorems of DESIGN 1.6 with their numbers filled in.
+
+Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
+"""
+
+from __future__ import annotations
+
+from math import inf, pi, sqrt
+
+from vctune.design.infeasible import Infeasibility
+from vctune.document.problem import Problem
+from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
+from vctune.model.quantities import Coupling, Gains
+
+
+def impossible(problem: Problem) -> Infeasibility | None:
+    """Return the theorem of DESIGN 1.6 that excludes every design of the problem, or None."""
+    found = _negative_resistance(problem)
+    if found is None and problem.stability.band.min == 0:
+        found = _at_zero(problem)
+    if found is None and problem.stability.band.max == inf:
+        found = _at_infinity(problem)
+    return None if found is None else Infeasibility(*found, proved=True)
+
+
+def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
+    """Re G_hh > 0 needs tau K_p < b + K_v for omega -> 0; for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
+
+    There Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2) is least at the band's lower edge.
+    """
+    device, bounds, omega = problem.device, problem.bounds, problem.stability.band.min
+    if omega > 0 and (device.hold != "lag" or device.delay > 0):
+        return None
+    tau, K_p = device.lag, bounds.position.min
+    growth = 1 + (omega * tau) ** 2
+    most = device.damping * growth + bounds.velocity.max
+    if tau * K_p < most:
+        return None
+    place, b = ("for omega -> 0", "b") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", f"{growth:.6g} b")
+    return (
+        f"Re G_hh > 0 {place} needs tau K_p < {b} + K_v, but tau times the least gains.position is {tau * K_p:.4g} "
+        f"N s/m, and {b} plus the greatest gains.velocity {most:.4g} N s/m",
+        f"lower gains.position.min below {most / tau:.4g} N/m",
+    )
+
+
+def _at_zero(problem: Problem) -> tuple[str, str] | None:
+    """With an integrator R tends to a constant and Re Z_c to the drag; without one both vanish like omega^2."""
+    position = problem.bounds.position
+    reasons, advice = [], []
+    if position.max > 0:
+        found = _with_integrator(problem)
+        if found is None:
+            return None
+        reasons, advice = [found[0]], [found[1]]
+    if position.min == 0:
+        found = _without_integrator(problem)
+        if found is None:
+            return None
+        reasons, advice = [*reasons, found[0]], [*advice, found[1]]
+    else:
+        advice.append("allow gains.position = 0")
+    return "; ".join(reasons), ", or ".join(advice)
+
+
+def _with_integrator(problem: Problem) -> tuple[str, str] | None:
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
+    limit = low_frequency_limit(device, Gains(bounds.velocity.max, bounds.position.min), most, integrator=True)
+    if _met(limit, factor):
+        return None
+    drag = factor * limit.required
+    reason = (
+        f"with K_p > 0 the required R tends to b^2/(4 (b + K_v - tau K_p)) for omega -> 0, at least "
+        f"{limit.required:.4g} N s/m, with the safety factor {drag:.4g} N s/m, but Re Z_c tends to the drag, at most "
+        f"{most.drag:.4g} N s/m"
+    )
+    if most.drag > 0:
+        return reason, f"allow a coupling.drag of {drag:.4g} N s/m"
+    lowest = sqrt(drag * most.damping) / most.mass / (2 * pi)
+    advice = f"allow a coupling.drag of {drag:.4g} N s/m, raise stability.band_hz[0] to at least {lowest:.4g} Hz"
+    return reason, advice
+
+
+def _without_integrator(problem: Problem) -> tuple[str, str] | None:
+    """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v."""
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
+    limits = [
+        low_frequency_limit(device, Gains(K_v, 0.0), most, integrator=False)
+        for K_v in (bounds.velocity.min, bounds.velocity.max)
+    ]
+    if any(_met(limit, factor) for limit in limits):
+        return None
+    need = factor * min(limit.required for limit in limits)
+    return (
+        "with K_p = 0 omega -> 0 needs m_c^2/b_c >= K_v (m + b tau)^2/(4 (b + K_v)^2), with the safety factor at least "
+        f"{need:.4g} kg s, but the bounds allow {limits[0].coupling:.4g} kg s",
+        f"raise coupling.mass.max to {sqrt(need * most.damping):.4g} kg, or allow some coupling.drag",
+    )
+
+
+def _at_infinity(problem: Problem) -> tuple[str, str] | None:
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
+    limit = high_frequency_limit(device, Gains(bounds.velocity.min, bounds.position.min), most)
+    if _met(limit, factor):
+        return None
+    if limit.required == inf:
+        return (
+            "omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), which no coupling has for a device without damping",
+            "lower stability.band_hz[1] to a finite edge, or add device damping",
+        )
+    need = factor * limit.required
+    return (
+        f"omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), with the safety factor at least {need:.4g} N s/m, but the "
+        f"bounds allow {limit.coupling:.4g} N s/m",
+        f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} N s/m",
+    )
+
+
+def _met(limit: EndLimit, factor: float) -> bool:
+    """Return whether Re Z_c is enough at an end; a required R of 0 or less asks for nothing."""
+    return limit.required <= 0 or limit.coupling >= factor * limit.required
