@@ -6,6 +6,7 @@ A problem is only read for its numbers. Designs are arrays of shape (5, n): K_v,
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from oracles import Case, sampled_radius
@@ -39,6 +40,8 @@ def couplings(designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
 
 def resistances(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Return R, inf where Re G_hh <= 0; |q| - Re q as (Im q)^2/(|q| + Re q) where that does not cancel."""
+    if problem.device.operator is not None:
+        return held_resistances(problem, designs, omega)
     Z_d, C = loops(problem, designs, omega)
     D = Z_d + C
     q = C / D
@@ -47,6 +50,19 @@ def resistances(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> np.
         excess = np.where(q.real > 0, im**2 / (np.abs(q) + q.real), np.abs(q) - q.real)
         R = excess * np.abs(D) ** 2 / (2 * D.real)
     return np.where(D.real > 0, R, np.inf)
+
+
+def held_resistances(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return R of the two-port h that has absorbed the operator Z_h: (|q| - Re q)/(2 Re h11) - Re(h22 - Z_c)."""
+    Z_d, C = loops(problem, designs, omega)
+    Z_h = problem.device.operator.mass * 1j * omega + problem.device.operator.damping
+    D, W = Z_d + C, Z_d + Z_h
+    q = C * D / (C + W) ** 2
+    im = (((2 * W - Z_d) * C + W**2) / (C + W) ** 2).imag
+    with np.errstate(all="ignore"):
+        excess = np.where(q.real > 0, im**2 / (np.abs(q) + q.real), np.abs(q) - q.real)
+        R = excess / (2 * (1 / (C + W)).real) - (Z_h * C / (C + W)).real
+    return np.where((C + W).real > 0, R, np.inf)
 
 
 def band(problem: Problem) -> tuple[float, float]:
@@ -102,14 +118,24 @@ def meet_limit(problem: Problem, designs: np.ndarray) -> np.ndarray:
     device, (K_v, K_p, _, _, b_0) = problem.device, designs
     if problem.stability.band.min > 0:
         return np.ones(designs.shape[1], bool)
-    slope = device.damping + K_v - (device.sample_time / 2 + device.delay) * K_p
-    enough = 4 * slope * b_0 >= problem.stability.safety_factor * device.damping**2
+    held = device.operator.damping if device.operator else 0.0
+    rest = K_v - (device.sample_time / 2 + device.delay) * K_p
+    slope = device.damping + held + rest
+    enough = 4 * slope * b_0 >= problem.stability.safety_factor * (device.damping**2 - 4 * held * rest)
     return (K_p == 0) | ((slope >= 0) & enough)
 
 
 def stable(problem: Problem, design: np.ndarray) -> bool:
-    """Return whether the sampled loop is stable, and the model's: C/Z_d does not turn around -1."""
+    """Return whether the sampled loop is stable, and the model's: C/Z_d does not turn around -1; let go and held."""
     device = problem.device
+    if device.operator is not None:
+        held = replace(
+            device,
+            mass=device.mass + device.operator.mass,
+            damping=device.damping + device.operator.damping,
+            operator=None,
+        )
+        return all(stable(replace(problem, device=each), design) for each in (replace(device, operator=None), held))
     case = Case(device.mass, device.damping, device.sample_time, device.delay, device.hold, *map(float, design))
     return sampled_radius(case) < 1 and abs(turns(problem, design)) < 0.5
 

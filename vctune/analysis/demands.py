@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import modulus_excess, rollett_factor
+from vctune.model.llewellyn import demanded, rollett_factor
 from vctune.model.loop import LoopResponse, hold_response, loop_response, sensitivity_abs2
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
@@ -28,11 +28,13 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R (DESIGN 1.4) at frequencies omega > 0; -inf where Re G_hh <= 0."""
+    """Return Re Z_c / R (DESIGN 1.4) at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0."""
     loop = response(device, gains, omega)
+    needed = demanded(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = 2 * loop.re_D * coupling_impedance(coupling, omega).re / modulus_excess(loop, FLOATS)
-    return np.where(loop.re_D > 0, ratio, -inf)
+        ratio = 2 * loop.resistance * coupling_impedance(coupling, omega).re / needed
+    ratio = ratio if loop.relief is None else np.where(needed > 0, ratio, inf)
+    return np.where(loop.resistance > 0, ratio, -inf)
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:

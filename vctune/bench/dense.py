@@ -20,8 +20,7 @@ from vctune.design.nlp import OPTIONS, assembled
 from vctune.design.rounding import rounded
 from vctune.design.scan import Start
 from vctune.design.shape import Shape, WorkingSet, shape_of
-from vctune.design.solve import physical
-from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.variables import Coordinate, Point, coordinates, design_of, physical, point
 from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Coupling, Gains

@@ -118,6 +118,7 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
             ("band", _band(proof["band_hz"]), "Hz"),
             ("proved band", _band(proof["proved_band_hz"]), "Hz"),
             ("least Re Z_c / R", _text(proof["min_ratio"]), f"at {_text(proof['worst_hz'])} Hz"),
+            *_without_operator(proof),
             *((f"{claim['claim']}", claim["verdict"], _place(claim["witness_hz"])) for claim in _open(proof)),
         ],
         **({"optimality": _optimality(record["optimality"])} if record.get("optimality") else {}),
@@ -129,6 +130,13 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
             ("delay margin", _text(loop["delay_margin_s"]), "s"),
         ],
     }
+
+
+def _without_operator(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
+    bare = proof.get("without_operator")
+    if not bare:
+        return []
+    return [("without operator", _text(bare["min_ratio"]), f"at {_text(bare['worst_hz'])} Hz, {bare['verdict']}")]
 
 
 def _optimality(found: dict[str, Any]) -> list[tuple[str, str, str]]:

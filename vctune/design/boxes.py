@@ -10,7 +10,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.judge import demands_of
 from vctune.design.variables import coordinates
 from vctune.document.problem import Problem
-from vctune.proof.batch import by_integrator, claims_of, encirclements
+from vctune.proof.batch import by_integrator, encirclements
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
@@ -100,8 +100,7 @@ def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]
     cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for integrator, at in by_integrator(cells):
-        claims, part = claims_of(demands_of(problem), integrator=integrator), cells.taken(at)
-        number = encirclements(claims, problem.device, part, integrator=integrator).number
+        number = encirclements(demands_of(problem), cells.taken(at), integrator=integrator).number
         stable[at] = (number == 0).all(axis=0)
         unstable[at] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable

@@ -29,7 +29,7 @@ from vctune.design.scan import ScanResult, Start
 from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
@@ -243,7 +243,7 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
 
 def _worst_resistance(problem: Problem, gains: Gains) -> float:
     grid = frequency_grid(*sampled_span(problem))
-    return float(local_minima(lambda omega: response(problem.device, gains, omega).re_D, grid).omega[0])
+    return float(local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid).omega[0])
 
 
 def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Demands, tightening: float) -> None:
@@ -256,22 +256,25 @@ def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Dema
 
 
 def _stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether both loops are stable; close to the boundary by proof, where an estimate would not do."""
-    estimate = clearly_stable(problem.device, gains)
+    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do."""
+    return all(_loop_stable(device, gains) for device in problem.device.loops)
+
+
+def _loop_stable(device: Device, gains: Gains) -> bool:
+    estimate = clearly_stable(device, gains)
     if estimate is not None:
         return estimate
-    return all(
-        prove(problem.device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles)
-    )
+    return all(prove(device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles))
 
 
 def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Gains) -> bool:
     """After a step into instability add the tangent of the boundary that was crossed; return whether it is new."""
-    cut = stability_cut(problem.device, inside, outside, STABILITY_MARGIN)
-    if cut is None or cut in frequencies.stability or len(frequencies.stability) >= MAX_CUTS:
+    cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
+    new = [cut for cut in cuts if cut is not None and cut not in frequencies.stability]
+    if len(frequencies.stability) + len(new) > MAX_CUTS:
         return False
-    frequencies.stability.append(cut)
-    return True
+    frequencies.stability.extend(new)
+    return bool(new)
 
 
 def _follow(frequencies: WorkingSet, demands: _Demands) -> None:

@@ -124,7 +124,8 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
 def _towards_limit(problem: Problem, K_v: Floats) -> Floats:
     """Refine an axis of K_v towards the stability limit of the velocity loop alone, where good designs live."""
     for _ in range(LIMIT_ROUNDS):
-        stable = sampled_stable(problem.device, Gains(K_v[:, None], np.array([0.0])))
+        alone = Gains(K_v[:, None], np.array([0.0]))
+        stable = np.all([sampled_stable(loop, alone) for loop in problem.device.loops], axis=0)
         if stable.all() or not stable.any():
             return K_v
         last = int(np.argmin(stable)) - 1
@@ -175,15 +176,15 @@ def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:
     spread = Gains(gains.velocity[..., None], gains.position[..., None])
     band = samples.band.response(device, spread, integrator=integrator)
     with np.errstate(divide="ignore", invalid="ignore"):
-        required = np.where(band.re_D > 0, required_resistance(band, FLOATS), 0.0)
+        required = np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0)
     scale = device.damping + gains.velocity + gains.position * device.lag
-    deficit = np.maximum(-band.re_D, 0).max(axis=-1) / np.maximum(scale, 1e-300)
+    deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
     below_nyquist = samples.below_nyquist.response(device, spread, integrator=integrator)
     sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
     loop = samples.nodes.response(device, spread, integrator=integrator)
     error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    stable = closes_stable(samples.circle, spread, integrator=integrator)
+    stable = np.all([closes_stable(circle, spread, integrator=integrator) for circle in samples.circles], axis=0)
     return Loops(required, deficit, sensitivity, stable, strength, error2)
 
 

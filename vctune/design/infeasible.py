@@ -73,7 +73,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
             "allow a lower gains.velocity or gains.position, or shorten device.sample_time or device.delay",
         )
     grid = frequency_grid(*sampled_span(problem))
-    resistance = local_minima(lambda omega: response(device, gains, omega).re_D, grid)
+    resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
     lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
     if lack >= 0:
         return (

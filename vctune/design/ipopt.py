@@ -105,6 +105,8 @@ def _parameters(
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale
     common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS), device.delay]
+    if shape.held and device.operator is not None:
+        common += [device.operator.damping, problem.stability.safety_factor]
     parts = [np.array(common)]
     if shape.norm == "rms":
         band = problem.transparency.band

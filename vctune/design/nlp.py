@@ -21,7 +21,7 @@ from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import HoldResponse, hold_response, loop_response, sensitivity_abs2
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
 OPTIONS: dict[str, Any] = {
@@ -37,6 +37,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.mu_init": 1e-3,
     "ipopt.mumps_pivot_order": 0,
 }
+COMMON = {False: 16, True: 18}
+"""Numbers common to all frequencies; two more where an operator eases the conditions: its damping, the factor."""
 
 
 class _SymbolArithmetic:
@@ -101,8 +103,9 @@ class _AtOneFrequency:
 
 
 def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
-    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", 16), ca.SX.sym("t")
-    device = Device(common[0], common[1], 1.0, common[15] if shape.delayed else 0.0, shape.hold)
+    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", COMMON[shape.held]), ca.SX.sym("t")
+    operator = LeastOperator(0.0, common[16]) if shape.held else None
+    device = Device(common[0], common[1], 1.0, common[15] if shape.delayed else 0.0, shape.hold, operator)
     scale, fixed, weights = common[2:7], common[7:12], dict(zip(TERMS, ca.vertsplit(common[12:15]), strict=True))
     values = ca.vertsplit(fixed)
     for k, (index, from_zero) in enumerate(shape.free):
@@ -115,6 +118,9 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     Z_c = coupling_impedance(coupling, column[0])
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
+    offered = 2 * loop.resistance * Z_c.re
+    if loop.relief is not None:  # R may be negative and has no logarithm then
+        offered += common[17] * loop.relief
     y = ca.SX.sym("y")
     omega = ca.exp(y)
     followed = loop_response(device, gains, omega, hold_response(device, omega, SYMBOLS), integrator=shape.integrator)
@@ -133,7 +139,7 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
         },
         values={
             "node": weight * error2,
-            "ratio": ca.log(2 * loop.re_D * Z_c.re) - ca.log(modulus_excess(loop, SYMBOLS)),
+            "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
             "sensitivity": -ca.log(sensitivity_abs2(loop)) / 2,
             "stability": cut[0] + gains.velocity * cut[1] + gains.position * cut[2],
             "peak": epigraph - ca.log(error2) / 2,

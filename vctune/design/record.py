@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, log10, pi
@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vctune.analysis.demands import rollett_factor_at
+from vctune.analysis.demands import response, rollett_factor_at
+from vctune.analysis.extrema import Floats
 from vctune.analysis.margins import encirclements, loop_margins
-from vctune.design.judge import Judgement
-from vctune.design.result import Solved
+from vctune.design.judge import Judgement, judge
+from vctune.design.result import Polished, Solved
 from vctune.design.rounding import near
 from vctune.design.shape import DEMANDS, size
-from vctune.design.variables import KEYS, Point, point, ranges
+from vctune.design.variables import KEYS, Point, design_of, physical, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.document.strict import finite
+from vctune.model.arithmetic import FLOATS
+from vctune.model.llewellyn import demanded, modulus_excess
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -145,7 +148,7 @@ def active(solved: Solved) -> list[dict[str, Any]]:
     """
     if solved.polished is None:
         return []
-    posed, multipliers = solved.polished.frequencies, [float(m) for m in solved.polished.solution.multipliers]
+    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.problem, solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
     places: list[tuple[str, float | None]] = [("Re Z_c >= safety_factor R", omega * rate) for omega in posed.ratio]
     places += [("|S| <= max_sensitivity", omega * rate) for omega in posed.sensitivity]
@@ -159,6 +162,19 @@ def active(solved: Solved) -> list[dict[str, Any]]:
         if demand and multiplier > ACTIVE
     ]
     return sorted(held, key=lambda row: -float(row["multiplier"]))
+
+
+def _priced(problem: Problem, polished: Polished) -> Floats:
+    """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+
+    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
+    """
+    multipliers, ratio = polished.solution.multipliers.copy(), np.array(polished.frequencies.ratio)
+    if polished.shape.held:
+        omega = ratio / problem.device.sample_time
+        loop = response(problem.device, design_of(physical(problem, polished.values))[0], omega)
+        multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
+    return multipliers
 
 
 def left_out(solved: Solved) -> list[str]:
@@ -240,9 +256,19 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
                 {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
                 for claim, outcome in certificate.outcomes.items()
             ],
+            **_without_operator(problem, gains, coupling),
         },
         "inner_loop": _inner_loop(problem, judgement),
     }
+
+
+def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
+    """Return what the design is worth to hands that do not contain the least operator; nothing if there is none."""
+    if problem.device.operator is None:
+        return {}
+    bare = judge(replace(problem, device=problem.device.bare), gains, coupling)
+    verdict, least = bare.certificate.verdict.value, bare.min_ratio
+    return {"without_operator": {"verdict": verdict, "min_ratio": least, "worst_hz": _hz(bare.worst)}}
 
 
 def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:

@@ -78,7 +78,7 @@ def _seems_in_order(problem: Problem) -> bool:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
         return False
-    proofs = (prove_sampled_poles(problem.device, gains), prove_model_poles(problem.device, gains))
+    proofs = (prove(loop, gains) for loop in problem.device.loops for prove in (prove_sampled_poles, prove_model_poles))
     return all(proof.verdict is Verdict.PROVED for proof in proofs)
 
 

@@ -42,7 +42,7 @@ class Samples:
     band : of stability
     below_nyquist : for |S|
     nodes, averages : of the transparency band's quadrature
-    circle : the sampled loop's return difference on the unit circle
+    circles : the return differences of the sampled loops on the unit circle
     """
 
     integrator: bool
@@ -50,7 +50,7 @@ class Samples:
     below_nyquist: Spectrum
     nodes: Spectrum
     averages: Floats
-    circle: ReturnDifference
+    circles: list[ReturnDifference]
 
 
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
@@ -69,5 +69,5 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
         spectrum(np.geomspace(1e-3 * nyquist, nyquist, count)),
         spectrum(nodes),
         averages,
-        unit_circle(device, integrator=integrator),
+        [unit_circle(loop, integrator=integrator) for loop in device.loops],
     )

@@ -91,9 +91,10 @@ def scan(problem: Problem) -> ScanResult:
 def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as far as the bounds and DESIGN 1.6 allow.
 
-    With damping and without drag no K_p > 0 is admissible on a band from 0.
+    With damping, without drag and without an operator's damping no K_p > 0 is admissible on a band from 0.
     """
-    position, barred = problem.bounds.position, problem.stability.band.min == 0 and problem.device.damping > 0
+    position, device = problem.bounds.position, problem.device
+    barred = problem.stability.band.min == 0 and device.held.damping == device.damping > 0
     faces = [False] if position.min == 0 else []
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 

@@ -57,6 +57,7 @@ class Shape:
     slots : numbers of ratio, sensitivity, stability and peak constraints
     moving : number of peaks of |S| that are followed
     hold, delayed : what the response at a variable frequency is made of; only looked at when a peak is followed
+    held : whether the damping of an operator eases the conditions
     """
 
     free: tuple[tuple[int, bool], ...]
@@ -68,6 +69,7 @@ class Shape:
     moving: int
     hold: Hold
     delayed: bool
+    held: bool
 
 
 def shape_of(
@@ -88,6 +90,7 @@ def shape_of(
         moving=len(frequencies.moving),
         hold=problem.device.hold if frequencies.moving else "zoh",
         delayed=problem.device.delay > 0 if frequencies.moving else False,
+        held=problem.device.held.damping > problem.device.damping,
     )
 
 

@@ -19,7 +19,7 @@ from vctune.design.rounding import rounded
 from vctune.design.scan import ScanResult, rescan, scan
 from vctune.design.shape import WorkingSet
 from vctune.design.theorems import impossible
-from vctune.design.variables import Point, design_of
+from vctune.design.variables import design_of, physical
 from vctune.document.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
@@ -254,10 +254,3 @@ def _meets_demands(problem: Problem, judgement: Judgement) -> bool:
     """Return whether the design is certified with the safety factor that the problem asks for."""
     certified = judgement.status is Status.CERTIFIED
     return certified and judgement.certificate.factor >= problem.stability.safety_factor
-
-
-def physical(problem: Problem, values: Point) -> Point:
-    """Return dimensionless K_v, K_p, b_c, m_c, b_0 in SI units."""
-    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
-    K_v, K_p, b_c, m_c, b_0 = values
-    return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)

@@ -24,19 +24,20 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
-    """Re G_hh > 0 needs tau K_p < b + K_v for omega -> 0; for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
+    """Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
 
-    There Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2) is least at the band's lower edge.
+    There Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2) is least at the band's lower edge. An operator's b_h adds to b.
     """
     device, bounds, omega = problem.device, problem.bounds, problem.stability.band.min
     if omega > 0 and (device.hold != "lag" or device.delay > 0):
         return None
     tau, K_p = device.lag, bounds.position.min
     growth = 1 + (omega * tau) ** 2
-    most = device.damping * growth + bounds.velocity.max
+    most = device.held.damping * growth + bounds.velocity.max
     if tau * K_p < most:
         return None
-    place, b = ("for omega -> 0", "b") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", f"{growth:.6g} b")
+    b = "b" if device.operator is None else "(b + b_h)"
+    place, b = ("for omega -> 0", b) if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", f"{growth:.6g} {b}")
     return (
         f"Re G_hh > 0 {place} needs tau K_p < {b} + K_v, but tau times the least gains.position is {tau * K_p:.4g} "
         f"N s/m, and {b} plus the greatest gains.velocity {most:.4g} N s/m",
@@ -70,8 +71,10 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
     if _met(limit, factor):
         return None
     drag = factor * limit.required
+    held = device.operator is not None
+    R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else "b^2/(4 (b + K_v - tau K_p))"
     reason = (
-        f"with K_p > 0 the required R tends to b^2/(4 (b + K_v - tau K_p)) for omega -> 0, at least "
+        f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "
         f"{limit.required:.4g} N s/m, with the safety factor {drag:.4g} N s/m, but Re Z_c tends to the drag, at most "
         f"{most.drag:.4g} N s/m"
     )
@@ -106,14 +109,15 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
     limit = high_frequency_limit(device, Gains(bounds.velocity.min, bounds.position.min), most)
     if _met(limit, factor):
         return None
+    b = "b" if device.operator is None else "(b + b_h)"
     if limit.required == inf:
         return (
-            "omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), which no coupling has for a device without damping",
+            f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), which no coupling has for a device without damping",
             "lower stability.band_hz[1] to a finite edge, or add device damping",
         )
     need = factor * limit.required
     return (
-        f"omega -> inf needs b_c + b_0 >= 2 m K_v/(b T), with the safety factor at least {need:.4g} N s/m, but the "
+        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with the safety factor at least {need:.4g} N s/m, but the "
         f"bounds allow {limit.coupling:.4g} N s/m",
         f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} N s/m",
     )

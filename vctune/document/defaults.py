@@ -12,14 +12,16 @@ from vctune.document.experiment import Baseline, Environment, Experiment, Fricti
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency
 from vctune.document.schema import ProblemDocument, StabilityTable
-from vctune.model.quantities import Device
+from vctune.model.quantities import Device, LeastOperator
 from vctune.model.transparency import Terms
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
     """Return the problem that a valid document states, every default filled in."""
     table = document.device
-    device = Device(table.mass, table.damping, table.sample_time, table.delay, table.hold)
+    hand = document.operator
+    operator = LeastOperator(hand.mass, hand.damping) if hand and (hand.mass or hand.damping) else None
+    device = Device(table.mass, table.damping, table.sample_time, table.delay, table.hold, operator)
     loop_impedance = device.mass / device.lag + device.damping
 
     objective = document.transparency

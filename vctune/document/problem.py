@@ -7,7 +7,7 @@ from math import pi
 from typing import Literal
 
 from vctune.document.experiment import Experiment
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.model.transparency import Terms
 
 Norm = Literal["rms", "peak"]
@@ -103,6 +103,7 @@ class Problem:
         """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s]."""
         Z, t = 1 / impedance, 1 / time
         device, bounds, transparency, stability = self.device, self.bounds, self.transparency, self.stability
+        operator = device.operator
         return replace(
             self,
             device=replace(
@@ -111,6 +112,7 @@ class Problem:
                 damping=device.damping * Z,
                 sample_time=device.sample_time * t,
                 delay=device.delay * t,
+                operator=operator and LeastOperator(operator.mass * Z * t, operator.damping * Z),
             ),
             bounds=Bounds(
                 velocity=bounds.velocity.times(Z),

@@ -53,6 +53,15 @@ class DeviceTable(Table):
     )
 
 
+class LeastOperatorTable(Table):
+    """The least impedance Z_h = mass s + damping that is always at the handle: of a hand, a grip, a tool."""
+
+    mass: NotNegative = Field(
+        0.0, description="m_h, kg. It matters to the stability of the loop alone: any hand may add mass."
+    )
+    damping: NotNegative = Field(0.0, description="b_h, N s/m. It eases the demand on Re Z_c.")
+
+
 class GainsTable(Table):
     """The velocity loop's law K_v + K_p/s. A number fixes a gain, { min, max } frees it."""
 
@@ -105,7 +114,7 @@ class StabilityTable(Table):
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
         description="Band, Hz. Default: the transparency band's lower edge to a tenth of the sampling rate. The "
-        'lower edge may be 0 and the upper inf with hold "lag" and no delay.',
+        'lower edge may be 0, the upper inf with hold "lag" and no delay.',
     )
     safety_factor: Positive = Field(1.05, description="Least Re Z_c / R, at least 1.")
     max_sensitivity: Positive = Field(2.0, description="Greatest |S| = |1 - G_he| up to the Nyquist frequency.")
@@ -122,6 +131,7 @@ class ProblemDocument(Table):
     )
     description: Text = Field("", description="Free text for the reader.")
     device: DeviceTable
+    operator: LeastOperatorTable | None = Field(None, description="Default: nothing, any passive hand may be there.")
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)

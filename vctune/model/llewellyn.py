@@ -1,4 +1,13 @@
-"""Llewellyn's absolute stability as a demand on the coupling (DESIGN 1.4 and 1.5, paper eqs. 12 and 19)."""
+"""Llewellyn's absolute stability as a demand on the coupling (DESIGN 1.4 and 1.5, paper eqs. 12 and 19).
+
+A passive operator Z that always contains Z_h presents 1/(D + Z) anywhere in the disc over the diameter
+[0, 1/Re(D + Z_h)] to the environment's side, where the impedance is Z_c + C - C D/(D + Z). Its real part is nowhere
+negative if and only if
+
+    Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re C)/(2 Re(D + Z_h)),
+
+which is DESIGN 1.4 (iii) for Z_h = 0. The operator's mass is not in it: any reactance may be in the hand anyway.
+"""
 
 from __future__ import annotations
 
@@ -21,18 +30,25 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     )
 
 
-def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return R = (|q| - Re q)/(2 Re G_hh), the least admissible Re Z_c, N s/m (DESIGN 1.4).
+def demanded(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return 2 Re(D + Z_h) R, (N s/m)^2; without an operator `modulus_excess`."""
+    excess = modulus_excess(loop, ops)
+    return excess if loop.relief is None else excess - loop.relief
 
-    Negative where Re G_hh < 0: no coupling is admissible there.
+
+def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator (DESIGN 1.4).
+
+    No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0 otherwise.
     """
-    return modulus_excess(loop, ops) / (2 * loop.re_D)
+    return demanded(loop, ops) / (2 * loop.resistance)
 
 
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is (DESIGN 1.4).
 
-    With p12 p21 = -q and everything times |D|^2.
+    Of the two-port that has absorbed the least operator, everything times |D + Z_h|^2.
     """
     product = ops.sqrt(loop.C.abs2() * loop.D.abs2()) / loop.scale2
-    return (2 * loop.re_D * Z_c.re + re_conj_product(loop.C, loop.D) / loop.scale2) / product
+    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C, loop.D) / loop.scale2
+    return (excess if loop.relief is None else excess + loop.relief) / product

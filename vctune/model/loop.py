@@ -60,7 +60,9 @@ class LoopResponse:
     C, Z_d, D : scaled complex impedances
     scale2 : the scale squared
     turn : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (DESIGN 1.5: "from its own formula")
-    re_D : Re D = |D|^2 Re G_hh, not scaled, N s/m
+    resistance : Re(D + Z_h) of the device in the hand of its least operator, Re D = |D|^2 Re G_hh without one; not
+        scaled, N s/m
+    relief : 2 Re Z_h Re C, by which an operator eases the conditions, (N s/m)^2, not scaled; None without one
     """
 
     C: Pair
@@ -68,7 +70,8 @@ class LoopResponse:
     D: Pair
     scale2: Number
     turn: Number
-    re_D: Number
+    resistance: Number
+    relief: Number | None
 
 
 def loop_response(
@@ -78,7 +81,7 @@ def loop_response(
 
     Parameters
     ----------
-    device : only mass and damping are used
+    device : only mass, damping and operator are used
     gains : K_v, K_p; K_p is not looked at when `integrator` is false
     omega : rad/s, > 0, or >= 0 in ball arithmetic
     hold : the hold and delay at omega
@@ -98,7 +101,11 @@ def loop_response(
         Z_d = Pair(device.damping, mass_reactance)
         scale2 = 1.0
     turn = device.damping * C.im - Z_d.im * re_C
-    return LoopResponse(C, Z_d, Z_d + C, scale2, turn, device.damping + re_C)
+    resistance, relief = device.damping + re_C, None
+    if device.operator is not None:
+        b_h = device.operator.damping
+        resistance, relief = resistance + b_h, 2 * b_h * re_C
+    return LoopResponse(C, Z_d, Z_d + C, scale2, turn, resistance, relief)
 
 
 def G_hh_abs2(loop: LoopResponse) -> Number:

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from vctune.model.arithmetic import Number
 
 Hold = Literal["zoh", "lag"]
+
+
+@dataclass(frozen=True, slots=True)
+class LeastOperator:
+    """The least impedance Z_h = mass s + damping of the hand that is always at the handle.
+
+    Attributes
+    ----------
+    mass : m_h, kg, >= 0
+    damping : b_h, N s/m, >= 0
+    """
+
+    mass: Number
+    damping: Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +36,7 @@ class Device:
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
+    operator : what is always at the handle; None if nothing need be
     """
 
     mass: Number
@@ -28,6 +44,31 @@ class Device:
     sample_time: Number
     delay: Number
     hold: Hold
+    operator: LeastOperator | None = None
+
+    @property
+    def bare(self) -> Device:
+        """The device when it is let go."""
+        return replace(self, operator=None)
+
+    @property
+    def held(self) -> Device:
+        """The device with its least operator absorbed: W = Z_d + Z_h in place of Z_d."""
+        if self.operator is None:
+            return self
+        mass, damping = self.mass + self.operator.mass, self.damping + self.operator.damping
+        return replace(self, mass=mass, damping=damping, operator=None)
+
+    def over(self, number: Callable[[Number], Number]) -> Device:
+        """Return the device in numbers of another arithmetic."""
+        held = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
+        mass, damping, sample_time, delay = map(number, (self.mass, self.damping, self.sample_time, self.delay))
+        return Device(mass, damping, sample_time, delay, self.hold, held)
+
+    @property
+    def loops(self) -> tuple[Device, ...]:
+        """The devices whose velocity loops must be stable by themselves."""
+        return (self,) if self.operator is None else (self.bare, self.held)
 
     @property
     def lag(self) -> Number:

@@ -74,7 +74,7 @@ def box(low: float, high: float) -> arb:
 
 def device_ball(device: Device) -> Device:
     """Return the device with its decimals enclosed."""
-    return Device(ball(device.mass), ball(device.damping), ball(device.sample_time), ball(device.delay), device.hold)
+    return device.over(ball)
 
 
 def gains_ball(gains: Gains) -> Gains:

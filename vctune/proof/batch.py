@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
@@ -66,8 +66,8 @@ class Claims:
     conditions, sensitivity : margins that must be positive
     low : proves as much as `conditions`, next to omega = 0
     high : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    damped : Re D, which must be positive too, whatever the coupling
-    required : the least admissible Re Z_c where Re D > 0 throughout; elsewhere nothing is known of it
+    damped : Re(D + Z_h), which must be positive too, whatever the coupling
+    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout; elsewhere nothing is known of it
     floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
@@ -89,11 +89,10 @@ class Claims:
 def claims_of(demands: Demands, *, integrator: bool) -> Claims:
     """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0."""
     given = demands.device
-    mass, damping, sample_time, delay = map(decimal, (given.mass, given.damping, given.sample_time, given.delay))
-    device = Device(mass, damping, sample_time, delay, given.hold)
+    device = given.over(decimal)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
     whole, fraction = whole_samples(given.delay, given.sample_time)
-    plant = sampled_plant(device, whole, delay - whole * sample_time, fraction > 0, OPS)
+    plant = sampled_plant(device, whole, device.delay - whole * device.sample_time, fraction > 0, OPS)
 
     def loop(omega: Number, values: Values) -> LoopResponse:
         hold = hold_response(device, omega, OPS)
@@ -122,7 +121,7 @@ def claims_of(demands: Demands, *, integrator: bool) -> Claims:
         lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         lambda omega, v: sensitivity_margin(device, Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
-        lambda omega, v: loop(omega, v).re_D,
+        lambda omega, v: loop(omega, v).resistance,
         lambda omega, v: required_resistance(loop(omega, v), OPS),
         lambda omega, v: sensitivity_floor(device, Gains(*v[:2]), omega, limit, OPS),
         model_curve,
@@ -187,7 +186,7 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
         return sifted.open.count(len(cells)) == 0, sifted.boxes
 
     def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
-        turned = encirclements(claims, device, cells, integrator=integrator)
+        turned = encirclements(demands, cells, integrator=integrator)
         return (turned.number == 0).all(axis=0), turned.boxes
 
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
@@ -217,7 +216,7 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
         lost |= image_at(claims.damped, part, omega[at]).negative()
         lost |= image_at(claims.sensitivity, part, omega_S[at]).negative()
         left = np.flatnonzero(~lost)
-        number = encirclements(claims, demands.device, part.taken(left), integrator=integrator).number
+        number = encirclements(demands, part.taken(left), integrator=integrator).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
         fails[at] = lost
     return fails
@@ -225,20 +224,29 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
 
 @dataclass(frozen=True, slots=True)
 class Encirclements:
-    """How often the curves of every design of a cell go around 0, the model's and the sampled loop's: shape (2, n).
+    """How often the curves of every design of a cell go around 0.
 
     Attributes
     ----------
-    number : 0 where stable, nan where not settled or not the same throughout the cell
-    boxes : pairs looked at, at the centres
+    number : of the model's curve and the sampled loop's, for each of the device's loops, shape (2 or 4, n): 0 where
+        stable, nan where not settled or not the same throughout the cell
+    boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
     """
 
     number: Floats
     boxes: Integers
 
 
-def encirclements(claims: Claims, device: Device, cells: Cells, *, integrator: bool) -> Encirclements:
-    """Return how often the curves of each cell go around 0: as often as its centre's, where no pole crosses over."""
+def encirclements(demands: Demands, cells: Cells, *, integrator: bool) -> Encirclements:
+    """Return how often the curves of each cell go around 0."""
+    parts = [_encirclements(replace(demands, device=loop), cells, integrator) for loop in demands.device.loops]
+    number, boxes = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
+    return Encirclements(np.concatenate(number), boxes.sum(axis=0))
+
+
+def _encirclements(demands: Demands, cells: Cells, integrator: bool) -> Encirclements:
+    """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
+    claims, device = claims_of(demands, integrator=integrator), demands.device
     same = steady(claims, device, cells) if any(cells.moving()) else np.ones((2, len(cells)), bool)
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))

@@ -7,7 +7,7 @@ from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import modulus_excess
+from vctune.model.llewellyn import demanded
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
@@ -26,35 +26,40 @@ class Design:
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *, integrator: bool) -> Number:
-    """Return 2 Re D Re Z_c - factor N at omega > 0, (N s/m)^2 (DESIGN 1.4).
+    """Return 2 Re(D + Z_h) (Re Z_c - factor R) at omega > 0, (N s/m)^2 (DESIGN 1.4).
 
-    N = |C||D| - Re(C conj D) >= 0 and Re Z_c > 0, so that where it is positive Re G_hh > 0 and ratio >= factor.
+    Where it is positive Re(D + Z_h) > 0 and ratio >= factor: with N = |C||D| - Re(C conj D) >= 0 it is
+    2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C - N), which for Re(D + Z_h) <= 0, hence Re C <= 0, is not positive.
     """
     device = design.device
     loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), integrator=integrator)
-    return 2 * loop.re_D * coupling_impedance(design.coupling, omega).re - factor * modulus_excess(loop, ops)
+    return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * demanded(loop, ops)
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *, integrator: bool) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
     Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together, and Re Z_c >= b_0 is all
-    that is used of a coupling with drag. Without drag R does not vanish if K_p > 0 and b > 0: no margin is positive.
+    that is used of a coupling with drag, or where an operator eases the demand. Without either R does not vanish if
+    K_p > 0 and b > 0: no margin is positive.
     """
     device, coupling = design.device, design.coupling
     hold = hold_response(device, omega, ops)
     loop = loop_response(device, design.gains, omega, hold, integrator=integrator)
     weight = ops.sqrt(loop.C.abs2() * loop.D.abs2()) + re_conj_product(loop.C, loop.D)
+    if device.operator is not None and not ops.is_zero(device.operator.damping):
+        eased = 2 * loop.resistance * coupling.drag + factor * loop.relief
+        return eased * weight - factor * (loop.turn * loop.turn)
     if not ops.is_zero(coupling.drag):
-        return 2 * loop.re_D * coupling.drag * weight - factor * (loop.turn * loop.turn)
+        return 2 * loop.resistance * coupling.drag * weight - factor * (loop.turn * loop.turn)
     b_c, m_c, reactance = coupling.damping, coupling.mass, coupling.mass * omega
     slope = b_c * (m_c * m_c) / (b_c * b_c + reactance * reactance)
-    re_C = loop.re_D - device.damping
+    re_C = loop.resistance - device.damping
     turn = device.mass * re_C
     if integrator and not ops.is_zero(device.damping):
         return -weight
     turn = turn * omega if integrator else turn + device.damping * design.gains.velocity * hold.im
-    return 2 * loop.re_D * slope * weight - factor * (turn * turn)
+    return 2 * loop.resistance * slope * weight - factor * (turn * turn)
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
@@ -64,13 +69,17 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     decay = 1 / (v * v + half * half)
     re_C_over_v = (gains.velocity - gains.position * half) * decay * v
     omega_im_C = -((gains.velocity * half + gains.position * (v * v)) * decay)
-    re_D = device.damping + re_C_over_v * v
+    re_C = re_C_over_v * v
+    re_D = device.damping + re_C
     im_D_v, re_D_v = device.mass + omega_im_C * (v * v), re_D * v
     product = (re_C_over_v * re_C_over_v + omega_im_C * omega_im_C) * (re_D_v * re_D_v + im_D_v * im_D_v)
-    excess = ops.sqrt(product) - (re_C_over_v * v * re_D + omega_im_C * im_D_v)
+    excess = ops.sqrt(product) - (re_C * re_D + omega_im_C * im_D_v)
     mass2, damping_v = coupling.mass * coupling.mass, coupling.damping * v
     re_Z_c = coupling.drag + coupling.damping * mass2 / (damping_v * damping_v + mass2)
-    return 2 * re_D * re_Z_c - factor * excess
+    if device.operator is None:
+        return 2 * re_D * re_Z_c - factor * excess
+    b_h = device.operator.damping
+    return 2 * (re_D + b_h) * re_Z_c + factor * (2 * b_h * re_C - excess)
 
 
 def sensitivity_margin(

@@ -24,7 +24,7 @@ def low_end_verdict(design: Design) -> Verdict:
 
 def high_end_verdict(design: Design) -> Verdict:
     """Compare the exact limits of Re Z_c and R for omega -> inf (hold "lag", no delay)."""
-    if design.device.damping == 0:
+    if design.device.held.damping == 0:
         return Verdict.REFUTED if design.gains.velocity > 0 else Verdict.UNDECIDED
     exact = design_ball(design)
     return _compare(high_frequency_limit(exact.device, exact.gains, exact.coupling))
@@ -40,7 +40,7 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None."""
     exact, integrator, threshold = design_ball(design), design.gains.position > 0, arb(repr(factor))
     if design.gains.velocity == 0 and not integrator:  # no loop, R = 0
-        return below if design.device.damping > 0 else None
+        return below if design.device.held.damping > 0 else None
     return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS, integrator=integrator), below)
 
 

@@ -75,13 +75,15 @@ def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
 def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
-    The limit is b^2/(4 (b + K_v - tau K_p)) (DESIGN 1.6).
+    With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (DESIGN 1.6, `vctune.model.limits`).
     """
     if problem.stability.band.min > 0:
         return np.zeros(len(boxes), bool)
-    b, tau = problem.device.damping, problem.device.lag
-    most = (b + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
-    return (most < 0) | (4 * most * boxes.high[3] < problem.stability.safety_factor * b * b * (1 - 10 * GUARD))
+    b, held, tau = problem.device.damping, problem.device.held.damping, problem.device.lag
+    b_h, factor = held - b, problem.stability.safety_factor
+    most = (held + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[3] + factor * b_h * np.maximum(most - held, 0.0))
+    return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
 
 def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
@@ -103,17 +105,23 @@ def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
 
 
 def _least_resistance(at: Demand, boxes: Boxes) -> tuple[Floats, Flags]:
-    """Return a lower bound of R, shape (boxes, frequencies), and the boxes in which Re D is nowhere positive."""
+    """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
+
+    R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
+    """
     low, high = (
         sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
         for turn in (at.turn_low, tuple(-t for t in at.turn_high))
     )
     turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
-    re_D, P = at.re_D.greatest(boxes), at.P.greatest(boxes)
+    resistance, P = at.resistance.greatest(boxes), at.P.greatest(boxes)
     weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
     product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
     excess = np.fmax(np.where(turn > 0, turn * turn / weight, 0.0), product - P)
-    return np.fmax(excess / (2 * re_D) * (1 - 10 * GUARD), 0.0), np.asarray((re_D <= 0).any(axis=1))
+    R = excess / (2 * resistance) * (1 - 10 * GUARD)
+    if at.operator > 0:
+        R = R - at.operator * (1 - at.resistance.constant * (1 - 10 * GUARD) / resistance + GUARD)
+    return np.fmax(R, 0.0), np.asarray((resistance <= 0).any(axis=1))
 
 
 def _coupling(least: Least, boxes: Boxes, share: Callable[[Floats], Floats]) -> Floats:

@@ -24,7 +24,8 @@ def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     """Return `conditions_margin` of a design's decimals as a function of omega; without a loop C = N = 0."""
     exact, integrator, threshold = design_ball(design), design.gains.position > 0, arb(repr(factor))
     if design.gains.velocity == 0 and not integrator:
-        return lambda omega: 2 * exact.device.damping * coupling_impedance(exact.coupling, omega).re
+        damping = exact.device.held.damping
+        return lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re
     return lambda omega: conditions_margin(exact, omega, threshold, BALLS, integrator=integrator)
 
 

@@ -65,7 +65,7 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
         (re_conj_product(one.Z_d, one.C), re_conj_product(two.Z_d, two.C) / squared),
         (one.C.abs2(), two.C.abs2() / squared),
         (one.turn, two.turn / omega),
-        (one.re_D - device.damping, two.re_D - device.damping),
+        (one.resistance - device.damping, two.resistance - device.damping),
     )
 
 
@@ -125,16 +125,18 @@ class Demand:
     Attributes
     ----------
     omega : rad/s
-    D2, C2, P, re_D : |D|^2, |C|^2, Re(C conj D) and Re D, rounded up
+    operator : b_h, rounded up
+    D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and Re(D + Z_h), rounded up
     D2_low, C2_low : rounded down
     turn_low, turn_high : bounds of what K_v and K_p contribute to Im(C conj Z_d)
     """
 
     omega: Floats
+    operator: float
     D2: Quadratic
     C2: Quadratic
     P: Quadratic
-    re_D: Quadratic
+    resistance: Quadratic
     D2_low: Quadratic
     C2_low: Quadratic
     turn_low: tuple[Floats, Floats]
@@ -210,13 +212,15 @@ def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relax
 
 
 def _demand(device: Device, omega: Floats) -> Demand:
-    at, b, none = _enclosed(device, omega), decimal(device.damping), np.zeros(len(omega))
+    at, none = _enclosed(device, omega), np.zeros(len(omega))
+    held = device.over(decimal).held.damping
     return Demand(
         omega,
+        float(_top(decimal(device.operator.damping))) if device.operator is not None else 0.0,
         _squared(at),
         Quadratic(none, (none, none), _tops(at.C2)),
         Quadratic(none, _tops(at.along), _tops(at.C2)),
-        Quadratic(np.full(len(omega), _top(b)), _tops(at.re_C), (none, none)),
+        Quadratic(np.full(len(omega), _top(held)), _tops(at.re_C), (none, none)),
         Quadratic(_bottom(at.Z2), _bottoms(at.along, 2), _bottoms(at.C2)),
         Quadratic(none, (none, none), _bottoms(at.C2)),
         _bottoms(at.turn),
@@ -230,8 +234,7 @@ def _sensitivity(device: Device, omega: Floats) -> Share:
 
 
 def _enclosed(device: Device, omega: Floats) -> Coefficients:
-    m, b, T, delay = (decimal(x) for x in (device.mass, device.damping, device.sample_time, device.delay))
-    return coefficients(Device(m, b, T, delay, device.hold), Enclosure(omega), ENCLOSURES)
+    return coefficients(device.bare.over(decimal), Enclosure(omega), ENCLOSURES)
 
 
 def _top(x: Enclosure) -> Floats:
@@ -257,7 +260,7 @@ def _squared(at: Coefficients) -> Quadratic:
 
 def _integrated(device: Device, low: float, high: float, places: int) -> tuple[Share, Share]:
     """Return the shares of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
-    exact = device_ball(device)
+    exact = device_ball(device.bare)
     first, length = ball(low).log(), ball(high).log() - ball(low).log()
     edges = [first + length * k / places for k in range(places + 1)]
 

@@ -69,10 +69,10 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
     omega = 2 * pi * hz
     loop = response(problem.device, gains, omega)
     with np.errstate(all="ignore"):
-        required = np.where(loop.re_D > 0, required_resistance(loop, FLOATS), np.nan)
+        required = np.where(loop.resistance > 0, required_resistance(loop, FLOATS), np.nan)
         ratio = stability_ratio(problem.device, gains, coupling, omega)
     return Llewellyn(
-        hz, coupling_impedance(coupling, omega).re + 0 * omega, required, np.where(loop.re_D > 0, ratio, np.nan)
+        hz, coupling_impedance(coupling, omega).re + 0 * omega, required, np.where(loop.resistance > 0, ratio, np.nan)
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import cos, inf, pi, radians, sin
 from typing import Any
 
@@ -83,6 +83,10 @@ def _llewellyn(design: Design) -> Figure:
     upper.loglog(curves.hz, curves.required, color=ORANGE, label="required R")
     upper.set_ylabel("N s/m")
     lower.loglog(curves.hz, curves.ratio, color=GREEN, label="ratio Re Z_c / R")
+    if problem.device.operator is not None:
+        bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, design.coupling)
+        upper.loglog(bare.hz, bare.required, color=ORANGE, linestyle=":", label="R without operator")
+        lower.loglog(bare.hz, bare.ratio, color=GREEN, linestyle=":", label="ratio without operator")
     lower.axhline(1.0, color=RED, linewidth=1, label="1: the limit")
     lower.axhline(problem.stability.safety_factor, color=RED, linewidth=1, linestyle=":", label="safety factor")
     if np.isfinite(curves.ratio).any():

@@ -98,6 +98,11 @@ def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
         ("phase margin", loop["phase_margin_deg"], "deg", 5),
         ("delay margin", loop["delay_margin_s"], "s", 5),
     ]
+    if proof.get("without_operator"):
+        bare = proof["without_operator"]
+        rows.insert(
+            7, ("the same without operator", bare["min_ratio"], f"{_at(bare['worst_hz'])}, {bare['verdict']}", 6)
+        )
     if record.get("optimality"):
         found = record["optimality"]
         gap = "" if found["gap"] is None else f"gap {100 * found['gap']:.3g} %, "

@@ -143,7 +143,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
     omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
     loop = response(device, Gains(K_v, K_p), omega)
-    needed = np.where(loop.re_D > 0, stability.safety_factor * required_resistance(loop, FLOATS), inf)
+    needed = np.where(loop.resistance > 0, stability.safety_factor * required_resistance(loop, FLOATS), inf)
     if free:
         low, high = admissible_damping(needed - b_0, m_c * omega)
         least, most = np.maximum(low.max(axis=1), cells.low[DAMPING]), np.minimum(high.min(axis=1), cells.high[DAMPING])
@@ -153,7 +153,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
         scarcity = needed / coupling_impedance(Coupling(b_c, m_c, b_0), omega).re
         damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
         hardest = [scarcity] * 3
-    hardest[0] = np.where((loop.re_D > 0).all(axis=1, keepdims=True), hardest[0], -loop.re_D)
+    hardest[0] = np.where((loop.resistance > 0).all(axis=1, keepdims=True), hardest[0], -loop.resistance)
     below = frequency_grid(*inwards((_resonance(problem), problem.nyquist)), POINTS_PER_DECADE)
     sensitivity = sensitivity_abs2(response(device, Gains(K_v, K_p), below))
     damping[sensitivity.max(axis=1) > stability.max_sensitivity**2] = np.nan
