@@ -44,7 +44,7 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
     from vctune.design.judge import EXIT_CODES, Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
-    from vctune.design.repair import repaired
+    from vctune.design.repaired import repaired
     from vctune.design.solve import solve as solve_problem
     from vctune.exits import ExitCode
     from vctune.interrupt import interrupt_deferred

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, sqrt
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -13,11 +12,8 @@ import numpy as np
 from vctune.analysis.demands import sensitivity_maxima
 from vctune.design.judge import Judgement, Status, judge, least_ratio
 from vctune.design.levers import Lever, levers
-from vctune.design.result import Solved
-from vctune.design.solve import attainable, solve
-from vctune.document import toml
 from vctune.document.problem import Problem
-from vctune.document.reading import ProblemFile, pose
+from vctune.document.reading import pose
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
@@ -82,44 +78,31 @@ def _seems_in_order(problem: Problem) -> bool:
     return all(proof.verdict is Verdict.PROVED for proof in proofs)
 
 
-def _certified(judgement: Judgement | None) -> Judgement | None:
-    return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
+def _judged(problem: Problem) -> Judgement | None:
+    judgement = judge(problem, *problem.fixed_design)
+    return judgement if judgement.status is Status.CERTIFIED else None
 
 
-SOLVED = Trial(attainable, lambda problem: _certified(solve(problem).judgement), 0.05)
-JUDGED = Trial(_seems_in_order, lambda problem: _certified(judge(problem, *problem.fixed_design)), 2e-3)
-
-
-def repaired(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return what came of a problem with its repairs, where it has no design or its own is refuted.
-
-    Parameters
-    ----------
-    file : the problem
-    solved : what came of it
-    progress : told the stage of the work
-    """
-    if solved.judgement is not None and solved.status is not Status.VIOLATED:
-        return solved
-    began = perf_counter()
-    found = repairs(toml.parse(file.text, file.problem.name), file.problem, progress)
-    return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": perf_counter() - began})
+JUDGED = Trial(_seems_in_order, _judged, 2e-3)
+"""Of problems that fix every number."""
 
 
 @np.errstate(all="ignore")
-def repairs(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
+def repairs(
+    document: dict[str, Any], problem: Problem, trial: Trial = JUDGED, progress: Progress = lambda stage: None
+) -> list[Repair]:
     """Return the least changes of one number that repair a problem, the smallest first.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
-    with it, and solved; a problem that fixes every number is judged instead.
+    with it, and solved or, if it fixes every number, judged.
 
     Parameters
     ----------
     document : parsed TOML
     problem : that it states
+    trial : how changed problems are tried
     progress : told what is tried
     """
-    trial = JUDGED if problem.bounds.fixed else SOLVED
     found = []
     for lever in levers(document, problem):
         progress(f"looking for repairs: {lever.change}")

@@ -24,7 +24,7 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
-    """Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
+    """Re D > 0 needs tau K_p < b + K_v for omega -> 0; for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
 
     There Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2) is least at the band's lower edge. An operator's b_h adds to b.
     """
