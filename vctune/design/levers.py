@@ -57,9 +57,9 @@ class Lever:
         return dotted(self.path)
 
     @property
-    def finest(self) -> float:
-        """The strain below which a change is none."""
-        return FINEST if 0 < self.old < inf else FINEST_OF_NOTHING
+    def least(self) -> float:
+        """The least strain worth trying; from infinity the change to the natural size is the least there is."""
+        return FINEST_OF_NOTHING if self.old == 0 else FINEST if self.old < inf else 1.0
 
     def value(self, strain: float) -> float:
         """Return the value after a change of a given strain, as far as the limit."""
@@ -94,9 +94,8 @@ class Lever:
     def strains(self) -> Iterator[float]:
         """Yield the strains to try, up to the limit."""
         last = self.strain(self.limit)
-        for strain in STRAINS if 0 < self.old < inf else FROM_NOTHING:
-            if strain < last:
-                yield strain
+        steps = FROM_NOTHING if self.old == 0 else STRAINS
+        yield from (strain for strain in steps if self.least <= strain < last)
         yield last
 
     def rounded(self, strain: float, growth: float) -> float:
@@ -152,7 +151,7 @@ def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
     low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
     nyquist, inner = 0.5 / problem.device.sample_time, problem.transparency.band.min / (2 * pi)
     lowest, highest = max(2 * low, inner / 100), min(high / 2, nyquist)
-    if lowest < high:
+    if lowest < min(high, nyquist):
         change = "a lower upper edge of the stability band"
         yield Lever((*path, 1), change, high, lowest, nyquist, low)
     if highest > low:

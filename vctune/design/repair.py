@@ -146,7 +146,7 @@ def _least_strain(lever: Lever, holds: Callable[[float], bool], width: float) ->
         low = high
     else:
         return None
-    while low == 0 and high > lever.finest:
+    while low == 0 and high > lever.least:
         low, high = (0.0, high / FINER) if holds(lever.value(high / FINER)) else (high / FINER, high)
     while 0 < low * width < high < inf:
         middle = sqrt(low * high)

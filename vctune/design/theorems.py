@@ -10,7 +10,7 @@ from math import inf, pi, sqrt
 from vctune.design.infeasible import Infeasibility
 from vctune.document.problem import Problem
 from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 
 
 def impossible(problem: Problem) -> Infeasibility | None:
@@ -24,25 +24,33 @@ def impossible(problem: Problem) -> Infeasibility | None:
 
 
 def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
-    """Re D > 0 needs tau K_p < b + K_v for omega -> 0; for "lag" without delay b (1 + (omega tau)^2) + K_v at omega.
-
-    There Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2) is least at the band's lower edge. An operator's b_h adds to b.
-    """
-    device, bounds, omega = problem.device, problem.bounds, problem.stability.band.min
-    if omega > 0 and (device.hold != "lag" or device.delay > 0):
+    K_v, most = _least_velocity(problem), problem.bounds.velocity.max
+    if K_v < most:
         return None
-    tau, K_p = device.lag, bounds.position.min
-    growth = 1 + (omega * tau) ** 2
-    most = device.held.damping * growth + bounds.velocity.max
-    if tau * K_p < most:
-        return None
-    b = "b" if device.operator is None else "(b + b_h)"
-    place, b = ("for omega -> 0", b) if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", f"{growth:.6g} {b}")
+    device, omega = problem.device, problem.stability.band.min
+    place, growth = ("for omega -> 0", "") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", " (1 + (omega tau)^2)")
     return (
-        f"Re G_hh > 0 {place} needs tau K_p < {b} + K_v, but tau times the least gains.position is {tau * K_p:.4g} "
-        f"N s/m, and {b} plus the greatest gains.velocity {most:.4g} N s/m",
-        f"lower gains.position.min below {most / tau:.4g} N/m",
+        f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} N s/m, but "
+        f"gains.velocity is at most {most:.4g} N s/m",
+        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / device.lag:.4g} N/m",
     )
+
+
+def _least_velocity(problem: Problem) -> float:
+    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf where that is not known.
+
+    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for "lag" without delay tau K_p < b (1 + (omega tau)^2) + K_v:
+    there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b.
+    """
+    device, omega = problem.device, problem.stability.band.min
+    if omega > 0 and (device.hold != "lag" or device.delay > 0):
+        return -inf
+    growth = 1 + (omega * device.lag) ** 2
+    return float(device.lag * problem.bounds.position.min - device.held.damping * growth)
+
+
+def _damping(device: Device) -> str:
+    return "b" if device.operator is None else "(b + b_h)"
 
 
 def _at_zero(problem: Problem) -> tuple[str, str] | None:
@@ -104,12 +112,14 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _at_infinity(problem: Problem) -> tuple[str, str] | None:
+    """Re Z_c tends to b_c + b_0 and R grows with K_v, of which Re G_hh > 0 needs some where K_p is not small."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
-    limit = high_frequency_limit(device, Gains(bounds.velocity.min, bounds.position.min), most)
+    K_v = max(bounds.velocity.min, _least_velocity(problem))
+    limit = high_frequency_limit(device, Gains(K_v, bounds.position.min), most)
     if _met(limit, factor):
         return None
-    b = "b" if device.operator is None else "(b + b_h)"
+    b = _damping(device)
     if limit.required == inf:
         return (
             f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), which no coupling has for a device without damping",
@@ -117,8 +127,8 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
         )
     need = factor * limit.required
     return (
-        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with the safety factor at least {need:.4g} N s/m, but the "
-        f"bounds allow {limit.coupling:.4g} N s/m",
+        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} N s/m and the safety factor at "
+        f"least {need:.4g} N s/m, but the bounds allow {limit.coupling:.4g} N s/m",
         f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} N s/m",
     )
 
