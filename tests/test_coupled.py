@@ -25,6 +25,7 @@ from vctune.simulation.stability import Mode, fastest_mode
 DESIGNS = (
     "friction-wheel",
     "friction-wheel-gripped",
+    "friction-wheel-held",
     "friction-wheel-paper",
     "fixed-gains",
     "cobot-wrist",
@@ -74,6 +75,8 @@ def scenes(design: Certified, count: int, seed: int = 1) -> list[Scene]:
     made = []
     for _ in range(count):
         hand, environment = passive(rng)
+        if (least := design.problem.device.operator) is not None:
+            hand = replace(hand, mass=hand.mass + least.mass, damping=hand.damping + least.damping)
         experiment = Experiment("random", environment, hand, None, Sensors(0.0, 0.0, 0, None), None, None)
         made.append(designed_scene(design.problem.device, design.gains, design.coupling, experiment))
     return made
@@ -92,7 +95,7 @@ def outside(design: Certified, modes: list[Mode]) -> bool:
     return all(not low <= mode.hz <= high for mode in modes)
 
 
-@pytest.mark.parametrize("name", ["friction-wheel", "fixed-gains"])
+@pytest.mark.parametrize("name", ["friction-wheel", "friction-wheel-held", "fixed-gains"])
 def test_growing_modes_lie_outside_the_proved_band(name):
     design = certified(name)
     loops = scenes(design, 40)

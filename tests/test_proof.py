@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from math import inf, pi
 
 import mpmath as mp
@@ -15,13 +16,16 @@ from oracles import Case, exact_ratio
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
+from vctune.proof import exact
 from vctune.proof.balls import BALLS, PRECISION, design_ball
+from vctune.proof.batch import Demands, prove
+from vctune.proof.cells import Cells
 from vctune.proof.certificate import Claim, certify, prove_sensitivity
 from vctune.proof.claims import Design, conditions_margin
-from vctune.proof.ends import prove_high_end, prove_low_end
 from vctune.proof.interval import Verdict, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
+from vctune.proof.low_end import low_end_verdict, prove_low_end
 from vctune.proof.winding import turned_angle
 
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
@@ -126,17 +130,79 @@ def test_never_proves_what_50_digits_refute_nor_refutes_without_a_witness(drawn,
             assert exact_ratio(case, float(omega)) > 1 - 1e-12
 
 
+@pytest.mark.parametrize("hold", ["lag", "zoh"])
 @pytest.mark.parametrize("gains", [VELOCITY, INTEGRAL])
-def test_the_end_charts_agree_with_the_formulas_of_the_middle(gains):
-    """The edges found from 0 and from inf are proved good, and 50 digits agree next to them."""
-    coupling = Coupling(25000.0, 8.0, 0.1)
-    case = Case(0.5, 2.0, 1e-3, 0.0, "lag", gains.velocity, gains.position, 25000.0, 8.0, 0.1)
+def test_the_low_end_chart_agrees_with_the_formulas_of_the_middle(gains, hold):
+    """The edge found from 0 is proved good, and 50 digits agree next to it."""
+    coupling, device = Coupling(25000.0, 8.0, 0.1), Device(0.5, 2.0, 1e-3, 0.0, hold)
+    case = Case(0.5, 2.0, 1e-3, 0.0, hold, gains.velocity, gains.position, 25000.0, 8.0, 0.1)
     with ctx.workprec(PRECISION):
-        low = prove_low_end(Design(LAG, gains, coupling), 1.0, 1e3)
-        high = prove_high_end(Design(LAG, gains, coupling), 1.0, 1e2)
-    assert low is not None and high is not None
-    for omega in (low, low / 10, low / 1e4, high, high * 10, high * 1e4):
+        low = prove_low_end(Design(device, gains, coupling), 1.0, 1e3)
+    assert low is not None
+    for omega in (low, low / 10, low / 1e4):
         assert exact_ratio(case, omega) > 1
+
+
+def test_polynomial_roots_are_the_crossings_of_the_design_page():
+    for coupling, crossings in (
+        (Coupling(25000.0, 5.0, 0.0), [5.3410, 76.1960, 284.483]),
+        (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.67]),
+    ):
+        roots = exact.conditions(Design(LAG, INTEGRAL, coupling), 1.0).roots
+        assert [float(root.mid()) for root in roots] == pytest.approx(crossings, rel=1e-5)
+        case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, coupling.damping, coupling.mass)
+        for root in roots:
+            assert abs(exact_ratio(case, float(root.mid())) - 1) < 1e-12
+
+
+def lag_design(rng):
+    """A random design, with or without an operator, whose conditions are polynomials."""
+
+    def decimal(low, high):
+        return float(f"{10 ** rng.uniform(low, high):.6g}")
+
+    mass, T = decimal(-3, 2), decimal(-5, -1)
+    Z = mass / T
+    operator = LeastOperator(mass * decimal(-2, 1), Z * decimal(-6, 0)) if rng.random() < 0.5 else None
+    K_v = Z * decimal(-3, 0)
+    gains = Gains(K_v, 0.0 if rng.random() < 0.3 else K_v / T * decimal(-5, -0.1))
+    drag = 0.0 if rng.random() < 0.5 else K_v * decimal(-4, 0)
+    damping = 0.0 if rng.random() < 0.1 else Z * decimal(-6, 0)
+    return Design(
+        Device(mass, damping, T, 0.0, "lag", operator),
+        gains,
+        Coupling(K_v * decimal(-1, 4), mass * decimal(-1, 4), drag),
+    )
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_polynomials_decide_as_balls_do(seed):
+    rng = np.random.default_rng(seed)
+    design = lag_design(rng)
+    band = np.sort(10 ** rng.uniform(-4, 0, 2) / design.device.sample_time)
+    found = exact.conditions(design, 1.0)
+    outcome = exact.prove(found, *band)
+    with ctx.workprec(PRECISION):
+        integrator, numbers = design.gains.position > 0, design_ball(design)
+        balls = prove_positive(
+            lambda omega: conditions_margin(numbers, omega, arb(1), BALLS, integrator=integrator), *band
+        )
+    assert outcome.verdict is balls.verdict is not Verdict.UNDECIDED
+    if outcome.verdict is Verdict.REFUTED:
+        assert band[0] < outcome.witness < band[1]
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_polynomials_prove_the_whole_axis_whenever_arrays_do(seed):
+    """The arrays reach 0 and infinity by charts of their own."""
+    design = lag_design(np.random.default_rng(seed))
+    values = np.array([astuple(design.gains) + astuple(design.coupling)]).T
+    demands = Demands(design.device, (0.0, inf), 1.0, 1e6)
+    outcome = exact.prove(exact.conditions(design, 1.0), 0.0, inf)
+    if prove(demands, Cells(values, values)).proved[0]:
+        assert outcome.verdict is Verdict.PROVED
+    if outcome.verdict is Verdict.PROVED:
+        assert low_end_verdict(design) is not Verdict.REFUTED
 
 
 def test_widest_band_ends_at_the_crossings():

@@ -99,7 +99,7 @@ def loop_response(
         re_C = proportional
         C = Pair(re_C, -(gains.velocity * hold.im * omega))
         Z_d = Pair(device.damping, mass_reactance)
-        scale2 = 1.0
+        scale2 = 1
     turn = device.damping * C.im - Z_d.im * re_C
     resistance, relief = device.damping + re_C, None
     if device.operator is not None:

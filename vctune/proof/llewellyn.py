@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, sqrt
+from math import pi, sqrt
 
 from flint import arb
 
@@ -11,13 +11,15 @@ from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
 from vctune.proof.balls import BALLS, design_ball
 from vctune.proof.claims import Design, conditions_margin, outwards
-from vctune.proof.ends import high_end_verdict, low_end_verdict, prove_high_end, prove_low_end
+from vctune.proof.exact import conditions, is_rational, widest
+from vctune.proof.exact import prove as prove_polynomials
 from vctune.proof.interval import Outcome, Verdict, prove_positive
+from vctune.proof.low_end import low_end_verdict, prove_low_end
 
 MARCH_BOXES = 2_000
 FINEST_STEP = 1e-8
-LOWEST_EDGE, HIGHEST_EDGE = 1e-18, 1e18
-"""How far below and above the requested band a proof that does not reach the end is carried, relative to its edge."""
+LOWEST_EDGE = 1e-18
+"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge."""
 
 
 def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
@@ -30,47 +32,45 @@ def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
 
 
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
-    """Prove Re G_hh > 0 and Re Z_c >= factor R on [low, high], which may be [0, inf].
+    """Prove Re(D + Z_h) > 0 and Re Z_c >= factor R on [low, high], which may start at 0.
 
-    Finite edges are widened by the rounding of 2 pi f.
+    With hold "lag" and no delay it may be [0, inf], and the proof is exact. Finite edges are widened by the rounding of
+    2 pi f.
     """
-    margin = _margin(design, factor)
     wider = outwards((low, high))
+    if is_rational(design.device):
+        return prove_polynomials(conditions(design, factor), *wider)
+    margin = _margin(design, factor)
     start = wider[0] if low > 0 else _low_start(design, factor, high)
-    stop = wider[1] if high < inf else _high_start(design, factor, low)
     if start is None:
-        return _end_failure(low_end_verdict(design), margin, min(high, 1.0), 0.25)
-    if stop is None:
-        return _end_failure(high_end_verdict(design), margin, max(low, 1.0), 4.0)
-    return prove_positive(margin, start, stop) if start < stop else Outcome(Verdict.PROVED, 1)
+        return _end_failure(low_end_verdict(design), margin, min(high, 1.0))
+    return prove_positive(margin, start, wider[1]) if start < wider[1] else Outcome(Verdict.PROVED, 1)
 
 
 def _low_start(design: Design, factor: float, high: float) -> float | None:
     return prove_low_end(design, factor, min(high, 1 / design.device.sample_time))
 
 
-def _high_start(design: Design, factor: float, low: float) -> float | None:
-    return prove_high_end(design, factor, max(low, 1 / design.device.sample_time))
-
-
-def _end_failure(verdict: Verdict, margin: Callable[[Number], Number], start: float, step: float) -> Outcome:
-    """Return the outcome when an end is not proved, with a witness where the conditions demonstrably fail."""
+def _end_failure(verdict: Verdict, margin: Callable[[Number], Number], start: float) -> Outcome:
+    """Return the outcome when omega = 0 is not proved, with a witness where the conditions demonstrably fail."""
     omega = start
     for tries in range(1, 400):
         if margin(arb(omega)) < 0:
             return Outcome(Verdict.REFUTED, tries, omega)
-        omega *= step
-    return Outcome(Verdict.UNDECIDED, tries, 0.0 if step < 1 else None)
+        omega /= 4
+    return Outcome(Verdict.UNDECIDED, tries, 0.0)
 
 
 def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around a proved one on which Re G_hh > 0 and ratio >= 1 are proved, rad/s.
+    """Return the widest band around a proved one on which Re(D + Z_h) > 0 and ratio >= 1 are proved, rad/s.
 
     Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
     without delay, whose model is good for a proof to inf.
     """
+    if is_rational(design.device):
+        return widest(conditions(design, 1.0), low, high)
     margin = _margin(design, 1.0)
-    return _lowest(design, margin, low), _highest(design, margin, high)
+    return _lowest(design, margin, low), _march(margin, high, pi / design.device.sample_time)
 
 
 def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool:
@@ -85,19 +85,6 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
     return _march(margin, low, low * LOWEST_EDGE)
-
-
-def _highest(design: Design, margin: Callable[[Number], Number], high: float) -> float:
-    if high == inf:
-        return inf
-    nyquist = 3.141592653589793 / design.device.sample_time
-    if design.device.hold != "lag" or design.device.delay > 0:
-        return _march(margin, high, nyquist)
-    if high_end_verdict(design) is Verdict.PROVED:
-        stop = _high_start(design, 1.0, high)
-        if stop is not None and (stop <= high or _proved(margin, high, stop)):
-            return inf
-    return _march(margin, high, high * HIGHEST_EDGE)
 
 
 def _march(margin: Callable[[Number], Number], edge: float, goal: float) -> float:

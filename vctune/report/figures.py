@@ -102,7 +102,7 @@ def _llewellyn(design: Design) -> Figure:
     if proof["worst_hz"] and proof["min_ratio"] and curves.hz[0] <= proof["worst_hz"] <= curves.hz[-1]:
         lower.plot(proof["worst_hz"], proof["min_ratio"], "o", color=RED, label="least ratio")
     upper.legend(loc="best", ncols=2)
-    lower.legend(loc="upper right", ncols=2)
+    lower.legend(loc="best", ncols=2)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Llewellyn's conditions next to omega = 0 and towards infinity, where ratio is 0/0 or its terms grow (DESIGN 1.6)."""
+"""Llewellyn's conditions next to omega = 0, where ratio may be 0/0 (DESIGN 1.6)."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 from flint import arb
 
-from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
+from vctune.model.limits import low_frequency_limit
 from vctune.proof.balls import BALLS, box, design_ball
-from vctune.proof.claims import Design, high_margin, low_margin
+from vctune.proof.claims import Design, low_margin
 from vctune.proof.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
@@ -19,18 +19,7 @@ END_BOXES = 64
 def low_end_verdict(design: Design) -> Verdict:
     """Compare the exact limits of Re Z_c and R for omega -> 0; undecided where they are equal."""
     exact, integrator = design_ball(design), design.gains.position > 0
-    return _compare(low_frequency_limit(exact.device, exact.gains, exact.coupling, integrator=integrator))
-
-
-def high_end_verdict(design: Design) -> Verdict:
-    """Compare the exact limits of Re Z_c and R for omega -> inf (hold "lag", no delay)."""
-    if design.device.held.damping == 0:
-        return Verdict.REFUTED if design.gains.velocity > 0 else Verdict.UNDECIDED
-    exact = design_ball(design)
-    return _compare(high_frequency_limit(exact.device, exact.gains, exact.coupling))
-
-
-def _compare(limit: EndLimit) -> Verdict:
+    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling, integrator=integrator)
     if limit.coupling < limit.required:
         return Verdict.REFUTED
     return Verdict.PROVED if limit.coupling > limit.required else Verdict.UNDECIDED
@@ -42,13 +31,6 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     if design.gains.velocity == 0 and not integrator:  # no loop, R = 0
         return below if design.device.held.damping > 0 else None
     return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS, integrator=integrator), below)
-
-
-def prove_high_end(design: Design, factor: float, above: float) -> float | None:
-    """Return an omega_1 >= above such that the conditions hold on [omega_1, inf), hold "lag", no delay; or None."""
-    exact, threshold = design_ball(design), arb(repr(factor))
-    edge = _largest(lambda v: high_margin(exact, v, threshold, BALLS), 1 / above)
-    return None if edge is None else 1 / edge
 
 
 def _largest(margin: Callable[[arb], arb], start: float) -> float | None:

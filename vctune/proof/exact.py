@@ -1,0 +1,99 @@
+"""Llewellyn's conditions for hold "lag" without delay, where they are polynomials with rational coefficients.
+
+2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C + Re(C conj D)) >= factor |C||D| holds where A >= 0 and A^2 - factor^2 B >= 0,
+the left-hand side and |C|^2 |D|^2 being rational in omega once the hold's 1 + (omega T/2)^2 is cleared. Their signs
+change only at real roots, which are isolated with certainty: nothing is left undecided but a touching root, and 0 and
+infinity are like any other edge (DESIGN 1.6).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from math import inf, isinf, nextafter
+
+from flint import arb, fmpq, fmpq_poly
+
+from vctune.model.loop import HoldResponse, loop_response
+from vctune.model.pair import re_conj_product
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.claims import Design
+from vctune.proof.interval import Outcome, Verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """The conditions as polynomials in omega, both of which are positive where they are met.
+
+    Attributes
+    ----------
+    linear : A
+    squared : A^2 - factor^2 B
+    roots : where `squared` changes its sign or touches 0, rad/s, > 0, in order
+    """
+
+    linear: fmpq_poly
+    squared: fmpq_poly
+    roots: list[arb]
+
+    def met(self, omega: float) -> bool:
+        """Return whether the conditions are met with something to spare."""
+        at = _rational(omega)
+        return bool(self.squared(at) > 0 and self.linear(at) > 0)
+
+
+def is_rational(device: Device) -> bool:
+    """Return whether a device's conditions are polynomials."""
+    return device.hold == "lag" and device.delay == 0
+
+
+def conditions(design: Design, factor: float) -> Conditions:
+    """Return the conditions of a design's decimals, `factor` times R demanded."""
+    omega, f = fmpq_poly([0, 1]), _rational(factor)
+    given, integrator = design.device.over(_rational), design.gains.position > 0
+    half = given.sample_time / 2
+    clearing = 1 + half * half * omega * omega
+    cleared = given.over(lambda x: x * clearing)
+    gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
+    loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), integrator=integrator)
+    coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
+    b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
+    below = b_c * b_c + reactance2
+    above = coupling.drag * below + b_c * reactance2
+    eased = re_conj_product(loop.C, loop.D)
+    eased = eased if loop.relief is None else eased + loop.relief * loop.scale2
+    linear = 2 * loop.resistance * clearing * loop.scale2 * above + f * below * eased
+    squared = linear * linear - f * f * below * below * loop.C.abs2() * loop.D.abs2()
+    roots = [root.real for root, _ in squared.complex_roots() if root.imag == 0 and root.real > 0]
+    return Conditions(linear, squared, sorted(roots, key=lambda root: float(root.mid())))
+
+
+def prove(found: Conditions, low: float, high: float) -> Outcome:
+    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided."""
+    inside = [root for root in found.roots if not (root < low or root > high)]
+    edges = [low, *(float(root.mid()) for root in inside), high]
+    for left, right in pairwise(edges):
+        between = _between(left, right)
+        if not found.met(between):
+            return Outcome(Verdict.REFUTED, len(edges) - 1, between)
+    touching = Verdict.UNDECIDED if inside else Verdict.PROVED
+    return Outcome(touching, len(edges) - 1, edges[1] if inside else None)
+
+
+def widest(found: Conditions, low: float, high: float) -> tuple[float, float]:
+    """Return the widest band around one on which the conditions are met, rad/s, its edges within it."""
+    below = [nextafter(float(root.upper()), inf) for root in found.roots if root < low]
+    above = [nextafter(float(root.lower()), 0.0) for root in found.roots if root > high]
+    return max(below, default=0.0), min(above, default=inf)
+
+
+def _between(low: float, high: float) -> float:
+    if isinf(high):
+        return 2 * low if low > 0 else 1.0
+    return (low + high) / 2
+
+
+def _rational(decimal: float) -> fmpq:
+    value = Fraction(repr(float(decimal)))
+    return fmpq(value.numerator, value.denominator)
