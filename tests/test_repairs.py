@@ -46,7 +46,7 @@ THEOREMS = {
     "[coupling]\ndamping = { min = 1.0, max = 1e4 }\nmass = { min = 1e-3, max = 10.0 }\n"
     "[stability]\nband_hz = [0.0, 10.0]\n",
     "both faces from 0": DEVICE + "[gains]\nvelocity = { min = 20.0, max = 200.0 }\n"
-    "[coupling]\ndamping = { min = 50.0, max = 1e4 }\nmass = { min = 1e-3, max = 0.2 }\n"
+    "[coupling]\ndamping = { min = 50.0, max = 1e4 }\nmass = { min = 1e-3, max = 0.05 }\n"
     "[stability]\nband_hz = [0.0, 50.0]\n",
     "K_p too high from 0": LAG.format(2.0) + "[gains]\nvelocity = { min = 1.0, max = 100.0 }\n"
     "position = { min = 3e5, max = 1e6 }\n[stability]\nband_hz = [0.0, 10.0]\n",
@@ -370,14 +370,16 @@ def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(tmp_path):
+@pytest.mark.parametrize("delay", [0.6, 0.8, 1.0, 1.3, 1.7, 2.5])
+def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(delay, tmp_path):
     command = [sys.executable, "-m", "vctune", "solve", str(ROOT / "problems/infeasible.toml")]
     running = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(2.5)
+    time.sleep(delay)
     running.send_signal(SIGINT)
     out, err = running.communicate(timeout=60)
     assert (running.returncode, out) == (ExitCode.INTERRUPTED, "")
-    assert "Traceback" not in err and not list((tmp_path / "results/infeasible").iterdir())
+    assert "Traceback" not in err and "internal error" not in err
+    assert not list(tmp_path.rglob("*.json")) and not list(tmp_path.rglob("*.html"))
 
 
 @pytest.mark.parametrize("band", ["[0.0, 1e-9]", "[499.0, 500.0]", "[400.0, inf]", "[1.0, 1.5]"])
