@@ -342,6 +342,14 @@ def test_lag_without_delay_has_its_resistance_theorem_on_every_band():
             assert f"below {limit:.4g} N/m" in theorem.advice
 
 
+@pytest.mark.parametrize("text", THEOREMS.values(), ids=THEOREMS)
+def test_a_theorem_starts_no_solver(text, monkeypatch):
+    monkeypatch.setattr(solving, "scan", None)
+    solved = solve(parsed(text))
+    assert (solved.status, solved.infeasibility.proved, solved.seconds) == (Status.INFEASIBLE, True, {})
+    assert any(symbol in solved.reason for symbol in ("omega -> 0", "omega -> inf"))
+
+
 def run(*arguments, cwd):
     command = [sys.executable, "-m", "vctune", *map(str, arguments)]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=300)
@@ -359,6 +367,9 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
     assert "any one of these alone would do:" in done.stdout
     run("report", "results/stuck/design.json", "--out", "again", cwd=tmp_path)
     assert "What would repair it" in (tmp_path / "again/report.html").read_text()
+    del record["repairs"]  # as in designs of earlier versions
+    (tmp_path / "old.json").write_text(json.dumps(record))
+    assert run("report", "old.json", "--out", "old", cwd=tmp_path).returncode == ExitCode.OK
 
 
 def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):

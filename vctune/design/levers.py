@@ -139,7 +139,7 @@ def _of_device(problem: Problem) -> Iterator[Lever]:
     loop = device.mass / device.lag
     yield Lever(("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop)
     b_h = device.operator.damping if device.operator is not None else 0.0
-    yield Lever(("operator", "damping"), "more damping of the operator at least", b_h, max(100 * b_h, loop), loop)
+    yield Lever(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
     yield Lever(("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100)
     if device.delay > 0:
         yield Lever(("device", "delay"), "less delay", device.delay, 0.0)

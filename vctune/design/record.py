@@ -54,7 +54,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "schema": SCHEMA,
         "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
-        "reason": reason(solved),
+        "reason": solved.reason,
         "gains": None,
         "coupling": None,
         "transparency": None,
@@ -77,15 +77,6 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record["warnings"] = warnings(problem, judgement)
     checked: dict[str, Any] = finite(record)
     return checked
-
-
-def reason(solved: Solved) -> str | None:
-    """Return why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
-    if solved.infeasibility is None:
-        return None
-    if solved.repairs:
-        return f"{solved.infeasibility.cause}; the smallest repair: {solved.repairs[0]}"
-    return solved.infeasibility.reason
 
 
 @cache

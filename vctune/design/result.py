@@ -117,3 +117,12 @@ class Solved:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
         return Status.INFEASIBLE if proved else Status.UNDECIDED
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+        if self.infeasibility is None:
+            return None
+        if self.repairs:
+            return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
+        return self.infeasibility.reason
