@@ -38,7 +38,7 @@ PROOF_ROUNDS = 4
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 NEARLY = 0.1
-"""A start that misses a demand by more than this share is not polished when only an opinion is wanted."""
+"""A start that misses a demand by more than this share is not polished where only an opinion is wanted."""
 SHARPENING = 10.0
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
@@ -110,7 +110,7 @@ def attainable(problem: Problem) -> bool:
         return False
     scaled = dimensionless(problem)
     seen = scan(scaled)
-    for start in seen.starts[:LONG_SHOTS]:
+    for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
         hopeful = start.workable and start.shortfall < NEARLY
         optimum = polish(scaled, start, seen) if hopeful else None
         judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
