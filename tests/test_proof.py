@@ -23,7 +23,7 @@ from vctune.proof.batch import Demands, prove
 from vctune.proof.cells import Cells
 from vctune.proof.certificate import Claim, certify, prove_sensitivity
 from vctune.proof.claims import Design, conditions_margin
-from vctune.proof.interval import Verdict, prove_positive
+from vctune.proof.interval import Verdict, prove_boxes, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.low_end import low_end_verdict, prove_low_end
 from vctune.proof.winding import turned_angle
@@ -277,3 +277,23 @@ def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     with ctx.workprec(PRECISION):
         margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS, integrator=False)
         assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))
+
+
+@pytest.mark.parametrize("low", [0.0, 1e-3])
+def test_proved_boxes_cover_the_interval(low):
+    """Boxes wider than the curve allows are not proved; those that are leave no gap, and too few of them no proof."""
+    proved = []
+
+    def decide(left, right):
+        if right - left > 0.02 + 0.1 * abs(right - 2):
+            return Verdict.UNDECIDED
+        proved.append((left, right))
+        return Verdict.PROVED
+
+    enough = prove_boxes(decide, low, 5.0)
+    assert enough.verdict is Verdict.PROVED
+    assert [left for left, _ in proved] == [low, *(right for _, right in proved[:-1])]
+    assert proved[-1][1] == 5.0
+    for effort in range(1, enough.boxes):
+        assert prove_boxes(decide, low, 5.0, effort).verdict is Verdict.UNDECIDED
+    assert prove_boxes(lambda left, right: Verdict.REFUTED if left > 1 else decide(left, right), low, 5.0).witness > 1

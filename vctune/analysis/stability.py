@@ -65,17 +65,17 @@ def unit_circle(device: Device, *, integrator: bool) -> ReturnDifference:
     return return_difference(plant, angles(), FLOATS, integrator=integrator)
 
 
-def sampled_stable(device: Device, gains: Gains) -> NDArray[np.bool_]:
-    """Return whether the sampled loop is stable; the gains end in an axis of length 1."""
-    integrator = bool(np.any(gains.position))
-    return closes_stable(unit_circle(device, integrator=integrator), gains, integrator=integrator)
-
-
 def closes_stable(circle: ReturnDifference, gains: Gains, *, integrator: bool) -> NDArray[np.bool_]:
     """Return whether the loop closed with the given gains makes no turn around 0.
 
     The turn from the first angle to the last, where F is real, is that of the first to the positive real axis plus a
     whole turn for each crossing of the negative real axis, which chords between neighbouring angles show.
+
+    Parameters
+    ----------
+    circle : from `unit_circle`
+    gains : arrays that end in an axis of length 1
+    integrator : whether the law has its K_p/s term
     """
     F = circle.closed(gains, integrator=integrator)
     up = F.im >= 0
@@ -155,7 +155,12 @@ def _between(a: Gains, b: Gains, t: Floats | float) -> Gains:
 def _lowest(curve: Curve, gains: Gains) -> float:
     """Return the angle at which |F| is least."""
     K_v, K_p = np.array(gains.velocity), np.array(gains.position)
-    return float(local_minima(lambda theta: np.abs(curve(theta, K_v, K_p)), angles()).omega[0])
+
+    def square(theta: Floats) -> Floats:
+        F = curve(theta, K_v, K_p)
+        return F.real * F.real + F.imag * F.imag
+
+    return float(local_minima(square, angles()).omega[0])
 
 
 def _at(curve: Curve, theta: float, gains: Gains) -> complex:

@@ -18,9 +18,9 @@ from vctune.analysis.extrema import Floats
 from vctune.design.ipopt import Posed, posed
 from vctune.design.nlp import OPTIONS, assembled
 from vctune.design.rounding import rounded
-from vctune.design.scan import Start
 from vctune.design.shape import Shape, WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, physical, point
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Coupling, Gains

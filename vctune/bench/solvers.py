@@ -16,8 +16,9 @@ from vctune.bench.judged import Worth, worth
 from vctune.bench.problems import reference_problems
 from vctune.bench.timing import timed
 from vctune.design.judge import Status
-from vctune.design.scan import ScanResult, Start, scan
+from vctune.design.scan import ScanResult, scan
 from vctune.design.solve import WORTH_POLISHING, dimensionless, solve
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.benchmarks import Panel, Series

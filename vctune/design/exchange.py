@@ -18,16 +18,19 @@ from vctune.analysis.demands import (
     response,
     sampled_span,
     sensitivity_maxima,
+    stability_ratio,
+    towards_zero,
     transparency_error,
     weighted_square,
 )
-from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.stability import clearly_stable, stability_cut
-from vctune.design.ipopt import solve
+from vctune.design.ipopt import NEAR_SIDE, solve
 from vctune.design.result import Polished, Round, Solution
-from vctune.design.scan import ScanResult, Start
+from vctune.design.scan import ScanResult
 from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
@@ -37,8 +40,6 @@ TIGHTENING = 1e-6
 ROUNDS = 40
 RADIUS = 2.0
 GROWTH = 2.0
-NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of the box: where the error is flat IPOPT stays off by its barrier."""
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
 PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
@@ -89,7 +90,7 @@ def polish(
     frequencies = _first_frequencies(problem, start, seen)
     if witnesses is not None:
         _join(frequencies, _Demands(witnesses.ratio, witnesses.sensitivity))
-    _follow(frequencies, _check(problem, reference, tightening))
+    _follow(frequencies, _near_peak(problem, sensitivity_maxima(problem, design_of(reference)[0])))
     search = _Search(start, perf_counter(), tightening, incumbent, frequencies, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
@@ -129,11 +130,15 @@ def _step(problem: Problem, search: _Search) -> None:
     box = _box(free, search.reference, search.radius)
     solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
+    gains, stable = design_of(values)[0], _stable(problem, design_of(values)[0])
+    settled = solution.converged and solution.followed and not _at_box(free, solution.z, box)
+    search.finished = stable and settled and solution.error > search.incumbent
+    if search.finished:
+        return
     demands = _check(problem, values, search.tightening)
     seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
     search.rounds.append(Round(seconds, demands.violation, solution.error, size, solution))
-    gains = design_of(values)[0]
-    if not _stable(problem, gains):
+    if not stable:
         if not _guard(problem, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2
         search.warm = search.reference
@@ -141,12 +146,10 @@ def _step(problem: Problem, search: _Search) -> None:
     if demands.positive:
         search.reference = values
     posed = frequencies.copy()
-    _follow(frequencies, demands)
+    _follow(frequencies, demands.near_peak)
     search.warm = search.reference
-    settled = solution.converged and not _at_box(free, solution.z, box)
-    search.finished = settled and solution.error > search.incumbent
     admissible = demands.positive and demands.violation == 0
-    if admissible and not search.finished:
+    if admissible:
         found = Polished(search.start, values, inf, shape, posed, solution, search.rounds)
         _keep(problem, search, found, settled=settled)
     progress = _join(frequencies, demands) or (admissible and solution.converged)
@@ -165,13 +168,19 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
 
 
 def _pulled_in(problem: Problem, start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
+    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
+
+    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
+    stable: Point | None = None
     for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
         if _stable(problem, gains):
-            return point(gains, start.coupling)
-    return None
+            if _least_resistance(problem, gains).value[0] > 0:
+                return point(gains, start.coupling)
+            stable = stable or point(gains, start.coupling)
+    return stable
 
 
 def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
@@ -221,19 +230,18 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     """Find where the demands fail by more than half the tightening."""
     gains, coupling = design_of(values)
     stability, found = problem.stability, _Demands()
-    ratio = ratio_minima(problem, gains, coupling)
+    ratio = _lowest_ratios(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
     found.ratio = [
         float(w) for w, v, s in zip(ratio.omega, ratio.value, short, strict=True) if s > tightening / 2 and v > 0
     ]
     if ratio.value[0] <= 0:
         found.positive = False
-        found.ratio.append(_worst_resistance(problem, gains))
+        found.ratio.append(float(_least_resistance(problem, gains).omega[0]))
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
-    if -peaks.value[0] > FOLLOWED * stability.max_sensitivity and peaks.omega[0] < problem.nyquist * (1 - 1e-6):
-        found.near_peak = float(peaks.omega[0])
+    found.near_peak = _near_peak(problem, peaks)
     found.violation = max(float(short[0]), float(over[0]), 0.0) - tightening / 2
     if problem.transparency.norm == "peak":
         _check_peak(problem, gains, coupling, found, tightening)
@@ -241,9 +249,26 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     return found
 
 
-def _worst_resistance(problem: Problem, gains: Gains) -> float:
+def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+    """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
+    minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
+    if gains.position == 0 or not low.size:
+        return minima
+    omega = np.append(low, minima.omega)
+    value = np.append(stability_ratio(problem.device, gains, coupling, low), minima.value)
+    order = np.argsort(value, kind="stable")
+    return Minima(omega[order], value[order])
+
+
+def _near_peak(problem: Problem, peaks: Minima) -> float | None:
+    """Return where |S| is greatest if that is near its limit and below the Nyquist frequency."""
+    near = -peaks.value[0] > FOLLOWED * problem.stability.max_sensitivity
+    return float(peaks.omega[0]) if near and peaks.omega[0] < problem.nyquist * (1 - 1e-6) else None
+
+
+def _least_resistance(problem: Problem, gains: Gains) -> Minima:
     grid = frequency_grid(*sampled_span(problem))
-    return float(local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid).omega[0])
+    return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
 def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Demands, tightening: float) -> None:
@@ -277,9 +302,9 @@ def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Ga
     return bool(new)
 
 
-def _follow(frequencies: WorkingSet, demands: _Demands) -> None:
+def _follow(frequencies: WorkingSet, near_peak: float | None) -> None:
     """Let the NLP follow the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
-    frequencies.moving[:] = [] if demands.near_peak is None else [demands.near_peak]
+    frequencies.moving[:] = [] if near_peak is None else [near_peak]
 
 
 def _join(frequencies: WorkingSet, demands: _Demands) -> bool:

@@ -10,14 +10,15 @@ is dimensionless (Z_0 = T = 1), on a fixed set of frequencies, and an estimate.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import closes_stable, sampled_stable
+from vctune.analysis.stability import closes_stable
 from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
@@ -31,13 +32,14 @@ PER_DECADE = 3.5
 INADMISSIBLE = 1e6
 SENSITIVE, NEGATIVE, UNSTABLE = 1e3, 2e3, 3e3
 """Ranks of violations: |S| too great, Re G_hh < 0, sampled loop unstable."""
-TIE = 1e-9
-LIMIT_ROUNDS = 4
+TIE = 1e-10
+LOOPS_AT_ONCE = 160
+"""Loops whose arrays are small enough to stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True)
 class Axes:
-    """The grid's axes: K_v, corner of the integral action, tau_c, b_0."""
+    """The grid's axes: K_v, corner of the integral action, tau_c, b_0; several grids at once along leading axes."""
 
     velocity: Floats
     corner: Floats
@@ -87,6 +89,7 @@ class Grid:
     loops: Loops
 
 
+@lru_cache(maxsize=4)
 def axes(problem: Problem, *, integral: bool) -> Axes:
     """Return the coarse grid of a problem with or without an integrator."""
     device, bounds = problem.device, problem.bounds
@@ -104,12 +107,8 @@ def axes(problem: Problem, *, integral: bool) -> Axes:
     tau_c = np.geomspace(shortest, longest, COUNTS["time_constant"]) if longest > shortest else np.array([shortest])
     if bounds.mass.fixed and bounds.damping.fixed:
         tau_c = np.array([bounds.mass.min / bounds.damping.min])
-    return Axes(
-        _towards_limit(problem, _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)),
-        corner,
-        tau_c,
-        _axis(bounds.drag, COUNTS["drag"], 1e-3),
-    )
+    K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
+    return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
@@ -121,20 +120,6 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
     return np.concatenate(([0.0], np.geomspace(min(floor, bounds.max / 10), bounds.max, count - 1)))
 
 
-def _towards_limit(problem: Problem, K_v: Floats) -> Floats:
-    """Refine an axis of K_v towards the stability limit of the velocity loop alone, where good designs live."""
-    for _ in range(LIMIT_ROUNDS):
-        alone = Gains(K_v[:, None], np.array([0.0]))
-        stable = np.all([sampled_stable(loop, alone) for loop in problem.device.loops], axis=0)
-        if stable.all() or not stable.any():
-            return K_v
-        last = int(np.argmin(stable)) - 1
-        if last < 0:
-            return K_v
-        K_v = np.sort(np.append(K_v, K_v[last] + (K_v[last + 1] - K_v[last]) * np.array([0.5, 0.75])))
-    return K_v
-
-
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator."""
     bounds = problem.bounds.position
@@ -143,16 +128,28 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
 
 
 def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
-    """Score every design of a grid."""
-    K_v, corner = np.meshgrid(at.velocity, at.corner, indexing="ij")
-    loops = _loops(problem, samples, Gains(K_v, position_gain(problem, K_v, corner)))
+    """Score every design of a grid, or of several grids along leading axes."""
+    rows = max(1, LOOPS_AT_ONCE // at.corner.size)
+    if at.velocity.ndim > 1 or at.velocity.size <= rows:
+        return _scored(problem, samples, at)
+    starts = range(0, at.velocity.size, rows)
+    parts = [_scored(problem, samples, replace(at, velocity=at.velocity[i : i + rows])) for i in starts]
+    return Grid(
+        np.concatenate([part.score for part in parts]),
+        np.concatenate([part.damping for part in parts]),
+        Loops(*(np.concatenate([getattr(part.loops, name) for part in parts]) for name in Loops.__slots__)),
+    )
+
+
+def _scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
+    K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
+    loops = loops_at(problem, samples, Gains(K_v, position_gain(problem, K_v, corner)))
     damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
-    rank = _rank(problem, loops)[:, :, None, None]
+    rank = _rank(problem, loops)[..., None, None]
     violation = np.where(rank > 0, rank, excess)
     error = _error(problem, samples, loops, damping, at)
     if problem.transparency.weights.coupling == 0:  # prefer the least coupling among equals
-        span = np.log(damping.max() / damping.min()) + 1.0
-        error = error * (1 + TIE * np.log(damping / damping.min()) / span)
+        error = error * (1 + TIE * np.log(damping / problem.bounds.damping.min))
     return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, loops)
 
 
@@ -165,13 +162,14 @@ def least_errors(problem: Problem, gains: Gains) -> Floats:
     gains : K_v and K_p, arrays of two dimensions
     """
     samples = samples_of(problem, integrator=bool(np.any(gains.position)))
-    at, loops = axes(problem, integral=samples.integrator), _loops(problem, samples, gains)
+    at, loops = axes(problem, integral=samples.integrator), loops_at(problem, samples, gains)
     damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
-    admissible = (_rank(problem, loops) == 0)[:, :, None, None] & (excess == 0)
+    admissible = in_order(problem, loops)[..., None, None] & (excess == 0)
     return np.where(admissible, _error(problem, samples, loops, damping, at), np.inf).min(axis=(2, 3))
 
 
-def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:
+def loops_at(problem: Problem, samples: Samples, gains: Gains) -> Loops:
+    """Return what loops are worth, whose gains are arrays that fit each other."""
     device, integrator, weights = problem.device, samples.integrator, problem.transparency.weights
     spread = Gains(gains.velocity[..., None], gains.position[..., None])
     band = samples.band.response(device, spread, integrator=integrator)
@@ -188,6 +186,11 @@ def _loops(problem: Problem, samples: Samples, gains: Gains) -> Loops:
     return Loops(required, deficit, sensitivity, stable, strength, error2)
 
 
+def in_order(problem: Problem, loops: Loops) -> NDArray[np.bool_]:
+    """Return which loops meet the demands on the loop alone."""
+    return np.asarray(_rank(problem, loops) == 0)
+
+
 def _rank(problem: Problem, loops: Loops) -> Floats:
     """Return 0 for loops in order, else the rank of what is wrong plus how much."""
     too_sensitive = np.log(np.maximum(loops.sensitivity / problem.stability.max_sensitivity, 1.0))
@@ -198,12 +201,14 @@ def _rank(problem: Problem, loops: Loops) -> Floats:
 
 def _least_damping(problem: Problem, omega: Floats, required: Floats, at: Axes) -> tuple[Floats, Floats]:
     """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
-    bounds, tau_c = problem.bounds, at.time_constant[:, None]
-    b_c = np.empty((*required.shape[:2], tau_c.size, at.drag.size))
-    for k, drag in enumerate(at.drag):
-        demand = np.maximum(problem.stability.safety_factor * required - drag, 0.0)
-        for i, tau in enumerate(at.time_constant):
-            b_c[:, :, i, k] = (demand * (1 + 1 / (omega * tau) ** 2)).max(axis=-1)
+    bounds, factor = problem.bounds, problem.stability.safety_factor
+    b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
+    relative = 1 + 1 / (omega * at.time_constant[..., None]) ** 2
+    for k in range(at.drag.shape[-1]):
+        demand = np.maximum(factor * required - at.drag[..., k, None, None, None], 0.0)
+        for i in range(at.time_constant.shape[-1]):
+            b_c[..., i, k] = (demand * relative[..., i, None, None, :]).max(axis=-1)
+    tau_c = at.time_constant[..., None, None, :, None]
     b_c = np.maximum(b_c, np.maximum(bounds.damping.min, bounds.mass.min / tau_c))
     most = np.minimum(bounds.damping.max, bounds.mass.max / tau_c)
     slack = 1 + 1e-9
@@ -213,16 +218,17 @@ def _least_damping(problem: Problem, omega: Floats, required: Floats, at: Axes) 
 def _error(problem: Problem, samples: Samples, loops: Loops, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages = samples.averages
-    x = samples.nodes.omega * at.time_constant[:, None]
-    u, v = x * x / (1 + x * x), x / (1 + x * x)
+    x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
+    u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
     weight = problem.transparency.weights.coupling**2
+    drag = at.drag[..., None, None, None, :]
     if problem.transparency.norm == "rms":
-        mean_u, mean_2 = _mean(u, averages)[:, None], _mean(u * u + v * v, averages)[:, None]
-        Z_c2 = at.drag**2 + 2 * at.drag * damping * mean_u + damping**2 * mean_2
-        return np.sqrt(_mean(loops.error2, averages)[:, :, None, None] + weight * Z_c2)
-    b_c = damping[..., None]
-    Z_c2 = (at.drag[:, None] + b_c * u[:, None, :]) ** 2 + (b_c * v[:, None, :]) ** 2
-    return np.sqrt((loops.error2[:, :, None, None, :] + weight * Z_c2).max(axis=-1))
+        mean_u, mean_2 = (_mean(of, averages)[..., None, None, :, None] for of in (u, u * u + v * v))
+        Z_c2 = drag * drag + 2 * drag * damping * mean_u + damping**2 * mean_2
+        return np.sqrt(_mean(loops.error2, averages)[..., None, None] + weight * Z_c2)
+    b_c, u, v = damping[..., None], u[..., None, None, :, None, :], v[..., None, None, :, None, :]
+    Z_c2 = (drag[..., None] + b_c * u) ** 2 + (b_c * v) ** 2
+    return np.sqrt((loops.error2[..., None, None, :] + weight * Z_c2).max(axis=-1))
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from vctune.analysis.extrema import Floats
 from vctune.design.infeasible import Infeasibility
 from vctune.design.judge import Judgement, Status
-from vctune.design.scan import ScanResult, Start
+from vctune.design.scan import ScanResult
 from vctune.design.shape import Shape, WorkingSet
 from vctune.design.variables import Point
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ class Solution:
     z : coordinates of the free variables
     error : objective there
     converged : whether IPOPT says so; no evidence of anything
+    followed : whether the peak of |S| that it was to follow stayed within its reach
     iterations : number of IPOPT iterations
     primal, dual : infeasibilities per iteration
     multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
@@ -35,6 +37,7 @@ class Solution:
     z: Floats
     error: float
     converged: bool
+    followed: bool
     iterations: int
     multipliers: Floats
     primal: list[float]

@@ -2,53 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.grid import INADMISSIBLE, NEGATIVE, SENSITIVE, Axes, Grid, axes, position_gain, scored
+from vctune.design.edge import Edge, edge_of
+from vctune.design.grid import INADMISSIBLE, Axes, axes, least_errors, position_gain, scored
 from vctune.design.samples import Samples, samples_of
+from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
-ZOOMS, BETWEEN = 4, (0.25, 0.5, 0.75)
 STARTS = 8
 CLOSE = 0.02
 AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
+STEPS, FLAT = 9, 1.001
+"""Places on the way from a start to an optimum; by what factor the error may seem to rise from one to the next."""
+WORTH_ANOTHER = 0.9995
+"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's."""
 PROMISING = 3.0
 """A local minimum of the coarse grid is refined if its error is at most this many times the least."""
-
-
-@dataclass(frozen=True, slots=True)
-class Start:
-    """A point worth polishing.
-
-    Attributes
-    ----------
-    gains, coupling : the point
-    error : its transparency error when admissible on the scan's frequencies, else above `INADMISSIBLE`
-    """
-
-    gains: Gains
-    coupling: Coupling
-    error: float
-
-    @property
-    def admissible(self) -> bool:
-        """Whether the point met every demand at the scan's frequencies."""
-        return self.error < INADMISSIBLE
-
-    @property
-    def workable(self) -> bool:
-        """Whether its loop is stable with Re G_hh > 0, so that the optimiser's formulas are defined there."""
-        return self.error < INADMISSIBLE * NEGATIVE
-
-    @property
-    def shortfall(self) -> float:
-        """By how much it missed the worst of the demands, as the logarithm of a ratio; 0 for an admissible point."""
-        return 0.0 if self.admissible else (self.error / INADMISSIBLE - 1) % SENSITIVE
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +54,30 @@ def scan(problem: Problem) -> ScanResult:
         grid = scored(problem, samples, coarse)
         sound = (grid.loops.deficit == 0) & grid.loops.stable
         peak = max(peak, float(grid.loops.sensitivity[sound].max(initial=0.0)))
-        least = min([float(grid.score.min()), *(start.error for start in found)])
-        for index in _candidates(problem, grid.score)[:STARTS]:
-            vanishing = integral and False in faces and index[1] == 0
-            if not vanishing and grid.score[index] <= PROMISING * least:
-                found.append(_zoom(problem, samples, coarse, index))
+        edge = edge_of(problem, samples, coarse, grid.loops)
+        least = min(float(grid.score.min()), float(edge.score.min(initial=inf)), *(start.error for start in found))
+        left_out = 0 if integral and False in faces else None
+        found += zoomed(problem, samples, _promising(problem, coarse, grid.score, edge, PROMISING * least, left_out))
     found.sort(key=lambda start: start.error)
     return ScanResult(_distinct(found)[:STARTS], peak)
+
+
+def _promising(problem: Problem, coarse: Axes, score: Floats, edge: Edge, most: float, left_out: int | None) -> Axes:
+    """Return the best local minima of the grid and of the edge of its loops, between their neighbours.
+
+    Minima of the grid on its last step before the edge are the edge's business.
+
+    Parameters
+    ----------
+    most : greatest error of interest
+    left_out : corner whose minima are not looked at
+    """
+    steps = set(zip(edge.row.tolist(), edge.column.tolist(), strict=True))
+    inner = [at for at in minima_of(problem, score) if at[:2] not in steps and at[1] != left_out][:STARTS]
+    outer = [at for at in minima_of(problem, edge.score) if edge.column[at[0]] != left_out][:STARTS]
+    within = around(coarse, [at for at in inner if score[at] <= most])
+    outside = edge.places(problem, coarse, [at for at in outer if edge.score[at] <= most])
+    return Axes(*(np.concatenate(pair) for pair in zip(within.each(), outside.each(), strict=True)))
 
 
 def _faces(problem: Problem) -> list[bool]:
@@ -100,76 +92,62 @@ def _faces(problem: Problem) -> list[bool]:
 
 
 def rescan(problem: Problem, gains: Gains) -> Start | None:
-    """Scan around polished gains, with every coupling: the best design of another coupling may be a basin away."""
-    integral = gains.position > 0
-    coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
-    bounds = problem.bounds
-    K_v = np.unique(np.clip(gains.velocity * AROUND["velocity"], bounds.velocity.min, bounds.velocity.max))
-    corner = gains.position / (problem.device.damping + gains.velocity) * (AROUND["corner"] if integral else np.ones(1))
-    fine = Axes(K_v, corner, coarse.time_constant, coarse.drag)
+    """Scan around given gains, with every coupling."""
+    samples, fine = _surroundings(problem, gains)
     grid = scored(problem, samples, fine)
-    at = _lowest(grid)
-    return _zoom(problem, samples, fine, at) if grid.score[at] < INADMISSIBLE else None
+    at = lowest(grid.score)
+    return zoomed(problem, samples, around(fine, [at]))[0] if grid.score[at] < INADMISSIBLE else None
 
 
-def _candidates(problem: Problem, score: Floats) -> list[tuple[int, ...]]:
-    """Return the local minima of a grid; where the coupling costs nothing, over the loops only."""
-    if problem.transparency.weights.coupling > 0:
-        return _local_minima(score)
-    flat = score.reshape(*score.shape[:2], -1)
-    best = flat.argmin(axis=-1)
-    return [
-        (*loop, *(int(i) for i in np.unravel_index(int(best[loop]), score.shape[2:])))
-        for loop in _local_minima(flat.min(axis=-1))
-    ]
+def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | None:
+    """Return a better start near a polished design: the best design of another coupling may be a basin away.
+
+    What is better is judged on the scan's few frequencies, the design itself too.
+    """
+    samples, fine = _surroundings(problem, gains)
+    tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
+    fine = replace(fine, time_constant=tau_c, drag=np.sort(np.append(fine.drag, coupling.drag)))
+    grid, place = scored(problem, samples, fine), _place(problem, gains, coupling)
+    here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
+    at = lowest(grid.score)
+    if grid.score[at] >= INADMISSIBLE or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
+        return None
+    start = zoomed(problem, samples, around(fine, [at]))[0]
+    return start if start.error < WORTH_ANOTHER * grid.score[here] else None
 
 
-def _local_minima(score: Floats) -> list[tuple[int, ...]]:
-    """Return the indices of grid points not above any neighbour, lowest first."""
-    padded = np.pad(score, 1, constant_values=np.inf)
-    lowest = np.ones(score.shape, dtype=bool)
-    for offset in product(*((-1, 0, 1) if n > 1 else (0,) for n in score.shape)):
-        window = tuple(slice(1 + d, 1 + d + n) for d, n in zip(offset, score.shape, strict=True))
-        lowest &= score <= padded[window]
-    found = np.argwhere(lowest)
-    order = np.argsort(score[lowest], kind="stable")
-    return [tuple(int(i) for i in found[k]) for k in order]
+def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
+    """Return a fine grid around gains, with every coupling."""
+    integral = gains.position > 0
+    coarse, bounds = axes(problem, integral=integral), problem.bounds.velocity
+    K_v = np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max)
+    corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
+    return samples_of(problem, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
 
 
-def _zoom(problem: Problem, samples: Samples, coarse: Axes, index: tuple[int, ...]) -> Start:
-    """Refine a grid minimum between its neighbours."""
-    at, fine = index, coarse
-    for _ in range(ZOOMS):
-        fine = Axes(*(_between(axis, i) for axis, i in zip(fine.each(), at, strict=True)))
-        grid = scored(problem, samples, fine)
-        at = _lowest(grid)
-    return _start(problem, fine, grid, at)
+def _corner(problem: Problem, gains: Gains) -> float:
+    return gains.position / (problem.device.damping + gains.velocity) if gains.position > 0 else 0.0
 
 
-def _lowest(grid: Grid) -> tuple[int, ...]:
-    return tuple(int(i) for i in np.unravel_index(int(np.argmin(grid.score)), grid.score.shape))
+def _place(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float, float, float]:
+    """Return K_v, corner, tau_c and b_0 of a design."""
+    return gains.velocity, _corner(problem, gains), coupling.mass / coupling.damping, coupling.drag
 
 
-def _between(axis: Floats, i: int) -> Floats:
-    low, middle, high = float(axis[max(i - 1, 0)]), float(axis[i]), float(axis[min(i + 1, axis.size - 1)])
-    if low == high:
-        return np.array([middle])
-    spread = [low * (high / low) ** t if low > 0 else high * t for t in BETWEEN]
-    return np.array(sorted({low, *spread, middle, high}))
+def drained(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
+    """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
-
-def _start(problem: Problem, fine: Axes, grid: Grid, at: tuple[int, ...]) -> Start:
-    K_v, corner, tau_c, drag = (axis[i] for axis, i in zip(fine.each(), at, strict=True))
-    b_c, bounds = grid.damping[at], problem.bounds
-    return Start(
-        Gains(float(K_v), float(position_gain(problem, K_v, corner))),
-        Coupling(
-            float(np.clip(b_c, bounds.damping.min, bounds.damping.max)),
-            float(np.clip(b_c * tau_c, bounds.mass.min, bounds.mass.max)),
-            float(drag),
-        ),
-        float(grid.score[at]),
-    )
+    At every pair of gains on the way the coupling is the best one of the scan's.
+    """
+    law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]
+    if not law or gains.velocity == 0 or any(start.gains.velocity == 0 for start in law):
+        return []
+    t, end = np.linspace(0.0, 1.0, STEPS), _corner(problem, gains)
+    K_v = np.array([[start.gains.velocity] for start in law]) ** (1 - t) * gains.velocity**t
+    corner = np.array([[_corner(problem, start.gains)] for start in law]) ** (1 - t) * end**t
+    errors = least_errors(problem, Gains(K_v, position_gain(problem, K_v, corner)))
+    falls = np.all(errors[:, 1:] <= errors[:, :-1] * FLAT, axis=1) & np.all(np.isfinite(errors), axis=1)
+    return [start for start, down in zip(law, falls.tolist(), strict=True) if down]
 
 
 def _distinct(starts: list[Start]) -> list[Start]:

@@ -12,7 +12,7 @@ from vctune.model.quantities import Hold
 TERMS = ("admittance", "tracking", "coupling")
 DEMANDS = ("ratio", "sensitivity", "stability", "peak")
 """Kinds of constraint, in the order of `Shape.slots`."""
-SLOTS = (24, 48, 12, 24)
+SLOTS = (12, 12, 4, 12)
 """Slots of each kind come in multiples of this, so that few solvers are compiled; open bounds switch off the rest."""
 
 

@@ -15,11 +15,12 @@ from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
-from vctune.design.rounding import rounded
-from vctune.design.scan import ScanResult, rescan, scan
+from vctune.design.rounding import DIGITS, rounded
+from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
 from vctune.design.shape import WorkingSet
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, physical
+from vctune.design.zoom import Start
 from vctune.document.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
@@ -32,9 +33,7 @@ if TYPE_CHECKING:
 
 WORTH_POLISHING = 1.3
 """A start is polished if its scanned error is at most this much above the best polished one."""
-WORTH_ANOTHER = 0.9995
-"""A scan around the best optimum starts another polish if its error is at most this share of the best."""
-PROOF_ROUNDS = 4
+PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 NEARLY = 0.1
@@ -178,19 +177,22 @@ def dimensionless(problem: Problem) -> Problem:
 def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first."""
     optima: list[Polished] = []
+    done: list[Start] = []
     for number, start in enumerate(seen.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
-        if start.error > worth * least or hopeless:
+        if start.error > worth * least or hopeless or start in done:
             continue
         progress(f"polishing start {number} of {len(seen.starts)}")
         polished = polish(scaled, start, seen, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
+            left = [each for each in seen.starts[number:] if each.error <= worth * polished.error]
+            done += drained(scaled, left, design_of(polished.values)[0])
     optima.sort(key=lambda optimum: optimum.error)
     if optima:
-        nearby = rescan(scaled, design_of(optima[0].values)[0])
-        if nearby is not None and nearby.error < WORTH_ANOTHER * optima[0].error:
+        nearby = elsewhere(scaled, *design_of(optima[0].values))
+        if nearby is not None:
             progress("polishing once more")
             better = polish(scaled, nearby, seen, incumbent=optima[0].error)
             optima = [better, *optima] if better is not None else optima
@@ -214,13 +216,14 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is refuted, polish again with the witnesses and a sharper demand."""
+    """Judge the rounded optimum; while it is refuted, polish again with its witness, more sharply, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
-    for _ in range(PROOF_ROUNDS):
+    for again in range(PROOF_ROUNDS):
         if polished is None:
             return
-        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values))))
+        digits = DIGITS + MORE_DIGITS * again
+        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values), digits)))
         yield polished, judgement
         certificate = judgement.certificate
         _collect(witnesses.ratio, certificate.shortfall or certificate.outcomes[Claim.CONDITIONS], problem)

@@ -19,7 +19,7 @@ class _BallArithmetic:
 
     @staticmethod
     def is_zero(x: Number) -> bool:
-        return bool(x == 0)
+        return len(x) == 0 if isinstance(x, arb_series) else bool(x == 0)
 
     @staticmethod
     def sqrt(x: Number) -> Number:
@@ -67,6 +67,11 @@ def ball(decimal: float) -> arb:
     return arb(repr(float(decimal)))
 
 
+def lifted(constant: arb) -> arb_series:
+    """Return a ball as a power series with two terms: a product of two of them is cheaper than one with a ball."""
+    return arb_series([constant], 2)
+
+
 def box(low: float, high: float) -> arb:
     """Return a ball that contains the interval [low, high]."""
     return arb(low).union(arb(high))
@@ -90,3 +95,13 @@ def coupling_ball(coupling: Coupling) -> Coupling:
 def design_ball(design: Design) -> Design:
     """Return the design with its decimals enclosed."""
     return Design(device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling))
+
+
+def design_series(exact: Design) -> Design:
+    """Return a design in balls as one in power series that are constant."""
+    gains, coupling = exact.gains, exact.coupling
+    return Design(
+        exact.device.over(lifted),
+        Gains(lifted(gains.velocity), lifted(gains.position)),
+        Coupling(lifted(coupling.damping), lifted(coupling.mass), lifted(coupling.drag)),
+    )

@@ -8,11 +8,11 @@ from enum import StrEnum
 from math import pi
 
 import numpy as np
-from flint import ctx
+from flint import arb, ctx
 
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device, Gains
-from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.balls import BALLS, PRECISION, ball, design_ball, design_series, lifted
 from vctune.proof.batch import Demands, prove
 from vctune.proof.cells import Cells
 from vctune.proof.claims import Design, sensitivity_margin
@@ -130,10 +130,11 @@ def certify_all(designs: Sequence[Design], demands: Demands) -> list[Certificate
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     """Prove |S| < max_sensitivity from 0 to the Nyquist frequency, as M^2 |D|^2 > |Z_d|^2."""
-    device, law = device_ball(design.device), gains_ball(design.gains)
-    integrator, limit = design.gains.position > 0, ball(max_sensitivity)
+    exact, limit, integrator = design_ball(design), ball(max_sensitivity), design.gains.position > 0
+    series, in_series = design_series(exact), lifted(limit)
 
     def margin(omega: Number) -> Number:
-        return sensitivity_margin(device, law, omega, limit, BALLS, integrator=integrator)
+        given, most = (exact, limit) if isinstance(omega, arb) else (series, in_series)
+        return sensitivity_margin(given.device, given.gains, omega, most, BALLS, integrator=integrator)
 
     return prove_positive(margin, 0.0, pi / design.device.sample_time * (1 + 1e-15))

@@ -19,6 +19,8 @@ LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's."""
 WIDE = 2.0
 """Boxes wider than this ratio are halved without looking at the derivative."""
+GROWTH = 1.5
+"""How much wider than a proved box, in the logarithm, the next is tried."""
 
 
 class Verdict(StrEnum):
@@ -48,7 +50,9 @@ class Outcome:
 def prove_boxes(
     decide: Callable[[float, float], Verdict], low: float, high: float, max_boxes: int = MAX_BOXES
 ) -> Outcome:
-    """Halve [low, high] until `decide` has proved every box, from low to high, or refuted one.
+    """Go from low to high in boxes until `decide` has proved them all, or refuted one.
+
+    A box that is not proved is halved; after one that is the next is wider.
 
     Parameters
     ----------
@@ -56,20 +60,20 @@ def prove_boxes(
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
     """
-    stack = [(low, high)]
-    boxes = 0
-    while stack:
-        left, right = stack.pop()
-        boxes += 1
-        verdict = decide(left, right)
-        if verdict is Verdict.PROVED:
-            continue
-        middle = _middle(left, right)
+    left, right = low, high
+    for boxes in range(1, max_boxes + 1):
+        verdict, middle = decide(left, right), _middle(left, right)
+        if verdict is Verdict.PROVED and right == high:
+            return Outcome(Verdict.PROVED, boxes)
         finest = right - left <= RESOLUTION * right if left > 0 else right <= LOWEST * high
-        if verdict is Verdict.REFUTED or finest or boxes >= max_boxes:
+        if verdict is Verdict.REFUTED or (verdict is Verdict.UNDECIDED and finest):
             return Outcome(verdict, boxes, middle)
-        stack += [(middle, right), (left, middle)]
-    return Outcome(Verdict.PROVED, boxes)
+        if verdict is Verdict.PROVED:
+            ratio = right / left if left > 0 else WIDE
+            left, right = right, min(right * ratio**GROWTH, high)
+        else:
+            right = middle
+    return Outcome(Verdict.UNDECIDED, max_boxes, middle)
 
 
 def _middle(low: float, high: float) -> float:

@@ -9,7 +9,7 @@ from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
-from vctune.proof.balls import BALLS, design_ball
+from vctune.proof.balls import BALLS, design_ball, design_series, lifted
 from vctune.proof.claims import Design, conditions_margin, outwards
 from vctune.proof.exact import conditions, is_rational, widest
 from vctune.proof.exact import prove as prove_polynomials
@@ -28,7 +28,13 @@ def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     if design.gains.velocity == 0 and not integrator:
         damping = exact.device.held.damping
         return lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re
-    return lambda omega: conditions_margin(exact, omega, threshold, BALLS, integrator=integrator)
+    series, in_series = design_series(exact), lifted(threshold)
+
+    def margin(omega: Number) -> Number:
+        given, demand = (exact, threshold) if isinstance(omega, arb) else (series, in_series)
+        return conditions_margin(given, omega, demand, BALLS, integrator=integrator)
+
+    return margin
 
 
 def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:

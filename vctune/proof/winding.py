@@ -26,14 +26,15 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
     outcome : proved when no box's image contains 0; undecided with a witness otherwise
     angle : the turn, meaningful when proved
     """
-    angle = 0.0
+    angle, edge = 0.0, curve(arb(low))
 
     def decide(left: float, right: float) -> Verdict:
-        nonlocal angle
+        nonlocal angle, edge
         image = curve(box(left, right))
         if not (image.re.is_finite() and image.im.is_finite()) or (image.re.contains(0) and image.im.contains(0)):
             return Verdict.UNDECIDED
-        angle += _principal_turn(curve(arb(left)), curve(arb(right)))
+        start, edge = edge, curve(arb(right))
+        angle += _principal_turn(start, edge)
         return Verdict.PROVED
 
     outcome = prove_boxes(decide, low, high)
