@@ -120,7 +120,7 @@ def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
     """Return a fine grid around gains, with every coupling."""
     integral = gains.position > 0
     coarse, bounds = axes(problem, integral=integral), problem.bounds.velocity
-    K_v = np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max)
+    K_v = np.array(sorted({*np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max).tolist()}))
     corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
     return samples_of(problem, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
 
