@@ -22,6 +22,7 @@ from vctune.design.shape import WorkingSet, shape_of
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates, design_of, point
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
+from vctune.model.quantities import LeastOperator
 from vctune.proof.poles import spectral_radius
 
 REFERENCE = json.loads((ROOT / "tests/reference/expected.json").read_text())
@@ -54,11 +55,16 @@ def recomputed(problem, gains, virtual):
         return case.mass * s + case.damping, C, coupling(case, s)
 
     band = problem.stability.band
-    Z_d, C, Z_c = at(np.geomspace(band.min or band.max * 1e-6, band.max, GRID))
-    q = C / (Z_d + C)
-    im_q = (C * Z_d.conj()).imag / abs(Z_d + C) ** 2
+    omega = np.geomspace(band.min or band.max * 1e-6, band.max, GRID)
+    s, (Z_d, C, Z_c) = 1j * omega, at(omega)
+    hand = device.operator or LeastOperator(0.0, 0.0)
+    Z_h = hand.damping + hand.mass * s
+    W = Z_d + Z_h
+    h11, q = 1 / (C + W), C * (Z_d + C) / (C + W) ** 2
+    im_q = (C * Z_d.conj()).imag / abs(Z_d + C) ** 2 if device.operator is None else q.imag
     excess = np.where(q.real > 0, im_q**2 / (abs(q) + q.real), abs(q) - q.real)
-    ratio = 2 * (1 / (Z_d + C)).real * Z_c.real / excess
+    R = excess / (2 * h11.real) - (Z_h * C * h11).real
+    ratio = np.where(R > 0, Z_c.real / R, inf)
     nyquist = np.linspace(1e-6, 1, GRID) * pi / case.sample_time
     Z_d, C, _ = at(nyquist)
     S = np.abs(Z_d / (Z_d + C)).max()
@@ -351,6 +357,8 @@ BASINS = {
     "B92": 8.126e-05,
     "C144_1.5": 39.60,
     "followed": 0.06989,
+    "h17": 0.061024,
+    "h54": 1.32512,
     "r25": 0.549780,
     "r50": 0.584188,
     "r5064": 0.441406,
@@ -369,6 +377,17 @@ def test_basins_that_a_scan_can_miss(name):
     assert solved.judgement.transparency.error <= BASINS[name] * 1.003
     design_record(ProblemFile(problem, ""), solved)
     assert_admissible(problem, solved.judgement)
+
+
+def test_a_design_next_to_where_no_coupling_will_do_is_written_to_more_digits():
+    """Its Re(D + Z_h) almost vanishes: with eight digits of K_v the ratio cannot be had."""
+    problem = read_problem(ROOT / "tests/basins/h44.toml").problem
+    judgement = solve(problem).judgement
+    assert judgement.status is Status.CERTIFIED
+    assert judgement.transparency.error <= 1.27123 * 1.003
+    assert f"{judgement.gains.velocity:.8g}" != f"{judgement.gains.velocity!r}"
+    ratio = recomputed(problem, judgement.gains, judgement.coupling)[0]
+    assert problem.stability.safety_factor <= judgement.min_ratio <= ratio * (1 + 1e-9)
 
 
 def test_certified_means_with_the_safety_factor():

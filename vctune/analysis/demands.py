@@ -59,6 +59,17 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
     return low, high
 
 
+def towards_zero(problem: Problem) -> Floats:
+    """Return a frequency at which R and Re Z_c are at their limits for omega -> 0; none if the band does not reach 0.
+
+    With K_p > 0 the limit of R is positive, while Re Z_c falls to the drag, far below `sampled_span` if m_c is great.
+    """
+    bounds = problem.bounds
+    if problem.stability.band.min > 0 or bounds.position.max == 0:
+        return np.zeros(0)
+    return np.array([1e-8 * min(sampled_span(problem)[0], bounds.damping.min / bounds.mass.max)])
+
+
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
     """Return the local minima of Re Z_c / R over the stability band, lowest first."""
     return local_minima(

@@ -18,6 +18,8 @@ from vctune.analysis.demands import (
     response,
     sampled_span,
     sensitivity_maxima,
+    stability_ratio,
+    towards_zero,
     transparency_error,
     weighted_square,
 )
@@ -168,13 +170,19 @@ def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) 
 
 
 def _pulled_in(problem: Problem, start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are proved stable: the scan's estimate may be off."""
+    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
+
+    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+    """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
+    stable: Point | None = None
     for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
         if _stable(problem, gains):
-            return point(gains, start.coupling)
-    return None
+            if _least_resistance(problem, gains).value[0] > 0:
+                return point(gains, start.coupling)
+            stable = stable or point(gains, start.coupling)
+    return stable
 
 
 def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
@@ -224,14 +232,14 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     """Find where the demands fail by more than half the tightening."""
     gains, coupling = design_of(values)
     stability, found = problem.stability, _Demands()
-    ratio = ratio_minima(problem, gains, coupling)
+    ratio = _lowest_ratios(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
     found.ratio = [
         float(w) for w, v, s in zip(ratio.omega, ratio.value, short, strict=True) if s > tightening / 2 and v > 0
     ]
     if ratio.value[0] <= 0:
         found.positive = False
-        found.ratio.append(_worst_resistance(problem, gains))
+        found.ratio.append(float(_least_resistance(problem, gains).omega[0]))
     peaks = sensitivity_maxima(problem, gains)
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = [float(w) for w, o in zip(peaks.omega, over, strict=True) if o > tightening / 2]
@@ -243,15 +251,26 @@ def _check(problem: Problem, values: Point, tightening: float) -> _Demands:
     return found
 
 
+def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+    """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
+    minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
+    if gains.position == 0 or not low.size:
+        return minima
+    omega = np.append(low, minima.omega)
+    value = np.append(stability_ratio(problem.device, gains, coupling, low), minima.value)
+    order = np.argsort(value, kind="stable")
+    return Minima(omega[order], value[order])
+
+
 def _near_peak(problem: Problem, peaks: Minima) -> float | None:
     """Return where |S| is greatest if that is near its limit and below the Nyquist frequency."""
     near = -peaks.value[0] > FOLLOWED * problem.stability.max_sensitivity
     return float(peaks.omega[0]) if near and peaks.omega[0] < problem.nyquist * (1 - 1e-6) else None
 
 
-def _worst_resistance(problem: Problem, gains: Gains) -> float:
+def _least_resistance(problem: Problem, gains: Gains) -> Minima:
     grid = frequency_grid(*sampled_span(problem))
-    return float(local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid).omega[0])
+    return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
 def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Demands, tightening: float) -> None:

@@ -6,25 +6,23 @@ from vctune.design.variables import Point, ranges
 from vctune.document.problem import Problem, Range
 
 DIGITS = 8
-"""Significant digits written; the demands are sharpened by more than this rounding can cost."""
-AT_BOUND = 1e-7
-"""Relative distance at which a value counts as on its bound."""
+"""Significant digits written, unless a design is so near to where no coupling will do that it needs more."""
 NOTHING = 1e-9
 """Size, relative to the upper bound, below which a value that may be 0 is 0."""
 
 
-def rounded(problem: Problem, values: Point) -> Point:
-    """Return five physical numbers rounded to `DIGITS` digits, on their bounds where they reach them."""
-    return tuple(_rounded(value, bounds) for value, bounds in zip(values, ranges(problem.bounds), strict=True))  # type: ignore[return-value]
+def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
+    """Return five physical numbers rounded to so many digits, on their bounds where they reach them."""
+    return tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem.bounds), strict=True))  # type: ignore[return-value]
 
 
-def _rounded(value: float, bounds: Range) -> float:
+def _rounded(value: float, bounds: Range, digits: int) -> float:
     for bound in (bounds.min, bounds.max):
-        if near(value, bound, bounds):
+        if near(value, bound, bounds, digits):
             return bound
-    return min(max(float(f"{value:.{DIGITS}g}"), bounds.min), bounds.max)
+    return min(max(float(f"{value:.{digits}g}"), bounds.min), bounds.max)
 
 
-def near(value: float, bound: float, bounds: Range) -> bool:
-    """Return whether a value counts as on a bound."""
-    return abs(value - bound) <= (AT_BOUND * abs(bound) if bound else NOTHING * bounds.max)
+def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
+    """Return whether a value counts as on a bound: it has so many digits in common with it."""
+    return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else NOTHING * bounds.max)

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vctune.analysis.demands import sampled_span
+from vctune.analysis.demands import sampled_span, towards_zero
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import unit_circle
 from vctune.document.problem import Problem
@@ -60,6 +60,7 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     device, nyquist, band = problem.device, problem.nyquist, problem.transparency.band
     low, high = sampled_span(problem)
     count = int(FREQUENCIES * min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0))
+    across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
     def spectrum(omega: Floats) -> Spectrum:
@@ -67,7 +68,7 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
 
     return Samples(
         integrator,
-        spectrum(np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))),
+        spectrum(np.append(towards_zero(problem), across)),
         spectrum(np.geomspace(1e-3 * nyquist, nyquist, count)),
         spectrum(nodes),
         averages,

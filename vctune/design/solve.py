@@ -15,7 +15,7 @@ from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import impossible, nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
-from vctune.design.rounding import rounded
+from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
 from vctune.design.shape import WorkingSet
 from vctune.design.variables import design_of, physical
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 WORTH_POLISHING = 1.1
 """A start is polished if its scanned error is at most this much above the best polished one."""
-PROOF_ROUNDS = 4
+PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 SHARPENING = 10.0
@@ -189,13 +189,14 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is refuted, polish again with the witnesses and a sharper demand."""
+    """Judge the rounded optimum; while it is refuted, polish again with its witness, more sharply, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
-    for _ in range(PROOF_ROUNDS):
+    for again in range(PROOF_ROUNDS):
         if polished is None:
             return
-        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values))))
+        digits = DIGITS + MORE_DIGITS * again
+        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values), digits)))
         yield polished, judgement
         certificate = judgement.certificate
         _collect(witnesses.ratio, certificate.shortfall or certificate.outcomes[Claim.CONDITIONS], problem)
