@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.edge import Edge, edge_of
-from vctune.design.grid import INADMISSIBLE, Axes, axes, least_errors, position_gain, scored
+from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, axes, least_errors, position_gain, scored
 from vctune.design.samples import Samples, samples_of
 from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
@@ -52,9 +52,9 @@ def scan(problem: Problem) -> ScanResult:
     for integral in faces:
         coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
         grid = scored(problem, samples, coarse)
-        sound = (grid.loops.deficit == 0) & grid.loops.stable
-        peak = max(peak, float(grid.loops.sensitivity[sound].max(initial=0.0)))
-        edge = edge_of(problem, samples, coarse, grid.loops)
+        sound = grid.order.rank < NEGATIVE
+        peak = max(peak, float(grid.order.sensitivity[sound].max(initial=0.0)))
+        edge = edge_of(problem, samples, coarse, grid.order)
         least = min(float(grid.score.min()), float(edge.score.min(initial=inf)), *(start.error for start in found))
         left_out = 0 if integral and False in faces else None
         found += zoomed(problem, samples, _promising(problem, coarse, grid.score, edge, PROMISING * least, left_out))
