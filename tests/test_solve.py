@@ -379,6 +379,13 @@ def test_basins_that_a_scan_can_miss(name):
     assert_admissible(problem, solved.judgement)
 
 
+@pytest.mark.parametrize(("name", "error"), [("h522", 0.00329437), ("h532", 0.0867162)])
+def test_a_peak_that_leaves_its_reach_is_followed_again(name, error):
+    """The NLP's own variable for the frequency of the peak ends on its bound, 0.1 % from the optimum."""
+    problem = read_problem(ROOT / "tests/basins" / f"{name}.toml").problem
+    assert solve(problem).judgement.transparency.error <= error * 1.0002
+
+
 def test_a_design_next_to_where_no_coupling_will_do_is_written_to_more_digits():
     """Its Re(D + Z_h) almost vanishes: with eight digits of K_v the ratio cannot be had."""
     problem = read_problem(ROOT / "tests/basins/h44.toml").problem

@@ -26,7 +26,7 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.analysis.stability import clearly_stable, stability_cut
-from vctune.design.ipopt import solve
+from vctune.design.ipopt import NEAR_SIDE, solve
 from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult
 from vctune.design.shape import WorkingSet, shape_of
@@ -41,8 +41,6 @@ TIGHTENING = 1e-6
 ROUNDS = 40
 RADIUS = 2.0
 GROWTH = 2.0
-NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of the box: where the error is flat IPOPT stays off by its barrier."""
 LEAST_RADIUS = 1e-3
 FIRST_FREQUENCIES = 9
 PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
@@ -134,7 +132,7 @@ def _step(problem: Problem, search: _Search) -> None:
     solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
     values = _values(free, solution.z, search.reference)
     gains, stable = design_of(values)[0], _stable(problem, design_of(values)[0])
-    settled = solution.converged and not _at_box(free, solution.z, box)
+    settled = solution.converged and solution.followed and not _at_box(free, solution.z, box)
     search.finished = stable and settled and solution.error > search.incumbent
     if search.finished:
         return

@@ -20,6 +20,8 @@ from vctune.model.loop import hold_response
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 
+NEAR_SIDE = 1e-2
+"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its barrier."""
 REACH = 0.5
 """How far the NLP may follow a peak of |S|, in log frequency."""
 
@@ -86,10 +88,13 @@ def solve(
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
         history = stats.get("iterations", {})
+    peaks = slice(len(free), len(free) + shape.moving)
+    room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
     return Solution(
         z=z[: len(free)],
         error=float(np.exp(error[0])),
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
+        followed=bool(np.all(room > NEAR_SIDE)),
         iterations=int(stats["iter_count"]),
         multipliers=np.abs(multipliers[given.least > -inf]),
         primal=[float(value) for value in history.get("inf_pr", [])],

@@ -27,6 +27,7 @@ class Solution:
     z : coordinates of the free variables
     error : objective there
     converged : whether IPOPT says so; no evidence of anything
+    followed : whether the peak of |S| that it was to follow stayed within its reach
     iterations : number of IPOPT iterations
     primal, dual : infeasibilities per iteration
     multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
@@ -35,6 +36,7 @@ class Solution:
     z: Floats
     error: float
     converged: bool
+    followed: bool
     iterations: int
     multipliers: Floats
     primal: list[float]
