@@ -110,10 +110,10 @@ def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | Non
     grid, place = scored(problem, samples, fine), _place(problem, gains, coupling)
     here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
     at = lowest(grid.score)
-    if grid.score[at] >= INADMISSIBLE or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
+    better = grid.score[at] < WORTH_ANOTHER * min(grid.score[here], INADMISSIBLE)
+    if not better or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
         return None
-    start = zoomed(problem, samples, around(fine, [at]))[0]
-    return start if start.error < WORTH_ANOTHER * grid.score[here] else None
+    return zoomed(problem, samples, around(fine, [at]))[0]
 
 
 def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:

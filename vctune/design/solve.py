@@ -29,7 +29,7 @@ from vctune.proof.interval import Outcome, Verdict
 if TYPE_CHECKING:
     from vctune.design.bound import Glance
 
-WORTH_POLISHING = 1.1
+WORTH_POLISHING = 1.05
 """A start is polished if its scanned error is at most this much above the best polished one."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2
