@@ -13,6 +13,7 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.demands import (
+    demand_grid,
     error_terms,
     ratio_minima,
     response,
@@ -23,7 +24,7 @@ from vctune.analysis.demands import (
     transparency_error,
     weighted_square,
 )
-from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
+from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.ipopt import NEAR_SIDE, solve
 from vctune.design.result import Polished, Round, Solution
@@ -267,7 +268,7 @@ def _near_peak(problem: Problem, peaks: Minima) -> float | None:
 
 
 def _least_resistance(problem: Problem, gains: Gains) -> Minima:
-    grid = frequency_grid(*sampled_span(problem))
+    grid = demand_grid(problem.device, *sampled_span(problem))
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
@@ -277,7 +278,7 @@ def _check_peak(problem: Problem, gains: Gains, coupling: Coupling, found: _Dema
     def negative_error(omega: Floats) -> Floats:
         return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
 
-    found.peak = [float(w) for w in local_minima(negative_error, frequency_grid(band.min, band.max)).omega]
+    found.peak = [float(w) for w in local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega]
 
 
 def _stable(problem: Problem, gains: Gains) -> bool:

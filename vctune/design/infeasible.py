@@ -7,8 +7,8 @@ from math import pi
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, response, sampled_span, sensitivity_maxima
-from vctune.analysis.extrema import frequency_grid, local_minima
+from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
+from vctune.analysis.extrema import local_minima
 from vctune.design.scan import ScanResult
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -72,7 +72,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
             f"its sampled loop is unstable, spectral radius {radius:.4g}",
             "allow a lower gains.velocity or gains.position, or shorten device.sample_time or device.delay",
         )
-    grid = frequency_grid(*sampled_span(problem))
+    grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
     lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
     if lack >= 0:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from vctune.design.bound import Glance, Optimality
     from vctune.design.leaves import Unfinished
 
-WORTH_POLISHING = 1.3
+WORTH_POLISHING = 1.05
 """A start is polished if its scanned error is at most this much above the best polished one."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2

@@ -14,7 +14,7 @@ from vctune.design.samples import Samples
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
-ZOOMS = 4
+ZOOMS = 3
 """How often the grid around a local minimum is refined, its spacing halved."""
 
 
