@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, pi
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
 
 END_DECADES = 5
+RIPPLE_POINTS = 6
+"""Points of a grid while e^{-2j omega tau} turns once."""
 QUADRATURE_TOLERANCE = 1e-9
 
 
@@ -70,10 +72,20 @@ def towards_zero(problem: Problem) -> Floats:
     return np.array([1e-8 * min(sampled_span(problem)[0], bounds.damping.min / bounds.mass.max)])
 
 
+def demand_grid(device: Device, low: float, high: float) -> Floats:
+    """Return a grid for the demands of a device, fine enough for the ripple of e^{-j omega tau} and its square.
+
+    Hold "lag" without delay has no ripple, and its bands no end.
+    """
+    rational = device.hold == "lag" and device.delay == 0
+    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.lag))
+
+
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
     """Return the local minima of Re Z_c / R over the stability band, lowest first."""
     return local_minima(
-        lambda omega: stability_ratio(problem.device, gains, coupling, omega), frequency_grid(*sampled_span(problem))
+        lambda omega: stability_ratio(problem.device, gains, coupling, omega),
+        demand_grid(problem.device, *sampled_span(problem)),
     )
 
 
@@ -82,7 +94,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     corner = min(problem.transparency.band.min, problem.nyquist * 1e-3)
     return local_minima(
         lambda omega: -np.sqrt(sensitivity_abs2(response(problem.device, gains, omega))),
-        frequency_grid(corner, problem.nyquist),
+        demand_grid(problem.device, corner, problem.nyquist),
     )
 
 
@@ -138,7 +150,7 @@ def _rms(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyErro
 
 def _peak(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
     band = problem.transparency.band
-    grid = frequency_grid(band.min, band.max)
+    grid = demand_grid(problem.device, band.min, band.max)
 
     def peak(row: int) -> float:
         minima = local_minima(lambda omega: -_columns(problem, gains, coupling, omega)[row], grid)

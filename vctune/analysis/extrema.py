@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,16 @@ class Minima:
 
 
 @lru_cache(maxsize=16)
-def frequency_grid(omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly."""
+def frequency_grid(
+    omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
+) -> Floats:
+    """Return a logarithmic grid that contains both ends exactly, with equal steps where they would exceed `widest`."""
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
+    wide = np.flatnonzero(np.diff(grid) > widest)
+    if wide.size:
+        count = int(np.ceil((omega_max - grid[wide[0]]) / widest)) + 1
+        grid = np.append(grid[: wide[0]], np.linspace(grid[wide[0]], omega_max, count))
     grid[0], grid[-1] = omega_min, omega_max
     grid.setflags(write=False)
     return grid

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.grid import Axes, Loops, in_order, loops_at, position_gain, scored
+from vctune.design.grid import Axes, Order, order_of, position_gain, responses, scored
 from vctune.design.samples import Samples
 from vctune.design.zoom import around
 from vctune.document.problem import Problem
@@ -44,9 +44,9 @@ class Edge:
         return replace(near, velocity=np.stack(beside, axis=1))
 
 
-def edge_of(problem: Problem, samples: Samples, grid: Axes, loops: Loops) -> Edge:
+def edge_of(problem: Problem, samples: Samples, grid: Axes, order: Order) -> Edge:
     """Find the edge between a grid's loops, corner by corner, all at once, and score the designs on it."""
-    good = in_order(problem, loops)
+    good = order.rank == 0
     last = good[:-1] & ~good[1:]
     column = np.flatnonzero(last.any(axis=0))
     if not column.size:
@@ -57,7 +57,8 @@ def edge_of(problem: Problem, samples: Samples, grid: Axes, loops: Loops) -> Edg
     t, places = np.arange(1, PARTS) / PARTS, np.arange(column.size)
     for _ in range(ROUNDS):
         K_v = low[:, None] + (high - low)[:, None] * t
-        good = in_order(problem, loops_at(problem, samples, Gains(K_v, position_gain(problem, K_v, corner))))
+        gains = Gains(K_v, position_gain(problem, K_v, corner))
+        good = order_of(problem, samples, gains, responses(samples, gains)).rank == 0
         steps, at = np.column_stack((low, K_v, high)), np.logical_and.accumulate(good, axis=1).sum(axis=1)
         low, high = steps[places, at], steps[places, at + 1]
     on_edge = scored(problem, samples, replace(grid, velocity=low[:, None], corner=corner))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
@@ -24,7 +23,7 @@ from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
@@ -53,25 +52,19 @@ class Axes:
 
 
 @dataclass(frozen=True, slots=True)
-class Loops:
-    """What the loops of a grid of (K_v, K_p) are worth before a coupling is chosen.
+class Order:
+    """What loops are worth by themselves.
 
     Attributes
     ----------
-    required : R per frequency of the stability band, 0 where Re G_hh <= 0
-    deficit : how negative Re G_hh gets, relative; 0 for sound loops
+    deficit : how negative Re(D + Z_h) gets on the stability band, relative; 0 for sound loops
     sensitivity : greatest |S| up to Nyquist
-    stable : whether the sampled loop is stable
-    strength : log of the gains relative to the inertia: the weaker an unstable loop, the nearer to stability
-    error2 : share of e^2 that does not depend on the coupling, per node of the transparency band
+    rank : 0 for loops in order, else the rank of what is wrong plus how much; the weaker an unstable loop, the less
     """
 
-    required: Floats
     deficit: Floats
     sensitivity: Floats
-    stable: NDArray[np.bool_]
-    strength: Floats
-    error2: Floats
+    rank: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +75,12 @@ class Grid:
     ----------
     score : transparency error, or `INADMISSIBLE` times 1 plus the rank and the size of the violation
     damping : least b_c within the bounds
-    loops : the loops behind it
+    order : of the loops behind it
     """
 
     score: Floats
     damping: Floats
-    loops: Loops
+    order: Order
 
 
 @lru_cache(maxsize=4)
@@ -138,20 +131,22 @@ def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
     return Grid(
         np.concatenate([part.score for part in parts]),
         np.concatenate([part.damping for part in parts]),
-        Loops(*(np.concatenate([getattr(part.loops, name) for part in parts]) for name in Loops.__slots__)),
+        Order(*(np.concatenate([getattr(part.order, name) for part in parts]) for name in Order.__slots__)),
     )
 
 
 def _scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
     K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
-    loops = loops_at(problem, samples, Gains(K_v, position_gain(problem, K_v, corner)))
-    damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
-    rank = _rank(problem, loops)[..., None, None]
+    gains = Gains(K_v, position_gain(problem, K_v, corner))
+    bands = responses(samples, gains)
+    order = order_of(problem, samples, gains, bands)
+    damping, excess = _least_damping(problem, samples, bands, at)
+    rank = order.rank[..., None, None]
     violation = np.where(rank > 0, rank, excess)
-    error = _error(problem, samples, loops, damping, at)
+    error = _error(problem, samples, gains, damping, at)
     if problem.transparency.weights.coupling == 0:  # prefer the least coupling among equals
         error = error * (1 + TIE * np.log(damping / problem.bounds.damping.min))
-    return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, loops)
+    return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, order)
 
 
 def least_errors(problem: Problem, gains: Gains) -> Floats:
@@ -163,63 +158,58 @@ def least_errors(problem: Problem, gains: Gains) -> Floats:
     gains : K_v and K_p, arrays of two dimensions
     """
     samples = samples_of(problem, integrator=bool(np.any(gains.position)))
-    at, loops = axes(problem, integral=samples.integrator), loops_at(problem, samples, gains)
-    damping, excess = _least_damping(problem, samples.band.omega, loops.required, at)
-    admissible = in_order(problem, loops)[..., None, None] & (excess == 0)
-    return np.where(admissible, _error(problem, samples, loops, damping, at), np.inf).min(axis=(2, 3))
+    at, bands = axes(problem, integral=samples.integrator), responses(samples, gains)
+    damping, excess = _least_damping(problem, samples, bands, at)
+    admissible = (order_of(problem, samples, gains, bands).rank == 0)[..., None, None] & (excess == 0)
+    return np.where(admissible, _error(problem, samples, gains, damping, at), np.inf).min(axis=(2, 3))
 
 
-def loops_at(problem: Problem, samples: Samples, gains: Gains) -> Loops:
-    """Return what loops are worth, whose gains are arrays that fit each other, on the device on which that is least."""
-    found = _alone(problem, samples, gains)
-    worst = len(counted_of(problem)) > 1
-    for case, there in samples.others:
-        other = _alone(case, there, gains)
-        louder = _mean(other.error2, samples.averages) > _mean(found.error2, samples.averages)
-        found = Loops(
-            np.maximum(found.required, other.required),
-            np.maximum(found.deficit, other.deficit),
-            np.maximum(found.sensitivity, other.sensitivity),
-            found.stable & other.stable,
-            found.strength,
-            np.where(louder[..., None], other.error2, found.error2) if worst else found.error2,
-        )
-    return found
+def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
+    """Return the response of loops at the samples of the stability band, on each device."""
+    return [
+        there.band.response(there.device, _spread(gains), integrator=there.integrator) for there in samples.everywhere
+    ]
 
 
-def _alone(problem: Problem, samples: Samples, gains: Gains) -> Loops:
-    device, integrator, weights = problem.device, samples.integrator, problem.transparency.weights
-    spread = Gains(gains.velocity[..., None], gains.position[..., None])
-    band = samples.band.response(device, spread, integrator=integrator)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        required = np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0)
+def order_of(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> Order:
+    """Return what loops are worth on the devices on which that is least.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    samples : where to look
+    gains : arrays that fit each other
+    bands : their `responses`
+    """
+    orders = [_order(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)]
+    return Order(*(np.maximum.reduce([getattr(order, name) for order in orders]) for name in Order.__slots__))
+
+
+def _order(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> Order:
+    device, integrator = samples.device, samples.integrator
     scale = device.damping + gains.velocity + gains.position * device.lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    below_nyquist = samples.below_nyquist.response(device, spread, integrator=integrator)
+    below_nyquist = samples.below_nyquist.response(device, _spread(gains), integrator=integrator)
     sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
-    loop = samples.nodes.response(device, spread, integrator=integrator)
-    error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    stable = np.all([closes_stable(circle, spread, integrator=integrator) for circle in samples.circles], axis=0)
-    return Loops(required, deficit, sensitivity, stable, strength, error2)
-
-
-def in_order(problem: Problem, loops: Loops) -> NDArray[np.bool_]:
-    """Return which loops meet the demands on the loop alone."""
-    return np.asarray(_rank(problem, loops) == 0)
-
-
-def _rank(problem: Problem, loops: Loops) -> Floats:
-    """Return 0 for loops in order, else the rank of what is wrong plus how much."""
-    too_sensitive = np.log(np.maximum(loops.sensitivity / problem.stability.max_sensitivity, 1.0))
+    closed = [closes_stable(circle, _spread(gains), integrator=integrator) for circle in samples.circles]
+    too_sensitive = np.log(np.maximum(sensitivity / problem.stability.max_sensitivity, 1.0))
     rank = np.where(too_sensitive > 0, SENSITIVE + too_sensitive, 0.0)
-    rank = np.where(loops.deficit > 0, NEGATIVE + loops.deficit, rank)
-    return np.where(loops.stable, rank, UNSTABLE + loops.strength)
+    rank = np.where(deficit > 0, NEGATIVE + deficit, rank)
+    return Order(deficit, sensitivity, np.where(np.all(closed, axis=0), rank, UNSTABLE + strength))
 
 
-def _least_damping(problem: Problem, omega: Floats, required: Floats, at: Axes) -> tuple[Floats, Floats]:
+def _spread(gains: Gains) -> Gains:
+    """Return gains that can be met with frequencies along a last axis."""
+    return Gains(gains.velocity[..., None], gains.position[..., None])
+
+
+def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
     """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
-    bounds, factor = problem.bounds, problem.stability.safety_factor
+    bounds, factor, omega = problem.bounds, problem.stability.safety_factor, samples.band.omega
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
+    required = np.maximum.reduce(needs)
     b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
     relative = 1 + 1 / (omega * at.time_constant[..., None]) ** 2
     for k in range(at.drag.shape[-1]):
@@ -233,20 +223,24 @@ def _least_damping(problem: Problem, omega: Floats, required: Floats, at: Axes) 
     return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
 
 
-def _error(problem: Problem, samples: Samples, loops: Loops, damping: Floats, at: Axes) -> Floats:
+def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
-    averages = samples.averages
+    averages, weights = samples.averages, problem.transparency.weights
+    counted = samples.everywhere[: len(counted_of(problem))]
+    loops = [there.nodes.response(there.device, _spread(gains), integrator=there.integrator) for there in counted]
+    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
-    weight = problem.transparency.weights.coupling**2
+    weight = weights.coupling**2
     drag = at.drag[..., None, None, None, :]
     if problem.transparency.norm == "rms":
         mean_u, mean_2 = (_mean(of, averages)[..., None, None, :, None] for of in (u, u * u + v * v))
         Z_c2 = drag * drag + 2 * drag * damping * mean_u + damping**2 * mean_2
-        return np.sqrt(_mean(loops.error2, averages)[..., None, None] + weight * Z_c2)
+        mean = np.maximum.reduce([_mean(each, averages) for each in error2])
+        return np.sqrt(mean[..., None, None] + weight * Z_c2)
     b_c, u, v = damping[..., None], u[..., None, None, :, None, :], v[..., None, None, :, None, :]
     Z_c2 = (drag[..., None] + b_c * u) ** 2 + (b_c * v) ** 2
-    return np.sqrt((loops.error2[..., None, None, :] + weight * Z_c2).max(axis=-1))
+    return np.sqrt((np.maximum.reduce(error2)[..., None, None, :] + weight * Z_c2).max(axis=-1))
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:

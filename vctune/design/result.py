@@ -16,6 +16,7 @@ from vctune.document.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality
+    from vctune.design.repair import Repair
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,8 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
-    nominal_error : of the best design for the nominal device alone, None when no device is uncertain
+    nominal_error : of the best design for the nominal device alone, None when nobody asked (`solve.priced`)
+    repairs : changes of the problem that would make a design possible, None when nobody asked
     """
 
     problem: Problem
@@ -111,6 +113,7 @@ class Solved:
     seconds: dict[str, float]
     optimality: Optimality | None = None
     nominal_error: float | None = None
+    repairs: list[Repair] | None = None
 
     @property
     def status(self) -> Status:
@@ -119,3 +122,12 @@ class Solved:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
         return Status.INFEASIBLE if proved else Status.UNDECIDED
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+        if self.infeasibility is None:
+            return None
+        if self.repairs:
+            return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
+        return self.infeasibility.reason

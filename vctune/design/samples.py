@@ -40,6 +40,7 @@ class Samples:
 
     Attributes
     ----------
+    device : the one whose loops are looked at
     integrator : whether the law has its K_p/s term
     band : of stability
     below_nyquist : for |S|
@@ -48,13 +49,19 @@ class Samples:
     others : the other devices at which the demands are posed, with the same frequencies
     """
 
+    device: Device
     integrator: bool
     band: Spectrum
     below_nyquist: Spectrum
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
-    others: list[tuple[Problem, Samples]]
+    others: list[Samples]
+
+    @property
+    def everywhere(self) -> list[Samples]:
+        """These samples and those of the other devices."""
+        return [self, *self.others]
 
 
 @lru_cache(maxsize=4)
@@ -67,9 +74,9 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(1e-3 * nyquist, nyquist, count)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
-    def samples(device: Device, others: list[tuple[Problem, Samples]]) -> Samples:
+    def samples(device: Device, others: list[Samples]) -> Samples:
         band, upto, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, below_nyquist, nodes))
         circles = [unit_circle(loop, integrator=integrator) for loop in device.loops]
-        return Samples(integrator, band, upto, seen, averages, circles, others)
+        return Samples(device, integrator, band, upto, seen, averages, circles, others)
 
-    return samples(problem.device, [(case, samples(case.device, [])) for case in cases_of(problem)[1:]])
+    return samples(problem.device, [samples(case.device, []) for case in cases_of(problem)[1:]])

@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.edge import Edge, edge_of
-from vctune.design.grid import INADMISSIBLE, Axes, axes, least_errors, position_gain, scored
+from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, axes, least_errors, position_gain, scored
 from vctune.design.samples import Samples, samples_of
 from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
@@ -52,9 +52,9 @@ def scan(problem: Problem) -> ScanResult:
     for integral in faces:
         coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
         grid = scored(problem, samples, coarse)
-        sound = (grid.loops.deficit == 0) & grid.loops.stable
-        peak = max(peak, float(grid.loops.sensitivity[sound].max(initial=0.0)))
-        edge = edge_of(problem, samples, coarse, grid.loops)
+        sound = grid.order.rank < NEGATIVE
+        peak = max(peak, float(grid.order.sensitivity[sound].max(initial=0.0)))
+        edge = edge_of(problem, samples, coarse, grid.order)
         least = min(float(grid.score.min()), float(edge.score.min(initial=inf)), *(start.error for start in found))
         left_out = 0 if integral and False in faces else None
         found += zoomed(problem, samples, _promising(problem, coarse, grid.score, edge, PROMISING * least, left_out))
@@ -110,17 +110,17 @@ def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | Non
     grid, place = scored(problem, samples, fine), _place(problem, gains, coupling)
     here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
     at = lowest(grid.score)
-    if grid.score[at] >= INADMISSIBLE or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
+    better = grid.score[at] < WORTH_ANOTHER * min(grid.score[here], INADMISSIBLE)
+    if not better or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
         return None
-    start = zoomed(problem, samples, around(fine, [at]))[0]
-    return start if start.error < WORTH_ANOTHER * grid.score[here] else None
+    return zoomed(problem, samples, around(fine, [at]))[0]
 
 
 def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
     """Return a fine grid around gains, with every coupling."""
     integral = gains.position > 0
     coarse, bounds = axes(problem, integral=integral), problem.bounds.velocity
-    K_v = np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max)
+    K_v = np.array(sorted({*np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max).tolist()}))
     corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
     return samples_of(problem, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
 

@@ -13,12 +13,13 @@ import numpy as np
 
 from vctune.design.cases import with_device
 from vctune.design.exchange import TIGHTENING, polish
-from vctune.design.infeasible import impossible, nearest_miss
+from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
 from vctune.design.shape import Place, WorkingSet
+from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, physical
 from vctune.design.zoom import Start
 from vctune.document.problem import Problem, Range
@@ -28,13 +29,16 @@ from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Glance
+    from vctune.design.bound import Glance, Optimality
+    from vctune.design.leaves import Unfinished
 
-WORTH_POLISHING = 1.3
+WORTH_POLISHING = 1.05
 """A start is polished if its scanned error is at most this much above the best polished one."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
 LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
+NEARLY = 0.1
+"""A start that misses a demand by more than this share is not polished where only an opinion is wanted."""
 SHARPENING = 10.0
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
@@ -47,12 +51,12 @@ BOUND_BOXES = 20_000_000
 Progress = Callable[[str], None]
 
 
+@np.errstate(all="ignore")
 def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up. Where the device is uncertain, the design for the nominal device alone is found too, to say what
-    robustness costs.
+    none, or gives up.
 
     Parameters
     ----------
@@ -60,20 +64,6 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
     """
-    solved = _solved(problem, progress, gap)
-    if problem.uncertainty is None or solved.polished is None:
-        return solved
-    began = perf_counter()
-    nominal = _solved(replace(problem, uncertainty=None), progress, None).judgement
-    return replace(
-        solved,
-        nominal_error=nominal.transparency.error if nominal is not None else None,
-        seconds={**solved.seconds, "nominal": perf_counter() - began},
-    )
-
-
-@np.errstate(all="ignore")
-def _solved(problem: Problem, progress: Progress, gap: float | None) -> Solved:
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
@@ -85,7 +75,12 @@ def _solved(problem: Problem, progress: Progress, gap: float | None) -> Solved:
     scaled = dimensionless(problem)
     seen = scan(scaled)
     scanned = perf_counter()
-    optima = [] if _emptied(problem, seen) else _optima(scaled, seen, progress)
+    early = None if any(start.admissible for start in seen.starts) else _early(problem)
+    if early is not None and early.proved:
+        miss = nearest_miss(problem, scaled, seen, proved=True)
+        seconds = {"scan": scanned - began, "bound": perf_counter() - scanned}
+        return Solved(problem, None, None, 0, miss, seen, seconds, early)
+    optima = _optima(scaled, seen, progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -98,24 +93,51 @@ def _solved(problem: Problem, progress: Progress, gap: float | None) -> Solved:
     seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
     solved = Solved(problem, judgement, best, len(optima), None, seen, seconds)
     if judgement is None or gap is not None:
-        solved = _searched(solved, progress, gap)
+        solved = _searched(solved, progress, gap, early.rest if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
         solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
     return solved
 
 
-def _emptied(problem: Problem, seen: ScanResult) -> bool:
-    """Return whether a short search proves that there is nothing to polish, where the scan met no admissible point."""
-    if any(start.admissible for start in seen.starts):
+def priced(solved: Solved, progress: Progress = lambda stage: None) -> Solved:
+    """Return a design for an uncertain device with what it costs: the best design for the nominal device alone."""
+    problem, began = solved.problem, perf_counter()
+    if problem.uncertainty is None or problem.bounds.fixed or solved.judgement is None:
+        return solved
+    nominal = solve(replace(problem, uncertainty=None), progress).judgement
+    seconds = {**solved.seconds, "nominal": perf_counter() - began}
+    return replace(solved, nominal_error=nominal.error if nominal is not None else None, seconds=seconds)
+
+
+@np.errstate(all="ignore")
+def attainable(problem: Problem) -> bool:
+    """Return whether the optimiser finds a certified design of a problem that leaves something free; proves nothing.
+
+    It stops at the first, and where it finds none no box is searched: an opinion in a fraction of the time of `solve`.
+    """
+    if impossible(problem) is not None:
         return False
+    scaled = dimensionless(problem)
+    seen = scan(scaled)
+    for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
+        hopeful = start.workable and start.shortfall < NEARLY
+        optimum = polish(scaled, start, seen) if hopeful else None
+        judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+        if judgement is not None and _meets_demands(problem, judgement):
+            return True
+    return False
+
+
+def _early(problem: Problem) -> Optimality:
+    """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
     from vctune.design.bound import bound
 
-    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES).proved
+    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
 
 
-def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
-    """Search every box of designs: for a design where there is none, for a bound where it was asked for."""
+def _searched(solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None) -> Solved:
+    """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
     from vctune.design.bound import bound
 
     problem, began = solved.problem, perf_counter()
@@ -124,7 +146,8 @@ def _searched(solved: Solved, progress: Progress, gap: float | None) -> Solved:
         progress(f"searching every box: {at}")
 
     most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
-    found = bound(problem, solved.judgement, partial(improved, problem), gap=within, most_boxes=most, progress=tell)
+    improve = partial(improved, problem)
+    found = bound(problem, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)
@@ -235,7 +258,7 @@ def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
         bounds=replace(bounds, **loop),
         transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
     )
-    least = _solved(narrowed, lambda stage: None, None).judgement
+    least = solve(narrowed).judgement
     if least is None:
         return judgement
     lighter = judge(problem, gains, least.coupling)

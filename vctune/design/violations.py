@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vctune.analysis.demands import (
+    demand_grid,
     error_terms,
     ratio_minima,
     response,
@@ -16,7 +17,7 @@ from vctune.analysis.demands import (
     towards_zero,
     weighted_square,
 )
-from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
+from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.design.cases import counted_of
 from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
@@ -101,7 +102,7 @@ def _near_peak(cases: list[Problem], peaks: list[Minima]) -> Place | None:
 
 def least_resistance(problem: Problem, gains: Gains) -> Minima:
     """Return the local minima of Re(D + Z_h) over the stability band, lowest first."""
-    grid = frequency_grid(*sampled_span(problem))
+    grid = demand_grid(problem.device, *sampled_span(problem))
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
@@ -111,4 +112,4 @@ def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[Pla
     def negative_error(omega: Floats) -> Floats:
         return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
 
-    return places(problem.device, local_minima(negative_error, frequency_grid(band.min, band.max)).omega)
+    return places(problem.device, local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega)
