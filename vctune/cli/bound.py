@@ -137,9 +137,9 @@ def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | No
 def _solved(file: ProblemFile, progress: Callable[[str], None]) -> _Known:
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
-    from vctune.design.solve import priced, solve
+    from vctune.design.solve import solve
 
-    solved = priced(solve(file.problem, progress), progress)
+    solved = solve(file.problem, progress)
     rest = solved.optimality.rest if solved.optimality is not None else None
     return _Known(design_record(file, solved, ipopt_version()), solved.judgement, rest)
 

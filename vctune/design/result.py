@@ -100,7 +100,7 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
-    nominal_error : of the best design for the nominal device alone, None when nobody asked (`solve.priced`)
+    nominal_error : of the best design for the nominal device alone, None when no device is uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
     """
 

@@ -23,7 +23,7 @@ from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, physical
 from vctune.design.zoom import Start
 from vctune.document.problem import Problem, Range
-from vctune.model.quantities import Gains
+from vctune.model.quantities import Coupling, Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
@@ -56,7 +56,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up.
+    none, or gives up. Where the device is uncertain, the nominal device alone is solved for too: its design is a start,
+    and its error says what robustness costs.
 
     Parameters
     ----------
@@ -80,7 +81,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         miss = nearest_miss(problem, scaled, seen, proved=True)
         seconds = {"scan": scanned - began, "bound": perf_counter() - scanned}
         return Solved(problem, None, None, 0, miss, seen, seconds, early)
-    optima = _optima(scaled, seen, progress)
+    nominal = _nominal_starts(problem, progress)
+    optima = _optima(scaled, replace(seen, starts=[*nominal, *seen.starts]), progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -91,7 +93,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if judgement is not None and problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(problem, judgement)
     seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
-    solved = Solved(problem, judgement, best, len(optima), None, seen, seconds)
+    nominal_error = nominal[0].error if nominal else None
+    solved = Solved(problem, judgement, best, len(optima), None, seen, seconds, nominal_error=nominal_error)
     if judgement is None or gap is not None:
         solved = _searched(solved, progress, gap, early.rest if early else None)
     if solved.judgement is None:
@@ -100,14 +103,17 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     return solved
 
 
-def priced(solved: Solved, progress: Progress = lambda stage: None) -> Solved:
-    """Return a design for an uncertain device with what it costs: the best design for the nominal device alone."""
-    problem, began = solved.problem, perf_counter()
-    if problem.uncertainty is None or problem.bounds.fixed or solved.judgement is None:
-        return solved
+def _nominal_starts(problem: Problem, progress: Progress) -> list[Start]:
+    """Return the best design for the nominal device of an uncertain one, dimensionless: its basin may be the best."""
+    if problem.uncertainty is None:
+        return []
     nominal = solve(replace(problem, uncertainty=None), progress).judgement
-    seconds = {**solved.seconds, "nominal": perf_counter() - began}
-    return replace(solved, nominal_error=nominal.error if nominal is not None else None, seconds=seconds)
+    if nominal is None:
+        return []
+    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
+    gains, coupling = nominal.gains, nominal.coupling
+    law = Gains(gains.velocity / Z, gains.position * T / Z)
+    return [Start(law, Coupling(coupling.damping / Z, coupling.mass / (Z * T), coupling.drag / Z), nominal.error)]
 
 
 @np.errstate(all="ignore")

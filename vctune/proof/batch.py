@@ -114,7 +114,7 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
     known = sampled(named)
 
     def device(v: Values) -> Device:
-        return replace(named, **dict(zip(uncertain, v[5:], strict=True)))
+        return replace(named, **dict(zip(uncertain, v[5:], strict=True))) if uncertain else named
 
     def loop(omega: Number, v: Values) -> LoopResponse:
         hold = hold_response(device(v), omega, OPS)
