@@ -19,7 +19,8 @@ from vctune.document.errors import InputError
 from vctune.document.problem import Problem, Range
 from vctune.document.reading import parse_problem, read_problem
 from vctune.proof.least import floors, least_coupling
-from vctune.proof.relaxation import Boxes, relaxation
+from vctune.proof.quadratics import Boxes
+from vctune.proof.relaxation import relaxation
 
 GAP = 0.03
 RANDOM = 2

@@ -15,7 +15,8 @@ from oracles import Case, coupling, loop, sampled_radius
 from vctune.design import solve as solving
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
-from vctune.design.record import design_record, left_out, warnings
+from vctune.design.nlp_record import left_out
+from vctune.design.record import design_record, warnings
 from vctune.design.rounding import rounded
 from vctune.design.scan import scan
 from vctune.design.shape import WorkingSet, places, shape_of, stacked

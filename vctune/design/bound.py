@@ -23,7 +23,8 @@ from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import floors, least_coupling
-from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, relaxation
+from vctune.proof.quadratics import Boxes
+from vctune.proof.relaxation import Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""

@@ -15,7 +15,7 @@ from vctune.proof.batch import by_integrator, encirclements
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
-from vctune.proof.relaxation import Boxes
+from vctune.proof.quadratics import Boxes
 
 
 @dataclass(frozen=True, slots=True)

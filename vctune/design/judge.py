@@ -21,10 +21,10 @@ from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.batch import Demands
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 
 

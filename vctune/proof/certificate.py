@@ -14,10 +14,11 @@ from flint import arb, ctx
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import BALLS, PRECISION, ball, design_ball, design_series, lifted
-from vctune.proof.batch import Demands, prove
+from vctune.proof.batch import prove
 from vctune.proof.cells import Cells
 from vctune.proof.claims import Design, sensitivity_margin
 from vctune.proof.devices import DeviceBox
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles

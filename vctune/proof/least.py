@@ -11,7 +11,8 @@ import numpy as np
 
 from vctune.document.problem import Problem
 from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.relaxation import GUARD, Boxes, Demand, Relaxation
+from vctune.proof.quadratics import Boxes
+from vctune.proof.relaxation import GUARD, Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,12 @@ from math import floor, inf, pi
 import numpy as np
 
 from vctune.model.quantities import Device
-from vctune.proof.batch import NEAR, STEP, Claims, Demands, claims_of, stiffest
+from vctune.proof.batch import NEAR, STEP, stiffest
 from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks
 from vctune.proof.cells import Cells, all_pairs
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
+from vctune.proof.enclosed import Claims, Demands, claims_of
 from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
