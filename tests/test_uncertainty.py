@@ -12,7 +12,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from conftest import ROOT
-from device_oracle import corners, errors, held, random_devices, spectral_radii, violations
+from device_oracle import corners, errors, held, least_ratio, random_devices, spectral_radii, violations
 from hypothesis import given
 from hypothesis import strategies as st
 from test_cli import run
@@ -219,6 +219,49 @@ def test_a_refuted_design_has_a_device_that_refutes_it_alone(name):
         design, demands = Design(device, certain.gains, certain.coupling), demands_of(given)
         alone = certify(design, demands.band, (certificate.factor,), demands.max_sensitivity)
         assert alone.outcomes[claim].verdict is Verdict.REFUTED
+
+
+@pytest.mark.parametrize(("name", "tables"), CASES, ids=IDS)
+def test_the_proof_is_sharp(name, tables):
+    """A coupling lighter by 1e-5 loses the safety factor on some device, one that much heavier keeps it."""
+    given, found = problem(name, tables), solved(name, tables).judgement
+    gains, coupling = found.gains, found.coupling
+    for change, factor in ((-1e-5, 1.0), (1e-5, given.stability.safety_factor)):
+        scale = 1 + change
+        moved = judge(given, gains, Coupling(coupling.damping * scale, coupling.mass * scale, coupling.drag * scale))
+        assert moved.status is Status.CERTIFIED and moved.certificate.factor == factor
+
+
+@pytest.mark.parametrize(("name", "tables"), CASES, ids=IDS)
+def test_a_search_for_the_worst_device_finds_none(name, tables):
+    """Devices that move towards less ratio and more |S|, step by step, from anywhere in the box."""
+    given, design = problem(name, tables), numbers(solved(name, tables).judgement)
+    rng = np.random.default_rng(3)
+    low, high = corners(given).min(axis=1)[:, None], corners(given).max(axis=1)[:, None]
+    omega = np.geomspace(given.stability.band.min, given.stability.band.max, 300)
+    devices = random_devices(given, 64, rng)
+    ratio, width = least_ratio(given, design, devices, omega), high - low
+    for step in np.geomspace(1.0, 1e-6, 120):
+        tried = np.clip(devices + step * width * rng.normal(size=devices.shape), low, high)
+        there = least_ratio(given, design, tried, omega)
+        better = there < ratio
+        devices[:, better], ratio = tried[:, better], np.where(better, there, ratio)
+    assert given.stability.safety_factor <= ratio.min() < given.stability.safety_factor * 1.001
+
+
+def test_operator_uncertainty_and_drag_combine():
+    """From 0 Hz on, with a delay, in the hand of an operator, with a drag to choose."""
+    text = (ROOT / "problems" / "friction-wheel.toml").read_text().split("[[experiment]]")[0]
+    text = text.replace("sample_time = 1e-3", "sample_time = 1e-3\ndelay = 2e-4").replace(
+        "[0.5, 100.0]", "[0.0, 300.0]"
+    )
+    text = text.replace("[coupling]", "[coupling]\ndrag = { min = 0.0, max = 10.0 }")
+    given = parse_problem(text + WIDE + HELD, "x", "x")
+    found = solve(given)
+    assert found.status is Status.CERTIFIED and found.judgement.coupling.drag > 0
+    seen = replace(given, stability=replace(given.stability, band=replace(given.stability.band, min=1e-5)))
+    devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(5))))
+    assert not failing(seen, numbers(found.judgement), devices).any()
 
 
 def test_a_box_that_shrinks_to_a_point_is_that_point():
