@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
+from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima, slowest_resonance
 from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
 from vctune.design.judge import Judgement
 from vctune.design.leaves import Leaves, Unfinished, joined, root
@@ -166,7 +166,8 @@ def bound(
 def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
     """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
     omega = [np.geomspace(*sampled_span(problem), FREQUENCIES)]
-    omega_S = [np.geomspace(problem.nyquist * 1e-3, problem.nyquist, FREQUENCIES)]
+    slowest = slowest_resonance(problem, problem.bounds.velocity.min)
+    omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
     if best is not None:
         omega.append(ratio_minima(problem, best.gains, best.coupling).omega)
         omega_S.append(sensitivity_maxima(problem, best.gains).omega)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isclose
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.edge import Edge, edge_of
 from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, axes, least_errors, position_gain, scored
 from vctune.design.samples import Samples, samples_of
+from vctune.design.variables import point
 from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -153,11 +154,13 @@ def drained(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
 def _distinct(starts: list[Start]) -> list[Start]:
     kept: list[Start] = []
     for start in starts:
-        if not any(np.allclose(_numbers(start), _numbers(other), rtol=CLOSE, atol=0) for other in kept):
+        if not any(_alike(start, other) for other in kept):
             kept.append(start)
     return kept
 
 
-def _numbers(start: Start) -> list[float]:
-    gains, coupling = start.gains, start.coupling
-    return [gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag]
+def _alike(start: Start, other: Start) -> bool:
+    return all(
+        isclose(a, b, rel_tol=CLOSE)
+        for a, b in zip(point(start.gains, start.coupling), point(other.gains, other.coupling), strict=True)
+    )
