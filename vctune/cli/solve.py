@@ -44,12 +44,13 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
     from vctune.design.judge import EXIT_CODES, Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
+    from vctune.design.repaired import repaired
     from vctune.design.solve import solve as solve_problem
     from vctune.exits import ExitCode
     from vctune.interrupt import interrupt_deferred
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solve_problem(file.problem, progress, gap=gap)
+        solved = repaired(file, solve_problem(file.problem, progress, gap=gap), progress)
         record = design_record(file, solved, ipopt_version())
         text = json.dumps(record, indent=2, allow_nan=False)
         judgement = solved.judgement

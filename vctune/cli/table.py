@@ -28,6 +28,11 @@ def print_design(record: dict[str, Any], folder: Path) -> None:
             console.print(escape(record["reason"]), soft_wrap=True)
         if record["gains"] is not None:
             console.print(_table(record))
+        if record.get("repairs"):
+            console.print("any one of these alone would do:")
+            console.print(_repairs(record["repairs"]), soft_wrap=True)
+        elif record.get("repairs") is not None:
+            console.print("no change of one number was found that would do")
         for warning in record["warnings"]:
             console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
         for line in record["left_out"]:
@@ -64,6 +69,19 @@ def _least(least: dict[str, float]) -> str:
         f"the regular PID is stable from a virtual mass of {least['mass']:.4g} kg and a damping of "
         f"{least['damping']:.4g} N s/m on"
     )
+
+
+def _repairs(repairs: list[dict[str, Any]]) -> str:
+    """Return a line a repair: what the file needs, instead of what, what that means, and the error that it buys."""
+    width = max(len(repair["needs"]) for repair in repairs)
+    lines = []
+    for repair in repairs:
+        old = "inf" if repair["old"] is None else _text(repair["old"], 12)
+        lines.append(
+            f"  [bold]{escape(repair['needs'].ljust(width))}[/bold]  instead of {old}: {escape(repair['change'])}, "
+            f"error {_text(repair['error'], 4)}"
+        )
+    return "\n".join(lines)
 
 
 def _table(record: dict[str, Any]) -> Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import pi
 from pathlib import Path
 from time import perf_counter
@@ -13,13 +13,13 @@ import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
 from vctune.design.record import design_record, warnings
-from vctune.design.repair import Change, least_change
+from vctune.design.repair import Repair, repairs
 from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
-from vctune.document.reading import ProblemFile, gains_file, problem_file
+from vctune.document.reading import ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
@@ -65,23 +65,22 @@ class DesignFinding:
     ----------
     file : the problem
     judgement : of the gains
-    change : of one gain, that would mend a violated design
+    repairs : of a violated design, the smallest first
     warnings : what the user should know
     seconds : it took
     """
 
     file: ProblemFile
     judgement: Judgement
-    change: Change | None
+    repairs: list[Repair] | None
     warnings: list[str]
     seconds: float
 
     def record(self) -> dict[str, Any]:
         """Return the object of DESIGN 2.3."""
-        solved = Solved(self.file.problem, self.judgement, None, 0, None, None, {"prove": self.seconds})
-        change = self.change
-        mend = {"key": change.key, "old": change.old, "new": change.new} if change else None
-        return design_record(self.file, solved) | {"warnings": self.warnings, "repair": mend}
+        seconds = {"prove": self.seconds}
+        solved = Solved(self.file.problem, self.judgement, None, 0, None, None, seconds, repairs=self.repairs)
+        return design_record(self.file, solved) | {"warnings": self.warnings}
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,17 +171,26 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     checks = []
     for (source, design, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        change = least_change(file.problem, *design) if judgement.status is Status.VIOLATED else None
+        mends = _repairs(file, *design) if judgement.status is Status.VIOLATED else None
         found = warnings(file.problem, judgement)
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
-        finding = DesignFinding(file, judgement, change, found, proving + perf_counter() - began)
-        code, message = EXIT_CODES[judgement.status], _message(judgement, change)
-        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, change), finding))
+        finding = DesignFinding(file, judgement, mends, found, proving + perf_counter() - began)
+        code, message = EXIT_CODES[judgement.status], _message(judgement, mends)
+        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, mends), finding))
     return checks
 
 
-def _message(judgement: Judgement, change: Change | None) -> str:
+def _repairs(file: ProblemFile, gains: Gains, coupling: Coupling) -> list[Repair]:
+    """Return the repairs of a problem with a design pasted into it."""
+    pasted = {"gains": asdict(gains), "coupling": asdict(coupling)}
+    document = toml.parse(file.text, file.problem.name) | pasted
+    problem, _ = pose(document, file.problem.name)
+    assert problem is not None, "a valid problem with valid gains is one"
+    return repairs(document, problem)
+
+
+def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
     if judgement.status is Status.CERTIFIED:
         return f"proved, least Re Z_c / R {judgement.min_ratio:.6g}"
     failing = []
@@ -191,18 +199,21 @@ def _message(judgement: Judgement, change: Change | None) -> str:
             place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
             failing.append(f"{outcome.verdict.value}{place}: {claim.value}")
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
-    if judgement.status is Status.UNDECIDED:
-        return "; ".join([*failing, worst])
-    mend = (
-        f"{change.key} = {change.new:g} instead of {change.old:g} would pass"
-        if change
-        else "no change of one gain passes"
-    )
-    return "; ".join([*failing, worst, mend])
+    return "; ".join([*failing, worst, *([_remedy(mends)] if mends is not None else [])])
 
 
-def _line(text: str, change: Change | None) -> int:
+def _remedy(mends: list[Repair]) -> str:
+    """Return the least change of one gain that would do, and the other changes that would."""
+    if not mends:
+        return "no change of one number passes"
+    of_gain = [mend for mend in mends if mend.key in KEYS]
+    first, *others = [*of_gain[:1], *(mend for mend in mends if mend.key not in KEYS)]
+    so = f"; so would {', or '.join(map(str, others))}" if others else ""
+    return f"{first} would pass{so}"
+
+
+def _line(text: str, mends: list[Repair] | None) -> int:
     """Return the line of the gain to change, or of the table that has the gains."""
     lines = toml.Lines(text)
-    paths = [tuple(change.key.split("."))] if change else []
+    paths = [tuple(mend.key.split(".")) for mend in mends or [] if mend.key in KEYS]
     return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
 from math import degrees, inf, log10, pi
@@ -54,7 +54,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "schema": SCHEMA,
         "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
         "status": solved.status.value,
-        "reason": solved.infeasibility.reason if solved.infeasibility else None,
+        "reason": solved.reason,
         "gains": None,
         "coupling": None,
         "transparency": None,
@@ -62,6 +62,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "inner_loop": None,
         "active": active(solved),
         "proved": solved.infeasibility.proved if solved.infeasibility else None,
+        "repairs": None if solved.repairs is None else [asdict(repair) for repair in solved.repairs],
         "at_bound": [],
         "left_out": left_out(solved),
         "warnings": [],

@@ -1,67 +1,78 @@
-"""The smallest change of one gain that would make a refuted design pass."""
+"""What would make a design possible: changes of one number of the problem file, each alone sufficient and least."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
-from math import exp, log
+from math import inf, sqrt
+from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, sensitivity_maxima
-from vctune.design.judge import Status, judge
-from vctune.design.variables import KEYS, Point, design_of, point
+from vctune.analysis.demands import sensitivity_maxima
+from vctune.design.judge import Judgement, Status, judge, least_ratio
+from vctune.design.levers import Lever, levers
 from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.document.reading import pose
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
-STEPS = np.geomspace(1e-3, log(1e3), 18)
-"""Changes tried, |log(new/old)|, before the threshold is bisected."""
-BISECTIONS = 20
+SHARE = 0.9
+"""The share of a repair that must not suffice."""
+ROUNDS = 10
+"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does."""
+FINER = 30.0
 SLACK = 1e-5
+
+Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
-    """One gain moved.
+class Repair:
+    """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
     Attributes
     ----------
     key : dotted key
-    old, new : values, SI
+    old, new : its values, in the unit of the file
+    change : what that means
+    needs : what the file has to say, a line of TOML
+    size : change relative to the greater of both values, by which repairs are compared (`Lever.size`)
+    error : transparency error of the design that there is then
     """
 
     key: str
     old: float
     new: float
+    change: str
+    needs: str
+    size: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
 
 
-def least_change(problem: Problem, gains: Gains, coupling: Coupling) -> Change | None:
-    """Return the least relative change of one nonzero gain after which the design is proved; None if none does it."""
-    values = point(gains, coupling)
-    found = []
-    for index, sign in product((i for i, old in enumerate(values) if old), (1.0, -1.0)):
-        size = _threshold(problem, values, index, sign)
-        if size is not None:
-            found.append((size, index, sign))
-    for size, index, sign in sorted(found):
-        new = float(f"{values[index] * exp(sign * size * (1 + SLACK)):.6g}")
-        moved = tuple(new if i == index else value for i, value in enumerate(values))
-        if judge(problem, *design_of(moved)).status is Status.CERTIFIED:  # type: ignore[arg-type]
-            return Change(KEYS[index], values[index], new)
-    return None
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """How a changed problem is tried.
+
+    Attributes
+    ----------
+    quick : a first opinion
+    certified : its design, if that is certified; None if there is none
+    width : how closely the least change is bracketed, relative
+    """
+
+    quick: Callable[[Problem], bool]
+    certified: Callable[[Problem], Judgement | None]
+    width: float
 
 
-def _moved(values: Point, index: int, change: float) -> Point:
-    moved = list(values)
-    moved[index] *= exp(change)
-    return tuple(moved)  # type: ignore[return-value]
-
-
-def _passes(problem: Problem, values: Point) -> bool:
-    gains, coupling = design_of(values)
-    if ratio_minima(problem, gains, coupling).value[0] < 1 + SLACK:
+def _seems_in_order(problem: Problem) -> bool:
+    """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
+    gains, coupling = problem.fixed_design
+    if least_ratio(problem, gains, coupling)[0] < 1 + SLACK:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
         return False
@@ -69,17 +80,78 @@ def _passes(problem: Problem, values: Point) -> bool:
     return all(proof.verdict is Verdict.PROVED for proof in proofs)
 
 
-def _threshold(problem: Problem, values: Point, index: int, sign: float) -> float | None:
-    """Return the least change that passes, of a first one on the grid bisected towards the last that does not."""
+def _judged(problem: Problem) -> Judgement | None:
+    judgement = judge(problem, *problem.fixed_design)
+    return judgement if judgement.status is Status.CERTIFIED else None
 
-    def passes(change: float) -> bool:
-        return _passes(problem, _moved(values, index, sign * change))
 
-    high = next((float(step) for step in STEPS if passes(float(step))), None)
-    if high is None:
+JUDGED = Trial(_seems_in_order, _judged, 2e-3)
+"""Of problems that fix every number."""
+
+
+@np.errstate(all="ignore")
+def repairs(
+    document: dict[str, Any], problem: Problem, trial: Trial = JUDGED, progress: Progress = lambda stage: None
+) -> list[Repair]:
+    """Return the least changes of one number that repair a problem, the smallest first.
+
+    Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
+    with it, and solved or, if it fixes every number, judged.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    trial : how changed problems are tried
+    progress : told what is tried
+    """
+    found = []
+    for lever in levers(document, problem):
+        progress(f"looking for repairs: {lever.change}")
+        repair = _least(document, lever, trial)
+        found += [repair] if repair is not None else []
+    return sorted(found, key=lambda repair: repair.size)
+
+
+def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> Repair | None:
+    """Return the least change of a lever that repairs the problem while `SHARE` of it does not, if one is found."""
+
+    def certified(new: float) -> Judgement | None:
+        posed, _ = pose(lever.applied(document, new), "")
+        return trial.certified(posed) if posed is not None else None
+
+    def promising(new: float) -> bool:
+        posed, _ = pose(lever.applied(document, new), "")
+        return posed is not None and trial.quick(posed)
+
+    strain = _least_strain(lever, promising, 1 + trial.width)
+    for _ in range(ROUNDS):
+        if strain is None:
+            break
+        new = lever.rounded(strain, trial.width / 2)
+        design, part = certified(new), lever.part(new, SHARE)
+        if design is None:
+            strain *= 1 + trial.width
+        elif certified(part) is not None:
+            strain = lever.strain(part)
+        else:
+            error = design.transparency.error
+            return Repair(lever.key, lever.old, new, lever.change, lever.line(new), lever.size(new), error)
+    return None
+
+
+def _least_strain(lever: Lever, holds: Callable[[float], bool], width: float) -> float | None:
+    """Return the strain of the first value tried that holds, narrowed towards the last one that does not."""
+    low = 0.0
+    for high in lever.strains():
+        if holds(lever.value(high)):
+            break
+        low = high
+    else:
         return None
-    low = max((float(step) for step in STEPS if step < high), default=0.0)
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (low, middle) if passes(middle) else (middle, high)
+    while low == 0 and high > lever.least:
+        low, high = (0.0, high / FINER) if holds(lever.value(high / FINER)) else (high / FINER, high)
+    while 0 < low * width < high < inf:
+        middle = sqrt(low * high)
+        low, high = (low, middle) if holds(lever.value(middle)) else (middle, high)
     return high

@@ -16,6 +16,7 @@ from vctune.document.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality
+    from vctune.design.repair import Repair
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +100,7 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
+    repairs : changes of the problem that would make a design possible, None when nobody asked
     """
 
     problem: Problem
@@ -109,6 +111,7 @@ class Solved:
     seen: ScanResult | None
     seconds: dict[str, float]
     optimality: Optimality | None = None
+    repairs: list[Repair] | None = None
 
     @property
     def status(self) -> Status:
@@ -117,3 +120,12 @@ class Solved:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
         return Status.INFEASIBLE if proved else Status.UNDECIDED
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+        if self.infeasibility is None:
+            return None
+        if self.repairs:
+            return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
+        return self.infeasibility.reason

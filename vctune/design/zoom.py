@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, position_gain, scored
+from vctune.design.grid import INADMISSIBLE, NEGATIVE, SENSITIVE, Axes, position_gain, scored
 from vctune.design.samples import Samples
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -40,6 +40,11 @@ class Start:
     def workable(self) -> bool:
         """Whether its loop is stable with Re G_hh > 0, so that the optimiser's formulas are defined there."""
         return self.error < INADMISSIBLE * NEGATIVE
+
+    @property
+    def shortfall(self) -> float:
+        """By how much it missed the worst of the demands, as the logarithm of a ratio; 0 for an admissible point."""
+        return 0.0 if self.admissible else (self.error / INADMISSIBLE - 1) % SENSITIVE
 
 
 def minima_of(problem: Problem, score: Floats) -> list[tuple[int, ...]]:

@@ -97,12 +97,22 @@ class _Optimality(_Part):
     open: list[_Box]
 
 
+class _Repair(_Part):
+    key: str
+    old: Number
+    new: float
+    change: str
+    needs: str
+    error: Number
+
+
 class _Design(_Part):
     """The parts of a design that are shown again; others are let through."""
 
     problem: _Problem
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
+    repairs: list[_Repair] | None = None
     gains: FixedGainsTable | None
     coupling: FixedCouplingTable | None
     transparency: _Transparency | None

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from copy import deepcopy
+from itertools import pairwise
 from typing import Any
 
 
@@ -14,3 +17,14 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
         except (KeyError, IndexError, TypeError):
             return None
     return float(node) if isinstance(node, int | float) and not isinstance(node, bool) and abs(node) < 1e300 else None
+
+
+def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
+    """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made."""
+    copy = deepcopy(document)
+    for path, number in numbers:
+        node: Any = copy
+        for step, inner in pairwise(path):
+            node = node.setdefault(step, [None, None] if isinstance(inner, int) else {})
+        node[path[-1]] = number
+    return copy

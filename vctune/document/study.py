@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations, pairwise
@@ -16,6 +15,7 @@ from vctune.document import toml
 from vctune.document.axes import Axis, read_axis
 from vctune.document.errors import InputError
 from vctune.document.problem import Problem
+from vctune.document.raw import placed
 from vctune.document.reading import pose
 from vctune.document.schema import ProblemDocument
 from vctune.document.study_schema import StudyDocument
@@ -71,9 +71,13 @@ class Study:
         text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
         return sha256(text.encode()).hexdigest()
 
+    def posed(self, values: Iterable[float]) -> dict[str, Any]:
+        """Return the document of the problem at a point, which may be none."""
+        return placed(self.document, zip((axis.path for axis in self.axes), values, strict=True))
+
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None and why there is none."""
-        return pose(placed(self.document, self.axes, values), self.name)
+        return pose(self.posed(values), self.name)
 
 
 def read_study(path: Path) -> Study:
@@ -107,17 +111,6 @@ def read_study(path: Path) -> Study:
     if own:
         raise refusal(own, problem_text, str(target))
     return study
-
-
-def placed(document: dict[str, Any], axes: Iterable[Axis], values: Iterable[float]) -> dict[str, Any]:
-    """Return a copy of a parsed problem with numbers set; tables that are not there are made."""
-    copy = deepcopy(document)
-    for axis, value in zip(axes, values, strict=True):
-        node: Any = copy
-        for step, inner in pairwise(axis.path):
-            node = node.setdefault(step, [None, None] if isinstance(inner, int) else {})
-        node[axis.path[-1]] = value
-    return copy
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Fault]:
@@ -171,7 +164,7 @@ def _homeless(study: Study, axis: Axis) -> list[Fault]:
 
 def _problem_faults(study: Study) -> list[Fault]:
     """Return what is wrong with the problem wherever the axes stand."""
-    first = placed(study.document, study.axes, (axis.values[0] for axis in study.axes))
+    first = study.posed(axis.values[0] for axis in study.axes)
     _, faults = examined(ProblemDocument, first, lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:

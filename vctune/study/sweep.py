@@ -10,7 +10,7 @@ from typing import Any
 
 from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
-from vctune.document.study import Study, placed
+from vctune.document.study import Study
 from vctune.document.validation import dotted
 from vctune.study.executors import Crew
 from vctune.study.outcome import nothing, work
@@ -70,7 +70,7 @@ def sweep(study: Study, rows: Rows, crew: Crew, tick: Tick = lambda: None) -> li
     for values in points(study):
         problem, faults = study.at(values)
         if problem is None:
-            key = invalid_key(placed(study.document, study.axes, values))
+            key = invalid_key(study.posed(values))
             if key not in rows:
                 reason = "; ".join(f"{dotted(path)}: {message}" for path, message in faults)
                 rows.append(_row(study, key, values, nothing(INVALID, reason)))

@@ -1,0 +1,204 @@
+"""The numbers of a problem file that may be changed, one at a time, until there is a design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from math import inf, pi
+from typing import Any
+
+from vctune.design.variables import KEYS, NAMES
+from vctune.document.problem import Problem
+from vctune.document.raw import number_at, placed
+from vctune.document.validation import KeyPath, dotted
+
+STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+FROM_NOTHING = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+"""Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0."""
+FURTHEST = 1e6
+"""How far a bound, or a gain, is moved at most."""
+FINEST, FINEST_OF_NOTHING = 1e-9, 1e-18
+"""Strains below which a change is none."""
+DIGITS = 12
+SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
+OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
+ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
+"""What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lever:
+    """A number of a problem file that may be changed one way.
+
+    The strain of a change is its size relative to the smaller of the old and the new value. Where the old value is 0 it
+    is relative to the natural size, and where it is infinite the same holds of the reciprocals.
+
+    Attributes
+    ----------
+    path : where it stands in the file
+    change : what changing it means
+    old : the value that the file, or a default, gives it
+    limit : the furthest value worth trying, above `old` or below it
+    natural : natural size, where `old` is 0 or infinite
+    other : the other edge of a band or end of a range, which the file must state with it
+    """
+
+    path: KeyPath
+    change: str
+    old: float
+    limit: float
+    natural: float = 1.0
+    other: float | None = None
+
+    @property
+    def key(self) -> str:
+        """The dotted key."""
+        return dotted(self.path)
+
+    @property
+    def least(self) -> float:
+        """The least strain worth trying; from infinity the change to the natural size is the least there is."""
+        return FINEST_OF_NOTHING if self.old == 0 else FINEST if self.old < inf else 1.0
+
+    def value(self, strain: float) -> float:
+        """Return the value after a change of a given strain, as far as the limit."""
+        if self.old == 0:
+            return min(self.natural * strain, self.limit)
+        if self.old == inf:
+            return max(self.natural / strain, self.limit)
+        if self.limit > self.old:
+            return min(self.old * (1 + strain), self.limit)
+        return max(self.old / (1 + strain), self.limit)
+
+    def strain(self, new: float) -> float:
+        """Return the strain of the change to a new value; inf for one to 0."""
+        if self.old == 0:
+            return new / self.natural
+        if self.old == inf:
+            return self.natural / new
+        return abs(new - self.old) / min(new, self.old) if new > 0 else inf
+
+    def size(self, new: float) -> float:
+        """Return the size of a change, by which changes of all levers are compared: strain/(1 + strain), at most 1.
+
+        It is the change relative to the greater of the old and the new value.
+        """
+        strain = self.strain(new)
+        return strain / (1 + strain) if strain < inf else 1.0
+
+    def part(self, new: float, share: float) -> float:
+        """Return the value after a share of a change; of the reciprocals where the old value is infinite."""
+        return new / share if self.old == inf else self.old + share * (new - self.old)
+
+    def strains(self) -> Iterator[float]:
+        """Yield the strains to try, up to the limit."""
+        last = self.strain(self.limit)
+        steps = FROM_NOTHING if self.old == 0 else STRAINS
+        yield from (strain for strain in steps if self.least <= strain < last)
+        yield last
+
+    def rounded(self, strain: float, growth: float) -> float:
+        """Return the shortest decimal of which the strain is not less and greater by at most a share of `growth`."""
+        exact, upwards = self.value(strain), self.limit > self.old
+        for digits in range(1, DIGITS):
+            context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
+            new = float(context.create_decimal(Decimal(exact)))
+            within = new <= self.limit if upwards else new >= self.limit
+            if within and self.strain(new) <= strain * (1 + growth):
+                return new
+        return exact
+
+    def line(self, new: float) -> str:
+        """Return what the file has to say after the change: a line of TOML."""
+        if self.other is None:
+            return f"{self.key} = {new!r}"
+        low, high = sorted((new, self.other))
+        form = f"[{low!r}, {high!r}]" if isinstance(self.path[-1], int) else f"{{ min = {low!r}, max = {high!r} }}"
+        return f"{dotted(self.path[:-1])} = {form}"
+
+    def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
+        """Return the document with the number changed."""
+        beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
+        return placed(document, (*beside, (self.path, new)))
+
+
+def levers(document: dict[str, Any], problem: Problem) -> list[Lever]:
+    """Return what may be changed about a problem: the device, the demands, and the bounds or gains that it states.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    """
+    return [*_of_device(problem), *_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
+
+
+def _of_device(problem: Problem) -> Iterator[Lever]:
+    device = problem.device
+    loop = device.mass / device.lag
+    yield Lever(("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop)
+    b_h = device.operator.damping if device.operator is not None else 0.0
+    yield Lever(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
+    yield Lever(("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100)
+    if device.delay > 0:
+        yield Lever(("device", "delay"), "less delay", device.delay, 0.0)
+
+
+def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
+    """Yield narrower stability bands, of an octave at least."""
+    band, path = problem.stability.band, ("stability", "band_hz")
+    low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
+    nyquist, inner = 0.5 / problem.device.sample_time, problem.transparency.band.min / (2 * pi)
+    lowest, highest = max(2 * low, inner / 100), min(high / 2, nyquist)
+    if lowest < min(high, nyquist):
+        change = "a lower upper edge of the stability band"
+        yield Lever((*path, 1), change, high, lowest, nyquist, low)
+    if highest > low:
+        change = "a higher lower edge of the stability band"
+        yield Lever((*path, 0), change, low, highest, inner, high)
+
+
+def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
+    """Return an edge of the stability band as the file has it, or the default's in `DIGITS` digits."""
+    stated = number_at(document, "stability", "band_hz", edge)
+    return float(f"{omega / (2 * pi):.{DIGITS}g}") if stated is None else stated
+
+
+def _of_demands(problem: Problem) -> Iterator[Lever]:
+    stability = problem.stability
+    most, factor = stability.max_sensitivity, stability.safety_factor
+    yield Lever(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
+    if factor > 1:
+        yield Lever(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
+
+
+def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
+    """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
+    loop = problem.device.mass / problem.device.lag + problem.device.damping
+    Z_0 = problem.transparency.reference_impedance
+    natural = dict(zip(KEYS, (loop, loop / problem.device.lag, Z_0, Z_0 * problem.device.lag, Z_0), strict=True))
+    for key, name in zip(KEYS, NAMES, strict=True):
+        path, bounds, symbol = tuple(key.split(".")), getattr(problem.bounds, name), SYMBOLS[key]
+        downwards = key not in ONLY_UPWARDS
+        if number_at(document, *path, "max") is not None:
+            furthest, unit = _upwards(bounds.max, natural[key]), natural[key]
+            yield Lever((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
+            if downwards and bounds.min > 0:
+                furthest = _downwards(bounds.min, key)
+                yield Lever((*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max)
+        elif number_at(document, *path) is not None or key == "coupling.drag":
+            greater = "some drag" if key == "coupling.drag" and bounds.min == 0 else f"a greater {symbol}"
+            yield Lever(path, greater, bounds.min, _upwards(bounds.min, natural[key]), natural[key])
+            if downwards and bounds.min > 0:
+                yield Lever(path, f"a smaller {symbol}", bounds.min, _downwards(bounds.min, key))
+
+
+def _upwards(old: float, natural: float) -> float:
+    """Return how far upwards to go."""
+    return max(FURTHEST * old, 10 * natural)
+
+
+def _downwards(old: float, key: str) -> float:
+    """Return how far downwards to go: to 0 where a gain may be that."""
+    return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -1,0 +1,138 @@
+"""Requests that no design can meet, known beforehand: the theorems of DESIGN 1.6 with their numbers filled in.
+
+Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
+"""
+
+from __future__ import annotations
+
+from math import inf, pi, sqrt
+
+from vctune.design.infeasible import Infeasibility
+from vctune.document.problem import Problem
+from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
+from vctune.model.quantities import Coupling, Device, Gains
+
+
+def impossible(problem: Problem) -> Infeasibility | None:
+    """Return the theorem of DESIGN 1.6 that excludes every design of the problem, or None."""
+    found = _negative_resistance(problem)
+    if found is None and problem.stability.band.min == 0:
+        found = _at_zero(problem)
+    if found is None and problem.stability.band.max == inf:
+        found = _at_infinity(problem)
+    return None if found is None else Infeasibility(*found, proved=True)
+
+
+def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
+    K_v, most = _least_velocity(problem), problem.bounds.velocity.max
+    if K_v < most:
+        return None
+    device, omega = problem.device, problem.stability.band.min
+    place, growth = ("for omega -> 0", "") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", " (1 + (omega tau)^2)")
+    return (
+        f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} N s/m, but "
+        f"gains.velocity is at most {most:.4g} N s/m",
+        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / device.lag:.4g} N/m",
+    )
+
+
+def _least_velocity(problem: Problem) -> float:
+    """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf where that is not known.
+
+    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for "lag" without delay tau K_p < b (1 + (omega tau)^2) + K_v:
+    there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b.
+    """
+    device, omega = problem.device, problem.stability.band.min
+    if omega > 0 and (device.hold != "lag" or device.delay > 0):
+        return -inf
+    growth = 1 + (omega * device.lag) ** 2
+    return float(device.lag * problem.bounds.position.min - device.held.damping * growth)
+
+
+def _damping(device: Device) -> str:
+    return "b" if device.operator is None else "(b + b_h)"
+
+
+def _at_zero(problem: Problem) -> tuple[str, str] | None:
+    """With an integrator R tends to a constant and Re Z_c to the drag; without one both vanish like omega^2."""
+    position = problem.bounds.position
+    reasons, advice = [], []
+    if position.max > 0:
+        found = _with_integrator(problem)
+        if found is None:
+            return None
+        reasons, advice = [found[0]], [found[1]]
+    if position.min == 0:
+        found = _without_integrator(problem)
+        if found is None:
+            return None
+        reasons, advice = [*reasons, found[0]], [*advice, found[1]]
+    else:
+        advice.append("allow gains.position = 0")
+    return "; ".join(reasons), ", or ".join(advice)
+
+
+def _with_integrator(problem: Problem) -> tuple[str, str] | None:
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
+    limit = low_frequency_limit(device, Gains(bounds.velocity.max, bounds.position.min), most, integrator=True)
+    if _met(limit, factor):
+        return None
+    drag = factor * limit.required
+    held = device.operator is not None
+    R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else "b^2/(4 (b + K_v - tau K_p))"
+    reason = (
+        f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "
+        f"{limit.required:.4g} N s/m, with the safety factor {drag:.4g} N s/m, but Re Z_c tends to the drag, at most "
+        f"{most.drag:.4g} N s/m"
+    )
+    if most.drag > 0:
+        return reason, f"allow a coupling.drag of {drag:.4g} N s/m"
+    lowest = sqrt(drag * most.damping) / most.mass / (2 * pi)
+    advice = f"allow a coupling.drag of {drag:.4g} N s/m, raise stability.band_hz[0] to at least {lowest:.4g} Hz"
+    return reason, advice
+
+
+def _without_integrator(problem: Problem) -> tuple[str, str] | None:
+    """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v."""
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
+    limits = [
+        low_frequency_limit(device, Gains(K_v, 0.0), most, integrator=False)
+        for K_v in (bounds.velocity.min, bounds.velocity.max)
+    ]
+    if any(_met(limit, factor) for limit in limits):
+        return None
+    need = factor * min(limit.required for limit in limits)
+    return (
+        "with K_p = 0 omega -> 0 needs m_c^2/b_c >= K_v (m + b tau)^2/(4 (b + K_v)^2), with the safety factor at least "
+        f"{need:.4g} kg s, but the bounds allow {limits[0].coupling:.4g} kg s",
+        f"raise coupling.mass.max to {sqrt(need * most.damping):.4g} kg, or allow some coupling.drag",
+    )
+
+
+def _at_infinity(problem: Problem) -> tuple[str, str] | None:
+    """Re Z_c tends to b_c + b_0 and R grows with K_v, of which Re G_hh > 0 needs some where K_p is not small."""
+    device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    most = Coupling(bounds.damping.max, bounds.mass.max, bounds.drag.max)
+    K_v = max(bounds.velocity.min, _least_velocity(problem))
+    limit = high_frequency_limit(device, Gains(K_v, bounds.position.min), most)
+    if _met(limit, factor):
+        return None
+    b = _damping(device)
+    if limit.required == inf:
+        return (
+            f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), which no coupling has for a device without damping",
+            "lower stability.band_hz[1] to a finite edge, or add device damping",
+        )
+    need = factor * limit.required
+    return (
+        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} N s/m and the safety factor at "
+        f"least {need:.4g} N s/m, but the bounds allow {limit.coupling:.4g} N s/m",
+        f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} N s/m",
+    )
+
+
+def _met(limit: EndLimit, factor: float) -> bool:
+    """Return whether Re Z_c is enough at an end; a required R of 0 or less asks for nothing."""
+    return limit.required <= 0 or limit.coupling >= factor * limit.required
