@@ -27,6 +27,7 @@ from vctune.study.outcome import work
 from vctune.study.plane import plane
 from vctune.study.region import region
 
+SCAN = "scan"
 PARTS: Parts = {
     "IPOPT and CasADi's machine": ("vctune.design.nlp:ca.Function.__call__",),
     "prover": (
@@ -37,7 +38,7 @@ PARTS: Parts = {
         "vctune.proof.batch:refuted",
         "vctune.proof.damping:no_damping",
     ),
-    "scan": (
+    SCAN: (
         "vctune.design.scan:scan",
         "vctune.design.scan:rescan",
         "vctune.design.scan:elsewhere",
@@ -147,8 +148,10 @@ def _processes(repeats: int) -> list[Share]:
 
 def _process(command: list[str], folder: str) -> float:
     """Return the processor time of a process, its bytecode kept as an installation keeps it."""
+    from resource import RUSAGE_CHILDREN, getrusage
+
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    before = os.times()
+    before = getrusage(RUSAGE_CHILDREN)
     subprocess.run(
         command,
         cwd=folder,
@@ -156,8 +159,8 @@ def _process(command: list[str], folder: str) -> float:
         check=True,
         stdout=subprocess.DEVNULL,
     )
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def says_of(rows: list[Share]) -> list[str]:
@@ -171,12 +174,14 @@ def says_of(rows: list[Share]) -> list[str]:
     outside = 1 - sum(solving[part].share for part in SOLVER_AND_PROVER if part in solving)
     needed = [row for row in rows if row.command == FLOOR]
     whole, bare = (row for row in rows if row.command == WHOLE)
+    ipopt, scanning = solving[SOLVER_AND_PROVER[0]], solving[SCAN]
     return [
         *said,
         f"Outside of IPOPT and the prover solve spends {outside:.0%} (aim: at most 30 %).",
         f"The floor under solve, what the best starts' polish and the last proof have to evaluate: "
         f"{' and '.join(row.part for row in needed)}, {sum(row.seconds for row in needed):.3f} s of "
-        f"{solving[TOTAL].seconds:.3f} s; the rest goes to the scan, to starts that lose, and to IPOPT's own algebra.",
+        f"{solving[TOTAL].seconds:.3f} s. Beyond it go {ipopt.seconds - needed[0].seconds:.3f} s to IPOPT's own "
+        f"algebra and starts that lose, {scanning.seconds:.3f} s to the scan that finds the starts.",
         f"Whole process: {whole.part} {whole.seconds:.3f} s, {whole.share:.2f} times the {bare.part} "
         f"({bare.seconds:.3f} s; aim: at most 3), `{BARE_IMPORTS}`.",
     ]
