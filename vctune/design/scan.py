@@ -66,15 +66,18 @@ def scan(problem: Problem) -> ScanResult:
 def _promising(problem: Problem, coarse: Axes, score: Floats, edge: Edge, most: float, left_out: int | None) -> Axes:
     """Return the best local minima of the grid and of the edge of its loops, between their neighbours.
 
-    Minima of the grid on its last step before the edge are the edge's business.
+    Minima of the grid on its last step before the edge are the edge's business where the edge is better.
 
     Parameters
     ----------
     most : greatest error of interest
     left_out : corner whose minima are not looked at
     """
-    steps = set(zip(edge.row.tolist(), edge.column.tolist(), strict=True))
-    inner = [at for at in minima_of(problem, score) if at[:2] not in steps and at[1] != left_out][:STARTS]
+    on_edge = edge.score.min(axis=(1, 2, 3)).tolist()
+    steps = dict(zip(zip(edge.row.tolist(), edge.column.tolist(), strict=True), on_edge, strict=True))
+    inner = [at for at in minima_of(problem, score) if score[at] < steps.get(at[:2], inf) and at[1] != left_out][
+        :STARTS
+    ]
     outer = [at for at in minima_of(problem, edge.score) if edge.column[at[0]] != left_out][:STARTS]
     within = around(coarse, [at for at in inner if score[at] <= most])
     outside = edge.places(problem, coarse, [at for at in outer if edge.score[at] <= most])
