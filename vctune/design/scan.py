@@ -73,11 +73,9 @@ def _promising(problem: Problem, coarse: Axes, score: Floats, edge: Edge, most: 
     most : greatest error of interest
     left_out : corner whose minima are not looked at
     """
-    on_edge = edge.score.min(axis=(1, 2, 3)).tolist()
-    steps = dict(zip(zip(edge.row.tolist(), edge.column.tolist(), strict=True), on_edge, strict=True))
-    inner = [at for at in minima_of(problem, score) if score[at] < steps.get(at[:2], inf) and at[1] != left_out][
-        :STARTS
-    ]
+    beaten = np.full(score.shape[:2], inf)
+    beaten[edge.row, edge.column] = edge.score.min(axis=(1, 2, 3))
+    inner = [at for at in minima_of(problem, score) if score[at] < beaten[at[:2]] and at[1] != left_out][:STARTS]
     outer = [at for at in minima_of(problem, edge.score) if edge.column[at[0]] != left_out][:STARTS]
     within = around(coarse, [at for at in inner if score[at] <= most])
     outside = edge.places(problem, coarse, [at for at in outer if edge.score[at] <= most])
