@@ -223,51 +223,7 @@ def _row(
     )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
-    """A solver over all problems.
-
-    Attributes
-    ----------
-    problems, stable, proved : how many there are; answers in stable loops; answers that are proved
-    best : answers that are proved and within `CLOSE` of the best
-    seconds : the sum, s
-    worst_gap : greatest gap of a proved answer, nan without one
-    worst_violation : greatest violation of an answer
-    """
-
-    solver: str
-    problems: int
-    stable: int
-    proved: int
-    best: int
-    seconds: float
-    worst_gap: float
-    worst_violation: float
-
-
 CLOSE = 1e-3
-
-
-def scores(rows: list[Row]) -> list[Score]:
-    """Sum up, solver by solver, fastest first among those that prove as much."""
-    found = []
-    for solver in dict.fromkeys(row.solver for row in rows):
-        own = [row for row in rows if row.solver == solver]
-        proved = [row for row in own if row.verdict == Status.CERTIFIED]
-        found.append(
-            Score(
-                solver,
-                len(own),
-                sum(row.stable for row in own),
-                len(proved),
-                sum(row.gap <= CLOSE for row in proved),
-                sum(row.seconds for row in own),
-                max((row.gap for row in proved), default=nan),
-                max(row.violation for row in own),
-            )
-        )
-    return sorted(found, key=lambda score: (-score.best, score.seconds))
 
 
 def facts(rows: list[Row]) -> list[str]:
