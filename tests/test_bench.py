@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from math import log, nan, sqrt
+from time import process_time
 
 import numpy as np
 import pytest
@@ -12,12 +13,13 @@ from click.testing import CliRunner
 from conftest import ROOT
 from oracles import Case, sampled_radius
 
-from vctune.bench import evaluator, files, peers, sampling, scaling, scene, solvers, stress
+from vctune.bench import evaluator, files, peers, sampling, scaling, scene, solvers, stress, timing
 from vctune.bench import judged as judging
 from vctune.bench.benchmark import Size
 from vctune.bench.dense import dense
 from vctune.bench.devices import device
 from vctune.bench.digits import exact, stable
+from vctune.bench.parts import charged
 from vctune.bench.problems import reference_problems
 from vctune.bench.summary import summary
 from vctune.bench.timing import paired, slope
@@ -224,6 +226,29 @@ class Cell:
     name: str
     good: bool
     value: float
+
+
+def test_parts_count_their_own_time_once():
+    """What one part calls of another is the other's, what it calls of itself counts once."""
+
+    def busy(seconds):
+        until = process_time() + seconds
+        while process_time() < until:
+            pass
+
+    timing.work_a = lambda: (busy(0.02), timing.work_b(), timing.work_c())
+    timing.work_b = lambda: busy(0.04)
+    timing.work_c = lambda: busy(0.03)
+    before = timing.work_b
+    try:
+        with charged(
+            {"a": tuple(f"vctune.bench.timing:work_{x}" for x in "ac"), "b": ("vctune.bench.timing:work_b",)}
+        ) as spent:
+            timing.work_a()
+        assert spent == pytest.approx({"a": 0.05, "b": 0.04}, abs=0.008)
+        assert timing.work_b is before
+    finally:
+        del timing.work_a, timing.work_b, timing.work_c
 
 
 def test_csv_has_no_nan(tmp_path):

@@ -122,7 +122,8 @@ def test_intended_motion(motion):
 
 
 def slid(friction, carriage, at, push, time, count, theta):
-    end = slide(carriage, friction, at, push, time, count, theta, FLOATS)
+    h = time / count
+    end = slide(lambda *to: slide_step(carriage, friction, *to, h, theta, FLOATS), at, push, h, count, theta)
     return np.array([end.x, end.v, end.z * friction.stiffness])
 
 

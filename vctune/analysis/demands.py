@@ -91,11 +91,20 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
 
 def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     """Return the local maxima of |S| up to the Nyquist frequency as minima of -|S|, highest |S| first."""
-    corner = min(problem.transparency.band.min, problem.nyquist * 1e-3)
+    low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
     return local_minima(
         lambda omega: -np.sqrt(sensitivity_abs2(response(problem.device, gains, omega))),
-        demand_grid(problem.device, corner, problem.nyquist),
+        demand_grid(problem.device, low, problem.nyquist),
     )
+
+
+def slowest_resonance(problem: Problem, velocity: float) -> float:
+    """Return a frequency below which |S| has no peak above 1, of any loop with at least this K_v, rad/s.
+
+    Without lag a loop rings at sqrt(K_p/m) if that is above (b + K_v)/(2 m); half of it leaves room for the lag.
+    """
+    slowest = (problem.device.damping + velocity) / problem.device.mass / 4
+    return min(max(slowest, problem.nyquist * 1e-6), problem.nyquist * 1e-3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.design.ipopt import Posed, posed
 from vctune.design.nlp import OPTIONS, assembled
+from vctune.design.result import Polished
 from vctune.design.rounding import rounded
 from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, physical, point
@@ -159,6 +160,14 @@ def dense(problem: Problem, scaled: Problem, start: Start, count: int, reserve: 
     fixed = point(start.gains, start.coupling)
     box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
     return Dense(problem, scaled, shape, free, fixed, posed(scaled, shape, free, fixed, box, frequencies, reserve))
+
+
+def last_posed(problem: Problem, scaled: Problem, polished: Polished, tightening: float) -> Dense:
+    """Return the last NLP of a polish, as its solver had it."""
+    free = coordinates(scaled, integrator=polished.shape.integrator)
+    box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
+    numbers = posed(scaled, polished.shape, free, polished.values, box, polished.frequencies, tightening)
+    return Dense(problem, scaled, polished.shape, free, polished.values, numbers)
 
 
 @dataclass(frozen=True, slots=True)

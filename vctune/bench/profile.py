@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import cProfile
 import os
-import pstats
 import subprocess
 import sys
 import tempfile
@@ -15,7 +13,8 @@ from pathlib import Path
 from statistics import median
 from time import process_time
 
-from vctune.bench.dense import dense
+from vctune.bench.dense import last_posed
+from vctune.bench.parts import Parts, charged
 from vctune.bench.problems import DOCUMENTS, posed, reference_problems
 from vctune.bench.scenes import loaded_scene
 from vctune.bench.timing import timed
@@ -28,24 +27,29 @@ from vctune.study.outcome import work
 from vctune.study.plane import plane
 from vctune.study.region import region
 
-PARTS: dict[str, tuple[tuple[str, str], ...]] = {
-    "IPOPT and CasADi's machine": (("casadi.py", "__call__"),),
+SCAN = "scan"
+PARTS: Parts = {
+    "IPOPT and CasADi's machine": ("vctune.design.nlp:ca.Function.__call__",),
     "prover": (
-        ("certificate.py", "certify"),
-        ("poles.py", "prove_sampled_poles"),
-        ("poles.py", "prove_model_poles"),
-        ("batch.py", "prove"),
-        ("batch.py", "refuted"),
-        ("damping.py", "no_damping"),
+        "vctune.proof.certificate:certify",
+        "vctune.proof.poles:prove_sampled_poles",
+        "vctune.proof.poles:prove_model_poles",
+        "vctune.proof.batch:prove",
+        "vctune.proof.batch:refuted",
+        "vctune.proof.damping:no_damping",
     ),
-    "scan": (("scan.py", "scan"), ("scan.py", "rescan")),
-    "compiling": (("nlp.py", "compiled"), ("step.py", "build")),
+    SCAN: (
+        "vctune.design.scan:scan",
+        "vctune.design.scan:rescan",
+        "vctune.design.scan:elsewhere",
+        "vctune.design.scan:drained",
+    ),
+    "checks between NLPs": ("vctune.design.exchange:polish",),
+    "compiling": ("vctune.design.nlp:compiled", "vctune.simulation.step:build"),
 }
-"""Functions whose whole time, that of what they call included, is charged to a part."""
+"""What is charged to which part; of what a part calls, other parts' time is theirs."""
 SOLVER_AND_PROVER = ("IPOPT and CasADi's machine", "prover")
 TOTAL, WHOLE, BARE, FLOOR = "all", "whole process", "bare imports", "floor of solve"
-SET = 24
-"""Frequencies of each kind in a typical working set."""
 EVALUATIONS = 50
 BARE_IMPORTS = "import click, numpy, casadi, flint, pydantic"
 PROBLEM = """[device]
@@ -94,35 +98,17 @@ def _tasks(quick: bool) -> dict[str, Callable[[], object]]:
 
 
 def _parts(command: str, task: Callable[[], object], repeats: int) -> list[Share]:
-    """Return the parts' shares of a profile, times the time that the command takes without one."""
+    """Return the parts' shares of what a command takes."""
     _, seconds = timed(task, repeats)
-    profile = cProfile.Profile(process_time)
-    profile.enable()
-    for _ in range(repeats):
-        task()
-    profile.disable()
-    spent = _spent(pstats.Stats(profile))
+    with charged(PARTS) as spent:
+        began = process_time()
+        for _ in range(repeats):
+            task()
+        took = process_time() - began
+    shares = {part: each / took for part, each in spent.items() if each > 0}
     rows = [Share(command, TOTAL, seconds, 1.0)]
-    rows += [Share(command, part, seconds * share, share) for part, share in spent.items() if share > 0]
-    return [*rows, Share(command, "the rest", seconds * (1 - sum(spent.values())), 1 - sum(spent.values()))]
-
-
-def _spent(stats: pstats.Stats) -> dict[str, float]:
-    """Return the share of each part in all of a profile's time; what one part calls of another counts once."""
-    entries: dict[tuple[str, int, str], tuple[int, int, float, float, dict[tuple[str, int, str], tuple[float, ...]]]]
-    entries = stats.stats  # type: ignore[attr-defined]
-    total = max(entry[3] for entry in entries.values())
-    owner = {}
-    for place in entries:
-        for part, functions in PARTS.items():
-            if (Path(place[0]).name, place[2]) in functions and ("vctune" in place[0] or part.startswith("IPOPT")):
-                owner[place] = part
-    spent = dict.fromkeys(PARTS, 0.0)
-    for place, part in owner.items():
-        callers = entries[place][4]
-        inner = sum(times[3] for caller, times in callers.items() if caller in owner)
-        spent[part] += entries[place][3] - inner
-    return {part: seconds / total for part, seconds in spent.items()}
+    rows += [Share(command, part, seconds * share, share) for part, share in shares.items()]
+    return [*rows, Share(command, "the rest", seconds * (1 - sum(shares.values())), 1 - sum(shares.values()))]
 
 
 def _floor(quick: bool) -> list[Share]:
@@ -138,11 +124,11 @@ def _floor(quick: bool) -> list[Share]:
 def _needed(problem: Problem) -> tuple[int, float, int, float]:
     """Return the iterations of the winning polish, the boxes of the last proof, and the seconds for each."""
     solved = solve(problem)
-    assert solved.judgement is not None and solved.polished is not None and solved.seen is not None
+    assert solved.judgement is not None and solved.polished is not None
     design = (solved.judgement.gains, solved.judgement.coupling)
-    given = dense(problem, dimensionless(problem), solved.seen.starts[0], SET, TIGHTENING)
+    given = last_posed(problem, dimensionless(problem), solved.polished, TIGHTENING)
     given.evaluated(1)
-    _, evaluating = timed(lambda: given.evaluated(EVALUATIONS))
+    _, evaluating = timed(lambda: given.evaluated(EVALUATIONS), 3)
     _, proving = timed(lambda: judge(problem, *design), 3)
     iterations = sum(each.solution.iterations for each in solved.polished.rounds)
     return iterations, iterations * evaluating / EVALUATIONS, solved.judgement.certificate.boxes, proving
@@ -162,8 +148,10 @@ def _processes(repeats: int) -> list[Share]:
 
 def _process(command: list[str], folder: str) -> float:
     """Return the processor time of a process, its bytecode kept as an installation keeps it."""
+    from resource import RUSAGE_CHILDREN, getrusage
+
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    before = os.times()
+    before = getrusage(RUSAGE_CHILDREN)
     subprocess.run(
         command,
         cwd=folder,
@@ -171,8 +159,8 @@ def _process(command: list[str], folder: str) -> float:
         check=True,
         stdout=subprocess.DEVNULL,
     )
-    after = os.times()
-    return after.children_user + after.children_system - before.children_user - before.children_system
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def says_of(rows: list[Share]) -> list[str]:
@@ -186,12 +174,14 @@ def says_of(rows: list[Share]) -> list[str]:
     outside = 1 - sum(solving[part].share for part in SOLVER_AND_PROVER if part in solving)
     needed = [row for row in rows if row.command == FLOOR]
     whole, bare = (row for row in rows if row.command == WHOLE)
+    ipopt, scanning = solving[SOLVER_AND_PROVER[0]], solving[SCAN]
     return [
         *said,
         f"Outside of IPOPT and the prover solve spends {outside:.0%} (aim: at most 30 %).",
         f"The floor under solve, what the best starts' polish and the last proof have to evaluate: "
         f"{' and '.join(row.part for row in needed)}, {sum(row.seconds for row in needed):.3f} s of "
-        f"{solving[TOTAL].seconds:.3f} s; the rest goes to the scan, to starts that lose, and to IPOPT's own algebra.",
+        f"{solving[TOTAL].seconds:.3f} s. Beyond it go {ipopt.seconds - needed[0].seconds:.3f} s to IPOPT's own "
+        f"algebra and starts that lose, {scanning.seconds:.3f} s to the scan that finds the starts.",
         f"Whole process: {whole.part} {whole.seconds:.3f} s, {whole.share:.2f} times the {bare.part} "
         f"({bare.seconds:.3f} s; aim: at most 3), `{BARE_IMPORTS}`.",
     ]

@@ -14,7 +14,7 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima
+from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima, slowest_resonance
 from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
 from vctune.design.cases import cases_of
 from vctune.design.judge import Judgement
@@ -168,7 +168,8 @@ def bound(
 def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
     """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
     omega = [np.geomspace(*sampled_span(problem), FREQUENCIES)]
-    omega_S = [np.geomspace(problem.nyquist * 1e-3, problem.nyquist, FREQUENCIES)]
+    slowest = slowest_resonance(problem, problem.bounds.velocity.min)
+    omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
     if best is not None:
         for case in cases_of(problem):
             omega.append(ratio_minima(case, best.gains, best.coupling).omega)

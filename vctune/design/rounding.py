@@ -7,8 +7,6 @@ from vctune.document.problem import Problem, Range
 
 DIGITS = 8
 """Significant digits written, unless a design is so near to where no coupling will do that it needs more."""
-NOTHING = 1e-9
-"""Size, relative to the upper bound, below which a value that may be 0 is 0."""
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
@@ -24,5 +22,5 @@ def _rounded(value: float, bounds: Range, digits: int) -> float:
 
 
 def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
-    """Return whether a value counts as on a bound: it has so many digits in common with it."""
-    return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else NOTHING * bounds.max)
+    """Return whether a value counts as on a bound: it shares so many digits with it, or is nothing beside max."""
+    return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else 10.0 ** (-1 - digits) * bounds.max)

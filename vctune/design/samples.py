@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from vctune.analysis.demands import sampled_span, towards_zero
+from vctune.analysis.demands import sampled_span, slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import unit_circle
 from vctune.design.cases import cases_of
@@ -69,9 +69,11 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
     nyquist, band = problem.nyquist, problem.transparency.band
     low, high = sampled_span(problem)
-    count = int(FREQUENCIES * min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0))
+    slowest = slowest_resonance(problem, problem.bounds.velocity.min)
+    sharpness = min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0)
+    count = int(FREQUENCIES * sharpness * np.log10(nyquist / slowest) / 3)
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
-    within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(1e-3 * nyquist, nyquist, count)
+    within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(slowest, nyquist, count)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
     def samples(device: Device, others: list[Samples]) -> Samples:

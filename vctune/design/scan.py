@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from math import inf, isclose
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.edge import Edge, edge_of
 from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, axes, least_errors, position_gain, scored
 from vctune.design.samples import Samples, samples_of
+from vctune.design.variables import point
 from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -65,15 +66,16 @@ def scan(problem: Problem) -> ScanResult:
 def _promising(problem: Problem, coarse: Axes, score: Floats, edge: Edge, most: float, left_out: int | None) -> Axes:
     """Return the best local minima of the grid and of the edge of its loops, between their neighbours.
 
-    Minima of the grid on its last step before the edge are the edge's business.
+    Minima of the grid on its last step before the edge are the edge's business where the edge is better.
 
     Parameters
     ----------
     most : greatest error of interest
     left_out : corner whose minima are not looked at
     """
-    steps = set(zip(edge.row.tolist(), edge.column.tolist(), strict=True))
-    inner = [at for at in minima_of(problem, score) if at[:2] not in steps and at[1] != left_out][:STARTS]
+    beaten = np.full(score.shape[:2], inf)
+    beaten[edge.row, edge.column] = edge.score.min(axis=(1, 2, 3))
+    inner = [at for at in minima_of(problem, score) if score[at] < beaten[at[:2]] and at[1] != left_out][:STARTS]
     outer = [at for at in minima_of(problem, edge.score) if edge.column[at[0]] != left_out][:STARTS]
     within = around(coarse, [at for at in inner if score[at] <= most])
     outside = edge.places(problem, coarse, [at for at in outer if edge.score[at] <= most])
@@ -153,11 +155,13 @@ def drained(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
 def _distinct(starts: list[Start]) -> list[Start]:
     kept: list[Start] = []
     for start in starts:
-        if not any(np.allclose(_numbers(start), _numbers(other), rtol=CLOSE, atol=0) for other in kept):
+        if not any(_alike(start, other) for other in kept):
             kept.append(start)
     return kept
 
 
-def _numbers(start: Start) -> list[float]:
-    gains, coupling = start.gains, start.coupling
-    return [gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag]
+def _alike(start: Start, other: Start) -> bool:
+    return all(
+        isclose(a, b, rel_tol=CLOSE)
+        for a, b in zip(point(start.gains, start.coupling), point(other.gains, other.coupling), strict=True)
+    )

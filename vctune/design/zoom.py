@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,14 +61,19 @@ def minima_of(problem: Problem, score: Floats) -> list[tuple[int, ...]]:
 
 def _local_minima(score: Floats) -> list[tuple[int, ...]]:
     """Return the indices of grid points not above any neighbour, lowest first."""
-    padded = np.pad(score, 1, constant_values=np.inf)
-    lowest = np.ones(score.shape, dtype=bool)
-    for offset in product(*((-1, 0, 1) if n > 1 else (0,) for n in score.shape)):
-        window = tuple(slice(1 + d, 1 + d + n) for d, n in zip(offset, score.shape, strict=True))
-        lowest &= score <= padded[window]
-    found = np.argwhere(lowest)
-    order = np.argsort(score[lowest], kind="stable")
+    least = score
+    for axis in range(score.ndim):  # the least of each point's neighbourhood, one axis after the other
+        before, after = (least.take(at, axis) for at in _beside(score.shape[axis]))
+        least = np.minimum(least, np.minimum(before, after))
+    found = np.argwhere(score <= least)
+    order = np.argsort(score[tuple(found.T)], kind="stable")
     return [tuple(int(i) for i in found[k]) for k in order]
+
+
+def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places before and after each one on an axis, the place itself at an end."""
+    at = np.arange(size)
+    return np.maximum(at - 1, 0), np.minimum(at + 1, size - 1)
 
 
 def lowest(score: Floats) -> tuple[int, ...]:

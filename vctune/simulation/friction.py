@@ -55,27 +55,21 @@ class Carriage:
     stiffness: float
 
 
-def slide(
-    carriage: Carriage,
-    friction: Friction,
-    at: Slide,
-    push: Callable[[float], Number],
-    time: float,
-    steps: int,
-    theta: float,
-    ops: Arithmetic,
-) -> Slide:
-    """Advance by `time` in equal steps under the force push(t), t counted from the beginning.
+SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
+"""A step of a certain length, as `slide_step`: from a state, a foreseen velocity and a force."""
+
+
+def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
+    """Advance by some steps of length h under the force push(t), t counted from the beginning.
 
     Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
     that is foreseen from the step before, in the first step from a trial.
     """
-    h = time / steps
     foreseen = at.v
     if theta < 1:
-        _, foreseen = slide_step(carriage, friction, at, foreseen, push(theta * h), h, theta, ops)
+        _, foreseen = step(at, foreseen, push(theta * h))
     for k in range(steps):
-        at, w = slide_step(carriage, friction, at, foreseen, push((k + theta) * h), h, theta, ops)
+        at, w = step(at, foreseen, push((k + theta) * h))
         foreseen = 2 * at.v - w if theta < 1 else at.v
     return at
 

@@ -18,7 +18,7 @@ import numpy as np
 from vctune.document.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
-from vctune.simulation.friction import Slide, friction_force, slide
+from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing, transition
 from vctune.simulation.scene import Scene, rest
@@ -182,9 +182,23 @@ def _stretch(scene: Scene, friction: Friction, method: Method, begin: float, len
     def force(time: float) -> Any:
         return motor + _push_at(push, begin + time)
 
-    start = Slide(*ca.vertsplit(body))
-    end = slide(scene.carriage, friction, start, force, length, count, theta, SYMBOLS)
+    step = _slide_step(scene, friction, length / count, theta)
+    end = slide(step, Slide(*ca.vertsplit(body)), force, length / count, count, theta)
     return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
+
+
+def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
+    """Return `slide_step` as a function that is written down once, however often it is used."""
+    numbers = ca.SX.sym("numbers", 5)
+    x, v, z, foreseen, push = ca.vertsplit(numbers)
+    end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)
+    one = ca.Function("slide", [numbers], [ca.vertcat(end.x, end.v, end.z, mean)])
+
+    def step(at: Slide, foreseen: Any, push: Any) -> tuple[Slide, Any]:
+        x, v, z, w = ca.vertsplit(one(ca.vertcat(at.x, at.v, at.z, foreseen, push)))
+        return Slide(x, v, z), w
+
+    return step
 
 
 def _push_at(push: Any, time: Any) -> Any:

@@ -10,7 +10,7 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.demands import response, sampled_span
+from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.design.judge import demands_of
 from vctune.document.problem import Problem
@@ -154,15 +154,10 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
         damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
         hardest = [scarcity] * 3
     hardest[0] = np.where((loop.resistance > 0).all(axis=1, keepdims=True), hardest[0], -loop.resistance)
-    below = frequency_grid(*inwards((_resonance(problem), problem.nyquist)), POINTS_PER_DECADE)
+    below = frequency_grid(
+        *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
+    )
     sensitivity = sensitivity_abs2(response(device, Gains(K_v, K_p), below))
     damping[sensitivity.max(axis=1) > stability.max_sensitivity**2] = np.nan
     worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
     return damping, worst, below[np.argmax(sensitivity, axis=1)]
-
-
-def _resonance(problem: Problem) -> float:
-    """Return a frequency below which |S| has no peak above 1: that of the slowest loop that rings, rad/s."""
-    device, nyquist = problem.device, problem.nyquist
-    slowest = (device.damping + problem.bounds.velocity.min) / device.mass / 4
-    return min(max(slowest, nyquist * 1e-6), nyquist * 1e-3)

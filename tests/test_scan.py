@@ -1,0 +1,184 @@
+"""The scan: local minima, the edge of the loops in order, basins; and the grids that extrema are looked for on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from math import pi
+
+import numpy as np
+import pytest
+
+from vctune.analysis.demands import demand_grid, ratio_minima, sensitivity_maxima, slowest_resonance
+from vctune.analysis.extrema import frequency_grid, local_minima
+from vctune.bench.devices import device
+from vctune.bench.evaluator import impedances, spectral_radius
+from vctune.bench.problems import reference_problems
+from vctune.design.edge import edge_of
+from vctune.design.grid import axes, position_gain, scored
+from vctune.design.samples import samples_of
+from vctune.design.scan import drained, elsewhere, scan
+from vctune.design.solve import dimensionless, solve
+from vctune.design.variables import design_of
+from vctune.design.zoom import around, minima_of, zoomed
+from vctune.document.problem import Range
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.transparency import log_quadrature
+
+PROBLEMS = reference_problems()
+
+
+@pytest.mark.parametrize("shape", [(5, 6, 1, 1), (7, 5, 4, 3), (1, 9, 4, 1), (0, 1, 3, 2), (3, 1, 30, 13)])
+def test_local_minima_are_not_above_any_neighbour(shape):
+    problem, rng = dimensionless(PROBLEMS["friction-wheel"]), np.random.default_rng(7)
+    for values in (3, 10_000):
+        score = rng.integers(0, values, shape).astype(float)
+        padded = np.pad(score, 1, constant_values=np.inf)
+        expected = {
+            at for at in product(*map(range, shape)) if score[at] <= padded[tuple(slice(i, i + 3) for i in at)].min()
+        }
+        found = minima_of(problem, score)
+        assert set(found) == expected
+        assert [score[at] for at in found] == sorted(score[at] for at in found)
+
+
+@pytest.mark.parametrize("name", ["friction-wheel", "two-basins", "friction-wheel-paper", "at-bound"])
+def test_on_the_edge_loops_are_in_order_and_soon_beyond_it_not(name):
+    """By plain complex numbers and eigenvalues, where |S| or stability ends it."""
+    problem = dimensionless(PROBLEMS[name])
+    samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
+    edge = edge_of(problem, samples, grid, scored(problem, samples, grid).order)
+    assert edge.column.size > 0
+    below, band = np.geomspace(1e-4, 1, 4000) * problem.nyquist, problem.stability.band
+    within = np.geomspace(band.min, band.max, 1000)
+
+    def in_order(K_v, corner):
+        gains = Gains(float(K_v), float(position_gain(problem, np.array(K_v), np.array(corner))))
+        Z_d, C = impedances(problem.device, gains.velocity, gains.position, below)
+        if np.abs(Z_d / (Z_d + C)).max() > problem.stability.max_sensitivity:
+            return False
+        D = sum(impedances(problem.device, gains.velocity, gains.position, within))
+        return D.real.min() > 0 and spectral_radius(problem.device, gains) < 1
+
+    inside = [in_order(0.97 * v, grid.corner[j]) for v, j in zip(edge.velocity, edge.column, strict=True)]
+    beyond = [in_order(1.03 * v, grid.corner[j]) for v, j in zip(edge.velocity, edge.column, strict=True)]
+    assert all(inside)
+    assert not any(beyond)
+
+
+def test_zoom_only_improves():
+    problem = dimensionless(PROBLEMS["two-basins"])
+    samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
+    score = scored(problem, samples, grid).score
+    minima = minima_of(problem, score)[:8]
+    for at, start in zip(minima, zoomed(problem, samples, around(grid, minima)), strict=True):
+        assert start.error <= score[at]
+
+
+def test_starts_on_the_way_down_to_an_optimum_are_drained_and_those_beyond_a_rise_are_not():
+    """Of the two basins of this device the one at lower K_p lies behind a rise."""
+    problem = PROBLEMS["two-basins"]
+    scaled = dimensionless(problem)
+    seen = scan(scaled)
+    best = solve(problem).polished
+    gains, coupling = design_of(best.values)
+    near = replace(seen.starts[0], gains=Gains(gains.velocity * 0.9, gains.position * 0.9))
+    assert drained(scaled, [near], gains) == [near]
+    low = [start for start in seen.starts if 0 < start.gains.position < gains.position / 10]
+    assert low
+    assert drained(scaled, low, gains) == []
+    assert elsewhere(scaled, gains, coupling) is None
+
+
+def test_a_better_coupling_than_a_polished_one_is_seen():
+    scaled = dimensionless(PROBLEMS["friction-wheel"])
+    gains, coupling = design_of(solve(PROBLEMS["friction-wheel"]).polished.values)
+    heavy = Coupling(coupling.damping * 30, coupling.mass * 30, coupling.drag)
+    start = elsewhere(scaled, gains, Coupling(heavy.damping, heavy.mass * 1e-3, heavy.drag))
+    assert start is not None
+    assert start.coupling.damping == pytest.approx(coupling.damping, rel=0.3)
+
+
+def test_nodes_are_those_of_gauss_and_legendre():
+    omega, weights = log_quadrature(1.0, np.e, 1)
+    nodes, expected = np.polynomial.legendre.leggauss(8)
+    assert np.log(omega) == pytest.approx((nodes + 1) / 2, abs=1e-15)
+    assert weights == pytest.approx(expected / 2, rel=1e-14)
+
+
+@pytest.mark.parametrize("place", [0.3, 1.0, 17.2, 399.0])
+def test_minima_of_a_smooth_function_are_found_to_seven_digits(place):
+    found = local_minima(lambda omega: np.cosh(np.log(omega / place)) + 0.1 * np.log(omega / place) ** 3, GRID)
+    assert found.omega[0] == pytest.approx(place, rel=1e-7)
+    assert found.value[0] == pytest.approx(1.0, rel=1e-14)
+
+
+GRID = frequency_grid(0.1, 1000.0)
+
+
+def test_a_grid_with_a_widest_step():
+    grid = frequency_grid(0.1, 1000.0, widest=2.0)
+    assert (grid[0], grid[-1]) == (0.1, 1000.0)
+    assert np.diff(grid).min() > 0
+    assert np.diff(grid).max() <= 2.0 * (1 + 1e-12)
+    assert np.diff(np.log(grid)).max() <= np.diff(np.log(GRID)).max() * (1 + 1e-9)
+    assert np.array_equal(frequency_grid(0.1, 1000.0, widest=1e3), GRID)
+
+
+@pytest.mark.parametrize("samples", [3.2, 43.4, 149.7])
+def test_every_ripple_of_a_delay_is_on_the_grid(samples):
+    """cos(2 omega tau) has a minimum at every odd multiple of pi/(2 tau)."""
+    delayed = Device(1.0, 0.0, 1e-3, samples * 1e-3, "zoh")
+    grid = demand_grid(delayed, 1.0, pi / delayed.sample_time)
+    found = local_minima(lambda omega: np.cos(2 * omega * delayed.lag), grid)
+    inside = found.value[(found.omega > grid[0]) & (found.omega < grid[-1])]
+    assert len(inside) == int(delayed.lag / delayed.sample_time + 0.5)
+    assert inside == pytest.approx(np.full(len(inside), -1.0), abs=1e-9)
+
+
+def test_slow_resonances_are_seen():
+    """|S| of an undamped loop peaks at sqrt(K_p/m), however far below the bands that is."""
+    problem = PROBLEMS["friction-wheel"]
+    slow = replace(problem, device=replace(problem.device, damping=0.0))
+    gains = Gains(1e-3, 1.0)
+    ring = (gains.position / slow.device.mass) ** 0.5
+    assert slowest_resonance(slow, gains.velocity) < ring < slow.transparency.band.min
+    peaks = sensitivity_maxima(slow, gains)
+    assert peaks.omega[0] == pytest.approx(ring, rel=0.02)
+    omega = np.geomspace(ring / 2, ring * 2, 200_001)
+    Z_d, C = impedances(slow.device, gains.velocity, gains.position, omega)
+    assert -peaks.value[0] == pytest.approx(np.abs(Z_d / (Z_d + C)).max(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("number", "status"),
+    [
+        (177, "certified"),  # a ripple between the points of a logarithmic grid
+        (1366, "certified"),  # a drag that is 2e-11 of its bound and matters
+        (1432, "certified"),
+        (1799, "certified"),
+        (1509, "infeasible"),  # a resonance a thousand times below Nyquist
+        (1785, "infeasible"),
+    ],
+)
+def test_devices_that_a_search_gave_up_on(number, status):
+    _, problem = device(0, number)
+    solved = solve(problem)
+    assert solved.status.value == status
+    if solved.judgement is not None:
+        factor = problem.stability.safety_factor
+        assert ratio_minima(problem, solved.judgement.gains, solved.judgement.coupling).value[0] >= factor * (1 - 1e-9)
+
+
+def test_a_design_below_an_edge_that_no_coupling_can_have():
+    """The greatest K_v in order needs more than any coupling gives, a lower one does not."""
+    _, problem = device(0, 148)
+    assert solve(problem).judgement.transparency.error == pytest.approx(140.0219, rel=1e-4)
+
+
+def test_a_fixed_velocity_gain_has_no_edge():
+    problem = PROBLEMS["friction-wheel"]
+    fixed = dimensionless(replace(problem, bounds=replace(problem.bounds, velocity=Range(100.0, 100.0))))
+    samples, grid = samples_of(fixed, integrator=True), axes(fixed, integral=True)
+    assert edge_of(fixed, samples, grid, scored(fixed, samples, grid).order).column.size == 0
+    assert scan(fixed).starts[0].gains.velocity == pytest.approx(fixed.bounds.velocity.min, rel=1e-12)
