@@ -55,6 +55,13 @@ FAULTS = {
     "safety-below-one": [("6", "stability.safety_factor", "below 1")],
     "default-band-empty": [("6", "transparency.band_hz", "is empty")],
     "name-empty": [("1", "name", "is empty")],
+    "uncertainty": [
+        ("6", "uncertainty.mass", "must be less than 1"),
+        ("7", "uncertainty.damping", "too small"),
+        ("8", "uncertainty.delay", "not a number"),
+        ("9", "uncertainty.dampin", "did you mean damping?"),
+        ("10", "uncertainty.objective", "is not one of"),
+    ],
     "experiment-not-in-a-list": [("5", "experiment", "write [[experiment]]")],
     "experiments": [
         ("5", "experiment[0].name", "is missing"),

@@ -14,10 +14,11 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.batch import Demands, prove
+from vctune.proof.batch import prove
 from vctune.proof.cells import Cells, all_pairs, sift
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
+from vctune.proof.enclosed import Demands
 from vctune.proof.enclosures import Enclosure, between, decimal
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES, Jet, variables

@@ -232,7 +232,7 @@ def vars_of(part):
 
 
 def test_the_price_of_the_ratio_is_what_a_smaller_factor_saves():
-    from vctune.design.record import active
+    from vctune.design.nlp_record import active
 
     text, operator = FRICTION_WHEEL + "safety_factor = ", "\n[operator]\ndamping = 2.0\n"
     solved = solve(parse_problem(f"{text}{1.05}{operator}", "p", "p"))

@@ -15,10 +15,11 @@ from oracles import Case, coupling, loop, sampled_radius
 from vctune.design import solve as solving
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
-from vctune.design.record import design_record, left_out, warnings
+from vctune.design.nlp_record import left_out
+from vctune.design.record import design_record, warnings
 from vctune.design.rounding import rounded
 from vctune.design.scan import scan
-from vctune.design.shape import WorkingSet, shape_of
+from vctune.design.shape import WorkingSet, places, shape_of, stacked
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates, design_of, point
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
@@ -286,9 +287,9 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     free = coordinates(problem, integrator=start.gains.position > 0)
     band, inner = problem.stability.band, problem.transparency.band
     frequencies = WorkingSet(
-        ratio=list(np.geomspace(band.min, band.max, 9)),
-        sensitivity=list(np.geomspace(0.3, pi, 9)),
-        peak=list(np.geomspace(inner.min, inner.max, 9)) if norm == "peak" else [],
+        ratio=places(problem.device, np.geomspace(band.min, band.max, 9)),
+        sensitivity=places(problem.device, np.geomspace(0.3, pi, 9)),
+        peak=places(problem.device, np.geomspace(inner.min, inner.max, 9)) if norm == "peak" else [],
     )
     shape = shape_of(problem, free, frequencies, 4, integrator=start.gains.position > 0)
     values = point(start.gains, start.coupling)
@@ -307,12 +308,12 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     def constraints(z):
         gains, virtual = design(z)
         parts = [
-            np.log(stability_ratio(problem.device, gains, virtual, np.array(frequencies.ratio))),
-            -np.log(sensitivity_abs2(response(problem.device, gains, np.array(frequencies.sensitivity)))) / 2,
+            np.log(stability_ratio(problem.device, gains, virtual, stacked(frequencies.ratio)[1])),
+            -np.log(sensitivity_abs2(response(problem.device, gains, stacked(frequencies.sensitivity)[1]))) / 2,
         ]
         if norm == "peak":
             e2 = weighted_square(
-                problem.transparency.weights, error_terms(problem, gains, virtual, np.array(frequencies.peak))
+                problem.transparency.weights, error_terms(problem, gains, virtual, stacked(frequencies.peak)[1])
             )
             parts.append(-np.log(e2) / 2)
         return np.concatenate(parts)

@@ -19,7 +19,7 @@ from vctune.design.ipopt import Posed, posed
 from vctune.design.nlp import OPTIONS, assembled
 from vctune.design.result import Polished
 from vctune.design.rounding import rounded
-from vctune.design.shape import Shape, WorkingSet, shape_of
+from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, physical, point
 from vctune.design.zoom import Start
 from vctune.document.problem import Problem
@@ -150,9 +150,11 @@ def dense(problem: Problem, scaled: Problem, start: Start, count: int, reserve: 
     low, high = sampled_span(scaled)
     band = scaled.transparency.band
     frequencies = WorkingSet(
-        ratio=[float(w) for w in np.geomspace(low, high, count)],
-        sensitivity=[float(w) for w in np.geomspace(min(band.min, 1e-3 * scaled.nyquist), scaled.nyquist, count)],
-        peak=[float(w) for w in np.geomspace(band.min, band.max, count)] if scaled.transparency.norm == "peak" else [],
+        ratio=places(scaled.device, np.geomspace(low, high, count)),
+        sensitivity=places(scaled.device, np.geomspace(min(band.min, 1e-3 * scaled.nyquist), scaled.nyquist, count)),
+        peak=places(scaled.device, np.geomspace(band.min, band.max, count))
+        if scaled.transparency.norm == "peak"
+        else [],
     )
     shape = shape_of(scaled, free, frequencies, PANELS, integrator=integrator)
     fixed = point(start.gains, start.coupling)

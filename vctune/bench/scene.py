@@ -18,10 +18,11 @@ from vctune.bench.sizes import NlpSize, nlp_size, step_size
 from vctune.bench.timing import paired
 from vctune.design.ipopt import posed as posed_numbers
 from vctune.design.scan import scan
-from vctune.design.shape import Shape, WorkingSet, shape_of
+from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.solve import dimensionless
 from vctune.design.variables import coordinates, point
 from vctune.document.problem import Problem
+from vctune.model.quantities import Device
 from vctune.report.benchmarks import Panel, Series
 from vctune.simulation.run import run
 from vctune.simulation.scene import Scene
@@ -98,12 +99,14 @@ def absent_in_nlp() -> dict[str, dict[str, Any]]:
     return found
 
 
+ANY = Device(1.0, 0.0, 1.0, 0.0, "zoh")
 FREQUENCIES = WorkingSet(
-    ratio=[0.003, 0.03, 0.3],
-    sensitivity=[0.5, 1.0, 2.0],
-    moving=[1.2],
+    ratio=places(ANY, (0.003, 0.03, 0.3)),
+    sensitivity=places(ANY, (0.5, 1.0, 2.0)),
+    moving=places(ANY, (1.2,)),
 )
-"""Dimensionless frequencies of the demands: three of each kind, and a peak of |S| that is followed."""
+"""Dimensionless frequencies of the demands: three of each kind, and a peak of |S| that is followed. The size of an NLP
+does not depend on their device."""
 
 
 def _shape(problem: Problem, frequencies: WorkingSet = FREQUENCIES) -> Shape:

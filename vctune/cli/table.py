@@ -119,8 +119,13 @@ def _rows(record: dict[str, Any]) -> dict[str, list[tuple[str, str, str]]]:
             ("proved band", _band(proof["proved_band_hz"]), "Hz"),
             ("least Re Z_c / R", _text(proof["min_ratio"]), f"at {_text(proof['worst_hz'])} Hz"),
             *_without_operator(proof),
-            *((f"{claim['claim']}", claim["verdict"], _place(claim["witness_hz"])) for claim in _open(proof)),
+            *(row for claim in _open(proof) for row in _claim(claim)),
         ],
+        **(
+            {"uncertainty": _uncertainty(record["uncertainty"], _text(proof["min_ratio"]))}
+            if record.get("uncertainty")
+            else {}
+        ),
         **({"optimality": _optimality(record["optimality"])} if record.get("optimality") else {}),
         "velocity loop": [
             ("spectral radius", _text(loop["spectral_radius"]), _stable(loop["stable"])),
@@ -137,6 +142,22 @@ def _without_operator(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
     if not bare:
         return []
     return [("without operator", _text(bare["min_ratio"]), f"at {_text(bare['worst_hz'])} Hz, {bare['verdict']}")]
+
+
+DEVICE_UNITS = {"mass": "kg", "damping": "N s/m", "delay": "s"}
+
+
+def _device(device: dict[str, float]) -> str:
+    return ", ".join(f"{_text(value)} {DEVICE_UNITS[name]}" for name, value in device.items() if value)
+
+
+def _uncertainty(found: dict[str, Any], ratio: str) -> list[tuple[str, str, str]]:
+    rows = [(name, _band(ends), DEVICE_UNITS[name]) for name, ends in found["box"].items()]
+    rows.append(("least ratio", ratio, f"at {_device(found['min_ratio_device'])}"))
+    rows.append(("worst error", _text(found["worst_error"]), f"at {_device(found['worst_device'])}"))
+    if found["nominal_error"] is not None:
+        rows.append(("error if certain", _text(found["nominal_error"]), "of the best design"))
+    return rows
 
 
 def _optimality(found: dict[str, Any]) -> list[tuple[str, str, str]]:
@@ -180,8 +201,10 @@ def _open(proof: dict[str, Any]) -> list[dict[str, Any]]:
     return [claim for claim in proof["claims"] if claim["verdict"] != "proved"]
 
 
-def _place(hz: float | None) -> str:
-    return "" if hz is None else f"at {hz:.6g} Hz"
+def _claim(claim: dict[str, Any]) -> list[tuple[str, str, str]]:
+    hz, device = claim["witness_hz"], claim.get("witness_device")
+    rows = [(claim["claim"], claim["verdict"], "" if hz is None else f"at {hz:.6g} Hz")]
+    return [*rows, (f"  with {_device(device)}", "", "")] if device else rows
 
 
 def _stable(stable: bool | None) -> str:

@@ -16,13 +16,15 @@ import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima, slowest_resonance
 from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
+from vctune.design.cases import cases_of
 from vctune.design.judge import Judgement
 from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import floors, least_coupling
-from vctune.proof.relaxation import Boxes, Relaxation, at_frequencies, relaxation
+from vctune.proof.quadratics import Boxes
+from vctune.proof.relaxation import Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band."""
@@ -140,7 +142,7 @@ def bound(
     progress : told where the search stands, every round
     """
     began, axes = perf_counter(), axes_of(problem)
-    incumbent = best.transparency.error if best else inf
+    incumbent = best.error if best else inf
     leaves, fallen, boxes, spent = root(axes), inf, 0, 0.0
     if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
@@ -169,8 +171,9 @@ def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
     omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
     if best is not None:
-        omega.append(ratio_minima(problem, best.gains, best.coupling).omega)
-        omega_S.append(sensitivity_maxima(problem, best.gains).omega)
+        for case in cases_of(problem):
+            omega.append(ratio_minima(case, best.gains, best.coupling).omega)
+            omega_S.append(sensitivity_maxima(case, best.gains).omega)
     return relaxation(problem, np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S)), PLACES)
 
 
@@ -243,15 +246,17 @@ def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -
     _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if found is not None:
-        search.improved, search.incumbent = found, found.transparency.error
+        search.improved, search.incumbent = found, found.error
 
 
 def _know_more(problem: Problem, search: _Search, gains: Gains, coupling: Coupling) -> None:
     """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
-    ratio, peaks = ratio_minima(problem, gains, coupling), sensitivity_maxima(problem, gains)
     relaxed, stability = search.relaxed, problem.stability
-    omega = ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)]
-    omega_S = peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)]
-    known, known_S = relaxed.demand.omega, relaxed.omega_S
-    if len(known) < MOST_FREQUENCIES and (len(omega) or len(omega_S)):
-        search.relaxed = at_frequencies(relaxed, np.union1d(known, omega), np.union1d(known_S, omega_S))
+    known, known_S = np.unique(relaxed.demand.omega), relaxed.omega_S
+    more, more_S = known, known_S
+    for case in cases_of(problem):
+        ratio, peaks = ratio_minima(case, gains, coupling), sensitivity_maxima(case, gains)
+        more = np.union1d(more, ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)])
+        more_S = np.union1d(more_S, peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)])
+    if len(known) < MOST_FREQUENCIES and len(more) + len(more_S) > len(known) + len(known_S):
+        search.relaxed = at_frequencies(relaxed, more, more_S)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.design.cases import cases_of
 from vctune.design.judge import demands_of
 from vctune.design.variables import coordinates
 from vctune.document.problem import Problem
@@ -14,7 +15,7 @@ from vctune.proof.batch import by_integrator, encirclements
 from vctune.proof.cells import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
-from vctune.proof.relaxation import Boxes
+from vctune.proof.quadratics import Boxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +101,10 @@ def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]
     cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for integrator, at in by_integrator(cells):
-        number = encirclements(demands_of(problem), cells.taken(at), integrator=integrator).number
+        part = cells.taken(at)
+        number = np.concatenate(
+            [encirclements(demands_of(case), part, integrator=integrator).number for case in cases_of(problem)]
+        )
         stable[at] = (number == 0).all(axis=0)
         unstable[at] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable

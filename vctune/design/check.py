@@ -21,7 +21,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
 
 
@@ -197,9 +197,14 @@ def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
     for claim, outcome in judgement.certificate.outcomes.items():
         if outcome.verdict is not Verdict.PROVED:
             place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
+            place += f" with {_device(outcome.device)}" if outcome.device else ""
             failing.append(f"{outcome.verdict.value}{place}: {claim.value}")
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
     return "; ".join([*failing, worst, *([_remedy(mends)] if mends is not None else [])])
+
+
+def _device(device: Device) -> str:
+    return f"mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
 
 
 def _remedy(mends: list[Repair]) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.grid import Axes, Order, order_of, position_gain, scored, spread
+from vctune.design.grid import Axes, Order, order_of, position_gain, responses, scored
 from vctune.design.samples import Samples
 from vctune.design.zoom import around
 from vctune.document.problem import Problem
@@ -58,8 +58,7 @@ def edge_of(problem: Problem, samples: Samples, grid: Axes, order: Order) -> Edg
     for _ in range(ROUNDS):
         K_v = low[:, None] + (high - low)[:, None] * t
         gains = Gains(K_v, position_gain(problem, K_v, corner))
-        band = samples.band.response(problem.device, spread(gains), integrator=samples.integrator)
-        good = order_of(problem, samples, gains, band).rank == 0
+        good = order_of(problem, samples, gains, responses(samples, gains)).rank == 0
         steps, at = np.column_stack((low, K_v, high)), np.logical_and.accumulate(good, axis=1).sum(axis=1)
         low, high = steps[places, at], steps[places, at + 1]
     on_edge = scored(problem, samples, replace(grid, velocity=low[:, None], corner=corner))

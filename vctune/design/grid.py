@@ -18,6 +18,7 @@ import numpy as np
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import closes_stable
+from vctune.design.cases import counted_of
 from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
@@ -137,9 +138,9 @@ def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
 def _scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
     K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
     gains = Gains(K_v, position_gain(problem, K_v, corner))
-    band = samples.band.response(problem.device, spread(gains), integrator=samples.integrator)
-    order = order_of(problem, samples, gains, band)
-    damping, excess = _least_damping(problem, samples, band, at)
+    bands = responses(samples, gains)
+    order = order_of(problem, samples, gains, bands)
+    damping, excess = _least_damping(problem, samples, bands, at)
     rank = order.rank[..., None, None]
     violation = np.where(rank > 0, rank, excess)
     error = _error(problem, samples, gains, damping, at)
@@ -157,46 +158,58 @@ def least_errors(problem: Problem, gains: Gains) -> Floats:
     gains : K_v and K_p, arrays of two dimensions
     """
     samples = samples_of(problem, integrator=bool(np.any(gains.position)))
-    at = axes(problem, integral=samples.integrator)
-    band = samples.band.response(problem.device, spread(gains), integrator=samples.integrator)
-    damping, excess = _least_damping(problem, samples, band, at)
-    admissible = (order_of(problem, samples, gains, band).rank == 0)[..., None, None] & (excess == 0)
+    at, bands = axes(problem, integral=samples.integrator), responses(samples, gains)
+    damping, excess = _least_damping(problem, samples, bands, at)
+    admissible = (order_of(problem, samples, gains, bands).rank == 0)[..., None, None] & (excess == 0)
     return np.where(admissible, _error(problem, samples, gains, damping, at), np.inf).min(axis=(2, 3))
 
 
-def order_of(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> Order:
-    """Return what loops are worth.
+def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
+    """Return the response of loops at the samples of the stability band, on each device."""
+    return [
+        there.band.response(there.device, _spread(gains), integrator=there.integrator) for there in samples.everywhere
+    ]
+
+
+def order_of(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> Order:
+    """Return what loops are worth on the devices on which that is least.
 
     Parameters
     ----------
     problem : dimensionless
     samples : where to look
     gains : arrays that fit each other
-    band : their response at the samples of the stability band
+    bands : their `responses`
     """
-    device, integrator = problem.device, samples.integrator
+    orders = [_order(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)]
+    return Order(*(np.maximum.reduce([getattr(order, name) for order in orders]) for name in Order.__slots__))
+
+
+def _order(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> Order:
+    device, integrator = samples.device, samples.integrator
     scale = device.damping + gains.velocity + gains.position * device.lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    below_nyquist = samples.below_nyquist.response(device, spread(gains), integrator=integrator)
+    below_nyquist = samples.below_nyquist.response(device, _spread(gains), integrator=integrator)
     sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    stable = np.all([closes_stable(circle, spread(gains), integrator=integrator) for circle in samples.circles], axis=0)
+    closed = [closes_stable(circle, _spread(gains), integrator=integrator) for circle in samples.circles]
     too_sensitive = np.log(np.maximum(sensitivity / problem.stability.max_sensitivity, 1.0))
     rank = np.where(too_sensitive > 0, SENSITIVE + too_sensitive, 0.0)
     rank = np.where(deficit > 0, NEGATIVE + deficit, rank)
-    return Order(deficit, sensitivity, np.where(stable, rank, UNSTABLE + strength))
+    return Order(deficit, sensitivity, np.where(np.all(closed, axis=0), rank, UNSTABLE + strength))
 
 
-def spread(gains: Gains) -> Gains:
+def _spread(gains: Gains) -> Gains:
     """Return gains that can be met with frequencies along a last axis."""
     return Gains(gains.velocity[..., None], gains.position[..., None])
 
 
-def _least_damping(problem: Problem, samples: Samples, band: LoopResponse, at: Axes) -> tuple[Floats, Floats]:
+def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
     """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
     bounds, factor, omega = problem.bounds, problem.stability.safety_factor, samples.band.omega
     with np.errstate(divide="ignore", invalid="ignore"):
-        required = np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0)
+        needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
+    required = np.maximum.reduce(needs)
     b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
     relative = 1 + 1 / (omega * at.time_constant[..., None]) ** 2
     for k in range(at.drag.shape[-1]):
@@ -213,8 +226,9 @@ def _least_damping(problem: Problem, samples: Samples, band: LoopResponse, at: A
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages, weights = samples.averages, problem.transparency.weights
-    loop = samples.nodes.response(problem.device, spread(gains), integrator=samples.integrator)
-    error2 = weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop)
+    counted = samples.everywhere[: len(counted_of(problem))]
+    loops = [there.nodes.response(there.device, _spread(gains), integrator=there.integrator) for there in counted]
+    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
     weight = weights.coupling**2
@@ -222,10 +236,11 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     if problem.transparency.norm == "rms":
         mean_u, mean_2 = (_mean(of, averages)[..., None, None, :, None] for of in (u, u * u + v * v))
         Z_c2 = drag * drag + 2 * drag * damping * mean_u + damping**2 * mean_2
-        return np.sqrt(_mean(error2, averages)[..., None, None] + weight * Z_c2)
+        mean = np.maximum.reduce([_mean(each, averages) for each in error2])
+        return np.sqrt(mean[..., None, None] + weight * Z_c2)
     b_c, u, v = damping[..., None], u[..., None, None, :, None, :], v[..., None, None, :, None, :]
     Z_c2 = (drag[..., None] + b_c * u) ** 2 + (b_c * v) ** 2
-    return np.sqrt((error2[..., None, None, :] + weight * Z_c2).max(axis=-1))
+    return np.sqrt((np.maximum.reduce(error2)[..., None, None, :] + weight * Z_c2).max(axis=-1))
 
 
 def _mean(values: Floats, averages: Floats) -> Floats:

@@ -9,9 +9,10 @@ from math import inf, log, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.nlp import compiled
+from vctune.design.cases import counted_of
+from vctune.design.nlp import COLUMN, compiled
 from vctune.design.result import Solution
-from vctune.design.shape import TERMS, Shape, WorkingSet
+from vctune.design.shape import TERMS, Place, Shape, WorkingSet, stacked
 from vctune.design.variables import Coordinate, Point
 from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
@@ -57,9 +58,9 @@ def posed(
     """
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
-    y = [log(omega) for omega in frequencies.moving]
+    y = [log(place.omega) for place in frequencies.moving]
     low, high, guess = [*low, *(at - REACH for at in y)], [*high, *(min(at + REACH, log(pi)) for at in y)], [*guess, *y]
-    if shape.norm == "peak":
+    if shape.epigraph:
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
     least, most = _demands(problem, shape, frequencies, tightening)
     parameters = _parameters(problem, shape, free, start, frequencies)
@@ -116,28 +117,39 @@ def _parameters(
     if shape.norm == "rms":
         band = problem.transparency.band
         nodes, averages = log_quadrature(band.min, band.max, shape.panels)
-        parts.append(np.vstack((_columns(device, nodes), averages)).ravel(order="F"))
+        for case in counted_of(problem):
+            columns = _columns(shape, case.device, nodes)
+            parts.append(np.vstack((columns, averages)).ravel(order="F"))
     cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in frequencies.stability]).reshape(-1, 3).T
     for count, columns in zip(
         shape.slots,
         (
-            _columns(device, frequencies.ratio),
-            _columns(device, frequencies.sensitivity),
+            _at_places(shape, frequencies.ratio),
+            _at_places(shape, frequencies.sensitivity),
             cuts,
-            _columns(device, frequencies.peak),
+            _at_places(shape, frequencies.peak),
         ),
         strict=True,
     ):
         last = columns[:, -1:] if columns.shape[1] else np.zeros((columns.shape[0], 1))
         filling = np.repeat(last, count - columns.shape[1], axis=1)
         parts.append(np.hstack((columns, filling)).ravel(order="F"))
+    if shape.uncertain:
+        followed = [place.device for place in frequencies.moving]
+        parts.append(np.array([(there.mass, there.damping, there.delay) for there in followed]).ravel())
     return np.concatenate(parts)
 
 
-def _columns(device: Device, frequencies: Sequence[float] | Floats) -> Floats:
-    omega = np.asarray(frequencies, dtype=float)
+def _at_places(shape: Shape, places: Sequence[Place]) -> Floats:
+    return _columns(shape, *stacked(places)) if places else np.zeros((COLUMN[shape.uncertain], 0))
+
+
+def _columns(shape: Shape, device: Device, omega: Floats) -> Floats:
     hold = hold_response(device, omega, FLOATS)
-    return np.vstack((omega, hold.re, hold.im))
+    rows = [omega, hold.re, hold.im]
+    if shape.uncertain:
+        rows += [np.broadcast_to(device.mass, omega.shape), np.broadcast_to(device.damping, omega.shape)]
+    return np.vstack(rows)
 
 
 def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: float) -> tuple[Floats, Floats]:
@@ -153,5 +165,5 @@ def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening
         for count, used, level in zip(shape.slots, frequencies.sizes(), levels, strict=True)
     ]
     followed = np.tile([levels[1], 0.0], shape.moving)
-    upper = np.concatenate((np.full(sum(shape.slots), inf), np.tile([inf, 0.0], shape.moving)))
-    return np.concatenate((*lower, followed)), upper
+    free = (np.full(sum(shape.slots), inf), np.tile([inf, 0.0], shape.moving), np.full(shape.errors, inf))
+    return np.concatenate((*lower, followed, np.zeros(shape.errors))), np.concatenate(free)

@@ -16,13 +16,15 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
+from vctune.design.cases import cases_of, counted_of, error_of
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.quantities import Coupling, Gains
-from vctune.proof.batch import Demands
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
+from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 
 
@@ -55,17 +57,21 @@ class Judgement:
     Attributes
     ----------
     gains, coupling : the design
-    transparency : its error and the three terms
+    transparency : its error and the three terms, on the nominal device
+    error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    peak_sensitivity, worst_sensitivity : greatest |S| up to Nyquist and where, rad/s
+    tightest : the device on which it is least, of the nominal one and the vertices of a box
+    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
 
     gains: Gains
     coupling: Coupling
     transparency: TransparencyError
+    error: float
     min_ratio: float
     worst: float
+    tightest: Device
     peak_sensitivity: float
     worst_sensitivity: float
     certificate: Certificate
@@ -86,7 +92,7 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
     demands, factor = demands_of(problem), problem.stability.safety_factor
     factors = (factor, 1.0) if seen["min_ratio"] >= factor else (1.0,)
     certificate = certify(
-        Design(problem.device, gains, coupling), demands.band, factors, problem.stability.max_sensitivity
+        Design(problem.device, gains, coupling), demands.band, factors, demands.max_sensitivity, devices_of(problem)
     )
     return Judgement(gains, coupling, certificate=certificate, **seen)
 
@@ -94,7 +100,8 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
     """Judge several designs against a problem's demands, as `judge` does, their proofs made together."""
-    certificates = certify_all([Design(problem.device, *design) for design in designs], demands_of(problem))
+    posed = [Design(problem.device, *design) for design in designs]
+    certificates = certify_all(posed, demands_of(problem), devices_of(problem))
     return [
         Judgement(*design, certificate=certificate, **_seen(problem, *design))
         for design, certificate in zip(designs, certificates, strict=True)
@@ -107,14 +114,24 @@ def demands_of(problem: Problem) -> Demands:
     return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
 
 
+def devices_of(problem: Problem) -> DeviceBox | None:
+    """Return the devices on which a design has to meet the demands; None for the problem's own alone."""
+    return device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
+
+
 def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
     """Return the parts of a judgement that double precision gives."""
-    min_ratio, worst = least_ratio(problem, gains, coupling)
-    sensitivity = sensitivity_maxima(problem, gains)
+    cases = cases_of(problem)
+    ratios = [least_ratio(case, gains, coupling) for case in cases]
+    (min_ratio, worst), tightest = min(zip(ratios, (case.device for case in cases), strict=True), key=lambda at: at[0])
+    sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
+    transparency = transparency_error(problem, gains, coupling)
     return {
-        "transparency": transparency_error(problem, gains, coupling),
+        "transparency": transparency,
+        "error": error_of(problem, gains, coupling) if len(counted_of(problem)) > 1 else transparency.error,
         "min_ratio": min_ratio,
         "worst": worst,
+        "tightest": tightest,
         "peak_sensitivity": float(-sensitivity.value[0]),
         "worst_sensitivity": float(sensitivity.omega[0]),
     }

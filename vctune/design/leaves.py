@@ -9,7 +9,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.design.boxes import Axis
 from vctune.proof.enclosures import Flags
-from vctune.proof.relaxation import Boxes
+from vctune.proof.quadratics import Boxes
 
 
 @dataclass(frozen=True, slots=True)

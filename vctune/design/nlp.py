@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from io import StringIO
 from typing import Any
@@ -46,6 +46,9 @@ OPTIONS: dict[str, Any] = {
 """The last six are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
 COMMON = {False: 16, True: 18}
 """Numbers common to all frequencies; two more where an operator eases the conditions: its damping, the factor."""
+COLUMN, FOLLOWED = {False: 3, True: 5}, {False: 0, True: 3}
+"""Numbers of a place: omega and the hold; of a peak that is followed: none. Of an uncertain device its mass, damping
+and, for the latter, delay."""
 
 
 class _SymbolArithmetic:
@@ -119,18 +122,21 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
         values[index] = scale[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
     gains, coupling = Gains(values[0], values[1]), Coupling(values[2], values[3], values[4])
 
-    column, weight, cut = ca.SX.sym("column", 3), ca.SX.sym("weight"), ca.SX.sym("cut", 3)
+    column, weight, cut = ca.SX.sym("column", COLUMN[shape.uncertain]), ca.SX.sym("weight"), ca.SX.sym("cut", 3)
+    here = replace(device, mass=column[3], damping=column[4]) if shape.uncertain else device
     hold = HoldResponse(column[1], column[2])
-    loop = loop_response(device, gains, column[0], hold, integrator=shape.integrator)
+    loop = loop_response(here, gains, column[0], hold, integrator=shape.integrator)
     Z_c = coupling_impedance(coupling, column[0])
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * Z_c.re
     if loop.relief is not None:  # R may be negative and has no logarithm then
         offered += common[17] * loop.relief
-    y = ca.SX.sym("y")
+    y, numbers = ca.SX.sym("y"), ca.SX.sym("numbers", FOLLOWED[shape.uncertain])
     omega = ca.exp(y)
-    followed = loop_response(device, gains, omega, hold_response(device, omega, SYMBOLS), integrator=shape.integrator)
+    if shape.uncertain:
+        here = replace(device, mass=numbers[0], damping=numbers[1], delay=numbers[2] if shape.delayed else 0.0)
+    followed = loop_response(here, gains, omega, hold_response(here, omega, SYMBOLS), integrator=shape.integrator)
     log_peak = ca.log(sensitivity_abs2(followed)) / 2
     return _AtOneFrequency(
         z,
@@ -142,7 +148,7 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
             "sensitivity": column,
             "stability": cut,
             "peak": column,
-            "moving": y,
+            "moving": ca.vertcat(y, numbers),
         },
         values={
             "node": weight * error2,
@@ -165,23 +171,38 @@ def assembled(shape: Shape) -> dict[str, ca.MX]:
     """Return the NLP of a shape: parameters are `common`, then the columns of each kind of frequency."""
     one = _at_one_frequency(shape)
     z, common = ca.MX.sym("z", one.z.numel()), ca.MX.sym("common", one.common.numel())
-    epigraph = ca.MX.sym("t") if shape.norm == "peak" else ca.MX(0)
+    epigraph = ca.MX.sym("t") if shape.epigraph else ca.MX(0)
     y = ca.MX.sym("y", shape.moving)
     parameters: list[ca.MX] = [common]
 
+    def columns(name: str, rows: int, count: int) -> ca.MX:
+        numbers = ca.MX.sym(name, rows, count)
+        parameters.append(ca.vec(numbers))
+        return numbers
+
     def at_each(kind: str, count: int) -> ca.MX:
         inputs = one.inputs[kind]
-        columns = ca.MX.sym(kind, inputs.numel(), count)
-        parameters.append(ca.vec(columns))
         value = ca.Function(kind, [one.z, one.common, one.epigraph, inputs], [one.values[kind]])
-        return value.map(count)(z, common, epigraph, columns).T
+        return value.map(count)(z, common, epigraph, columns(kind, inputs.numel(), count)).T
 
-    if shape.norm == "rms":
-        objective, unknowns = ca.log(ca.sum1(at_each("node", PANEL_NODES * shape.panels))) / 2, ca.vertcat(z, y)
-    else:
-        objective, unknowns = epigraph, ca.vertcat(z, y, epigraph)
+    errors = [_mean_errors(shape, at_each)] if shape.norm == "rms" else []
     demands = [at_each(kind, count) for kind, count in zip(DEMANDS, shape.slots, strict=True) if count]
     if shape.moving:
         follow = ca.Function("moving", [one.z, one.common, one.inputs["moving"]], [one.values["moving"]])
-        demands.append(ca.vec(follow.map(shape.moving)(z, common, y.T)))
+        places = ca.vertcat(y.T, columns("numbers", FOLLOWED[shape.uncertain], shape.moving))
+        demands.append(ca.vec(follow.map(shape.moving)(z, common, places)))
+    if shape.epigraph:
+        unknowns, objective = ca.vertcat(z, y, epigraph), epigraph
+        demands += [epigraph - error for error in errors if shape.errors]
+    else:
+        unknowns, objective = ca.vertcat(z, y), errors[0]
     return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}
+
+
+def _mean_errors(shape: Shape, at_each: Callable[[str, int], ca.MX]) -> ca.MX:
+    """Return the logarithm of the error in the mean for each device that counts."""
+    nodes = PANEL_NODES * shape.panels
+    squares = at_each("node", nodes * shape.counted)
+    if shape.counted > 1:
+        squares = ca.reshape(squares, nodes, shape.counted)
+    return ca.log(ca.sum1(squares)).T / 2

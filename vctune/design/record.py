@@ -10,20 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vctune.analysis.demands import response, rollett_factor_at
-from vctune.analysis.extrema import Floats
+from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import encirclements, loop_margins
 from vctune.design.judge import Judgement, judge
-from vctune.design.result import Polished, Solved
+from vctune.design.nlp_record import active, left_out, solver_record
+from vctune.design.result import Solved
 from vctune.design.rounding import near
-from vctune.design.shape import DEMANDS, size
-from vctune.design.variables import KEYS, Point, design_of, physical, point, ranges
+from vctune.design.uncertainty import device_record, uncertainty_record
+from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.design import SCHEMA
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.document.strict import finite
-from vctune.model.arithmetic import FLOATS
-from vctune.model.llewellyn import demanded, modulus_excess
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -33,7 +31,6 @@ from vctune.version import __version__
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality
 
-ACTIVE = 1e-5
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 HARDLY_TRACKING = 0.9
@@ -66,7 +63,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "at_bound": [],
         "left_out": left_out(solved),
         "warnings": [],
-        "solver": _solver(solved),
+        "solver": solver_record(solved),
         "optimality": optimality_record(solved.optimality) if solved.optimality else None,
         "versions": dict(versions(ipopt)),
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
@@ -75,6 +72,8 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
         record["warnings"] = warnings(problem, judgement)
+        if problem.uncertainty is not None:
+            record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     checked: dict[str, Any] = finite(record)
     return checked
 
@@ -132,94 +131,6 @@ def warnings(problem: Problem, judgement: Judgement) -> list[str]:
     return found
 
 
-def active(solved: Solved) -> list[dict[str, Any]]:
-    """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
-
-    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
-    """
-    if solved.polished is None:
-        return []
-    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.problem, solved.polished)]
-    rate = 1 / (2 * pi * solved.problem.device.sample_time)
-    places: list[tuple[str, float | None]] = [("Re Z_c >= safety_factor R", omega * rate) for omega in posed.ratio]
-    places += [("|S| <= max_sensitivity", omega * rate) for omega in posed.sensitivity]
-    places += [("stability of the sampled loop", None) for _ in posed.stability]
-    places += [("greatest error", omega * rate) for omega in posed.peak]
-    for omega in posed.moving:
-        places += [("|S| <= max_sensitivity", omega * rate), ("", None)]
-    held = [
-        {"demand": demand, "hz": hz, "multiplier": multiplier}
-        for (demand, hz), multiplier in zip(places, multipliers, strict=True)
-        if demand and multiplier > ACTIVE
-    ]
-    return sorted(held, key=lambda row: -float(row["multiplier"]))
-
-
-def _priced(problem: Problem, polished: Polished) -> Floats:
-    """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
-
-    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
-    """
-    multipliers, ratio = polished.solution.multipliers.copy(), np.array(polished.frequencies.ratio)
-    if polished.shape.held:
-        omega = ratio / problem.device.sample_time
-        loop = response(problem.device, design_of(physical(problem, polished.values))[0], omega)
-        multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
-    return multipliers
-
-
-def left_out(solved: Solved) -> list[str]:
-    """Return what is not in the NLP, each with the reason."""
-    problem = solved.problem
-    found = []
-    for key, bounds in zip(KEYS, ranges(problem.bounds), strict=True):
-        if bounds.fixed:
-            found.append(f"{key}: fixed at {bounds.min:g}")
-    for term in ("admittance", "tracking", "coupling"):
-        if getattr(problem.transparency.weights, term) == 0:
-            found.append(f"transparency.weights.{term}: 0")
-    if solved.polished is None or solved.seen is None:
-        return found
-    shape = solved.polished.shape
-    if not shape.integrator and not problem.bounds.position.fixed:
-        found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
-    if shape.slots[1] == 0:
-        found.append(
-            f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
-            f"the limit is {problem.stability.max_sensitivity:g}"
-        )
-    if not solved.polished.frequencies.stability:
-        found.append("stability of the sampled loop: no step of the search left it")
-    return found
-
-
-def _solver(solved: Solved) -> dict[str, Any]:
-    if solved.polished is None or solved.seen is None:
-        return {}
-    polished = solved.polished
-    return {
-        "name": "ipopt",
-        "converged": polished.solution.converged,
-        "starts": len(solved.seen.starts),
-        "optima": solved.optima,
-        "variables": size(polished.shape),
-        "constraints": sum(polished.frequencies.sizes()) + 2 * polished.shape.moving,
-        "frequencies": dict(zip(DEMANDS, polished.frequencies.sizes(), strict=True)),
-        "rounds": [
-            {
-                "seconds": r.seconds,
-                "violation": r.violation,
-                "error": r.error,
-                "frequencies": r.frequencies,
-                "iterations": r.solution.iterations,
-                "primal": r.solution.primal,
-                "dual": r.solution.dual,
-            }
-            for r in polished.rounds
-        ],
-    }
-
-
 @np.errstate(all="ignore")
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
@@ -241,10 +152,11 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
             "min_ratio": judgement.min_ratio,
             "worst_hz": _hz(worst),
-            "rollett_k": rollett_factor_at(problem.device, gains, coupling, worst) if 0 < worst < inf else None,
+            "rollett_k": rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
             "boxes": certificate.boxes,
             "claims": [
                 {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
+                | ({"witness_device": device_record(outcome.device)} if outcome.device else {})
                 for claim, outcome in certificate.outcomes.items()
             ],
             **_without_operator(problem, gains, coupling),

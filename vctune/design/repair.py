@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima
+from vctune.design.cases import cases_of
 from vctune.design.judge import Judgement, Status, judge, least_ratio
 from vctune.design.levers import Lever, levers
 from vctune.document.problem import Problem
 from vctune.document.reading import pose
+from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
 
@@ -71,7 +73,10 @@ class Trial:
 
 def _seems_in_order(problem: Problem) -> bool:
     """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
-    gains, coupling = problem.fixed_design
+    return all(_in_order_with(case, *problem.fixed_design) for case in cases_of(problem))
+
+
+def _in_order_with(problem: Problem, gains: Gains, coupling: Coupling) -> bool:
     if least_ratio(problem, gains, coupling)[0] < 1 + SLACK:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:

@@ -100,6 +100,7 @@ class Solved:
     seen : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
+    nominal_error : of the best design for the nominal device alone, None when no device is uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
     """
 
@@ -111,6 +112,7 @@ class Solved:
     seen: ScanResult | None
     seconds: dict[str, float]
     optimality: Optimality | None = None
+    nominal_error: float | None = None
     repairs: list[Repair] | None = None
 
     @property

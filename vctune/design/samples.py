@@ -10,6 +10,7 @@ import numpy as np
 from vctune.analysis.demands import sampled_span, slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import unit_circle
+from vctune.design.cases import cases_of
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import HoldResponse, LoopResponse, hold_response, loop_response
@@ -39,40 +40,45 @@ class Samples:
 
     Attributes
     ----------
+    device : the one whose loops are looked at
     integrator : whether the law has its K_p/s term
     band : of stability
     below_nyquist : for |S|
     nodes, averages : of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle
+    others : the other devices at which the demands are posed, with the same frequencies
     """
 
+    device: Device
     integrator: bool
     band: Spectrum
     below_nyquist: Spectrum
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
+    others: list[Samples]
+
+    @property
+    def everywhere(self) -> list[Samples]:
+        """These samples and those of the other devices."""
+        return [self, *self.others]
 
 
 @lru_cache(maxsize=4)
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
-    device, nyquist, band = problem.device, problem.nyquist, problem.transparency.band
+    nyquist, band = problem.nyquist, problem.transparency.band
     low, high = sampled_span(problem)
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
     sharpness = min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0)
     count = int(FREQUENCIES * sharpness * np.log10(nyquist / slowest) / 3)
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
+    within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(slowest, nyquist, count)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
 
-    def spectrum(omega: Floats) -> Spectrum:
-        return Spectrum(omega, hold_response(device, omega, FLOATS))
+    def samples(device: Device, others: list[Samples]) -> Samples:
+        band, upto, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, below_nyquist, nodes))
+        circles = [unit_circle(loop, integrator=integrator) for loop in device.loops]
+        return Samples(device, integrator, band, upto, seen, averages, circles, others)
 
-    return Samples(
-        integrator,
-        spectrum(np.append(towards_zero(problem), across)),
-        spectrum(np.geomspace(slowest, nyquist, count)),
-        spectrum(nodes),
-        averages,
-        [unit_circle(loop, integrator=integrator) for loop in device.loops],
-    )
+    return samples(problem.device, [samples(case.device, []) for case in cases_of(problem)[1:]])

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
+from vctune.design.cases import counted_of
 from vctune.design.variables import Coordinate
 from vctune.document.problem import Norm, Problem
-from vctune.model.quantities import Hold
+from vctune.model.quantities import Device, Hold
+from vctune.proof.devices import UNCERTAIN
 
 TERMS = ("admittance", "tracking", "coupling")
 DEMANDS = ("ratio", "sensitivity", "stability", "peak")
@@ -17,21 +23,41 @@ SLOTS = (12, 12, 4, 12)
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """Where a demand is posed: a frequency, rad/s, and a device."""
+
+    omega: float
+    device: Device
+
+
+def places(device: Device, omega: Iterable[float]) -> list[Place]:
+    """Return places of one device."""
+    return [Place(float(w), device) for w in omega]
+
+
+def stacked(at: Sequence[Place]) -> tuple[Device, Floats]:
+    """Return the devices of some places as one whose numbers are arrays, and their frequencies."""
+    omega = np.array([place.omega for place in at])
+    mass, damping, delay = (np.array([getattr(place.device, name) for place in at]) for name in UNCERTAIN)
+    return replace(at[0].device, mass=mass, damping=damping, delay=delay), omega
+
+
+@dataclass(frozen=True, slots=True)
 class WorkingSet:
-    """Frequencies at which the demands are posed, rad/s, and half planes that keep the gains stable.
+    """Places at which the demands are posed, and half planes that keep the gains stable.
 
     Attributes
     ----------
-    ratio, sensitivity, peak : frequencies of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
+    ratio, sensitivity, peak : places of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
     stability : tangents of the stability boundary
     moving : where |S| peaks near its limit: the NLP follows the peak, whose frequency is a variable of its own
     """
 
-    ratio: list[float] = field(default_factory=list)
-    sensitivity: list[float] = field(default_factory=list)
+    ratio: list[Place] = field(default_factory=list)
+    sensitivity: list[Place] = field(default_factory=list)
     stability: list[Cut] = field(default_factory=list)
-    peak: list[float] = field(default_factory=list)
-    moving: list[float] = field(default_factory=list)
+    peak: list[Place] = field(default_factory=list)
+    moving: list[Place] = field(default_factory=list)
 
     def sizes(self) -> tuple[int, int, int, int]:
         """Return the number of demands of each kind."""
@@ -58,6 +84,8 @@ class Shape:
     moving : number of peaks of |S| that are followed
     hold, delayed : what the response at a variable frequency is made of; only looked at when a peak is followed
     held : whether the damping of an operator eases the conditions
+    uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
+    counted : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
     free: tuple[tuple[int, bool], ...]
@@ -70,6 +98,18 @@ class Shape:
     hold: Hold
     delayed: bool
     held: bool
+    uncertain: bool
+    counted: int
+
+    @property
+    def epigraph(self) -> bool:
+        """Whether the objective is the greatest of several values."""
+        return self.norm == "peak" or self.errors > 0
+
+    @property
+    def errors(self) -> int:
+        """Number of constraints that keep a device's error in the mean below the epigraph."""
+        return self.counted if self.counted > 1 else 0
 
 
 def shape_of(
@@ -91,9 +131,11 @@ def shape_of(
         hold=problem.device.hold if frequencies.moving else "zoh",
         delayed=problem.device.delay > 0 if frequencies.moving else False,
         held=problem.device.held.damping > problem.device.damping,
+        uncertain=problem.uncertainty is not None,
+        counted=len(counted_of(problem)) if problem.transparency.norm == "rms" else 1,
     )
 
 
 def size(shape: Shape) -> int:
     """Return the number of variables of an NLP: free gains, followed peaks, epigraph."""
-    return len(shape.free) + shape.moving + (shape.norm == "peak")
+    return len(shape.free) + shape.moving + shape.epigraph

@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vctune.design.cases import with_device
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished, Solved
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
-from vctune.design.shape import WorkingSet
+from vctune.design.shape import Place, WorkingSet
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, physical
 from vctune.design.zoom import Start
 from vctune.document.problem import Problem, Range
-from vctune.model.quantities import Gains
+from vctune.model.quantities import Coupling, Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
@@ -55,7 +56,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
-    none, or gives up.
+    none, or gives up. Where the device is uncertain, the nominal device alone is solved for too: its design is a start,
+    and its error says what robustness costs.
 
     Parameters
     ----------
@@ -79,7 +81,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         miss = nearest_miss(problem, scaled, seen, proved=True)
         seconds = {"scan": scanned - began, "bound": perf_counter() - scanned}
         return Solved(problem, None, None, 0, miss, seen, seconds, early)
-    optima = _optima(scaled, seen, progress)
+    nominal = _nominal_starts(problem, progress)
+    optima = _optima(scaled, replace(seen, starts=[*nominal, *seen.starts]), progress)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(problem, scaled, seen, optima)
@@ -90,13 +93,27 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if judgement is not None and problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(problem, judgement)
     seconds = {"scan": scanned - began, "polish": polished - scanned, "prove": perf_counter() - polished}
-    solved = Solved(problem, judgement, best, len(optima), None, seen, seconds)
+    nominal_error = nominal[0].error if nominal else None
+    solved = Solved(problem, judgement, best, len(optima), None, seen, seconds, nominal_error=nominal_error)
     if judgement is None or gap is not None:
         solved = _searched(solved, progress, gap, early.rest if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
         solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
     return solved
+
+
+def _nominal_starts(problem: Problem, progress: Progress) -> list[Start]:
+    """Return the best design for the nominal device of an uncertain one, dimensionless: its basin may be the best."""
+    if problem.uncertainty is None:
+        return []
+    nominal = solve(replace(problem, uncertainty=None), progress).judgement
+    if nominal is None:
+        return []
+    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
+    gains, coupling = nominal.gains, nominal.coupling
+    law = Gains(gains.velocity / Z, gains.position * T / Z)
+    return [Start(law, Coupling(coupling.damping / Z, coupling.mass / (Z * T), coupling.drag / Z), nominal.error)]
 
 
 @np.errstate(all="ignore")
@@ -155,7 +172,7 @@ def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | No
     seen = scan(scaled)
     optimum = polish(scaled, start, seen, incumbent=target)
     judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
-    if judgement is None or not _meets_demands(problem, judgement) or judgement.transparency.error >= incumbent:
+    if judgement is None or not _meets_demands(problem, judgement) or judgement.error >= incumbent:
         return None
     return judgement
 
@@ -232,9 +249,10 @@ def _attempts(
         polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
 
 
-def _collect(known: list[float], outcome: Outcome, problem: Problem) -> None:
+def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
-        known.append(outcome.witness * problem.device.sample_time)
+        refuted = dimensionless(with_device(problem, outcome.device or problem.device))
+        known.append(Place(outcome.witness * problem.device.sample_time, refuted.device))
 
 
 def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:

@@ -10,8 +10,8 @@ from math import inf, pi, sqrt
 
 from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
-from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency
-from vctune.document.schema import ProblemDocument, StabilityTable
+from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
+from vctune.document.schema import ProblemDocument, StabilityTable, UncertaintyTable
 from vctune.model.quantities import Device, LeastOperator
 from vctune.model.transparency import Terms
 
@@ -50,6 +50,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             Terms(weights.admittance, weights.tracking, weights.coupling),
         ),
         stability=_stability(document.stability, device, f1),
+        uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
     )
 
@@ -59,6 +60,13 @@ def _stability(table: StabilityTable, device: Device, f1: float) -> Stability:
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
     )
+
+
+def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
+    """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
+    found = Uncertainty(table.mass, table.damping, table.delay, table.objective)
+    moves = any(getattr(table, name) * getattr(device, name) for name in ("mass", "damping", "delay"))
+    return found if moves else None
 
 
 def _range(value: object, low: float, high: float) -> Range:

@@ -75,6 +75,19 @@ class _Solver(_Part):
     rounds: list[_Round] = []
 
 
+class _Numbers(_Part):
+    mass: float
+    damping: float
+    delay: float
+
+
+class _Uncertainty(_Part):
+    nominal_error: Number
+    worst_error: Number
+    worst_device: _Numbers
+    min_ratio_device: _Numbers
+
+
 class _Glance(_Part):
     seconds: float
     lower_bound: Number
@@ -124,6 +137,7 @@ class _Design(_Part):
     warnings: list[str]
     solver: _Solver
     optimality: _Optimality | None = None
+    uncertainty: _Uncertainty | None = None
     versions: dict[str, str | None]
     seconds: dict[str, float]
 

@@ -74,8 +74,27 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """How far the device may be from its numbers.
+
+    Attributes
+    ----------
+    mass, damping, delay : relative half-widths, 0 <= width < 1
+    objective : "nominal" for the error of the device's own numbers, "worst" for the greatest at the box's corners
+    """
+
+    mass: float
+    damping: float
+    delay: float
+    objective: Literal["nominal", "worst"]
+
+
+@dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in; it does not depend on them."""
+    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in; it does not depend on them.
+
+    The demands hold for the device alone, or with `uncertainty` for every device of a box around it.
+    """
 
     name: str
     description: str
@@ -83,6 +102,7 @@ class Problem:
     bounds: Bounds
     transparency: Transparency
     stability: Stability
+    uncertainty: Uncertainty | None = None
     experiments: tuple[Experiment, ...] = ()
 
     @property

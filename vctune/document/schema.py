@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from vctune.document.experiment_schema import ExperimentTable
-from vctune.document.fields import Edge, NotNegative, Positive, Table, Text
+from vctune.document.fields import Edge, NotNegative, Positive, Share, Table, Text
 
 
 class PositiveRange(Table):
@@ -120,6 +120,17 @@ class StabilityTable(Table):
     max_sensitivity: Positive = Field(2.0, description="Greatest |S| = |1 - G_he| up to the Nyquist frequency.")
 
 
+class UncertaintyTable(Table):
+    """How far the device may be from its numbers: relative half-widths; the demands hold for every device within."""
+
+    mass: Share = Field(0.0, description="Of device.mass; 0.1 means plus or minus 10 %.")
+    damping: Share = Field(0.0, description="Of device.damping.")
+    delay: Share = Field(0.0, description="Of device.delay.")
+    objective: Literal["nominal", "worst"] = Field(
+        "nominal", description="Whose error is least: the device's own, or the greatest at the corners of the box."
+    )
+
+
 class ProblemDocument(Table):
     """A vctune problem file. Only [device] mass, damping and sample_time are required."""
 
@@ -136,6 +147,7 @@ class ProblemDocument(Table):
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)
     stability: StabilityTable = Field(default_factory=StabilityTable)
+    uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
     experiment: list[ExperimentTable] = Field(
         default_factory=list, description="Experiments for `vctune simulate`; designing does not look at them."
     )

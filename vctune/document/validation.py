@@ -90,6 +90,7 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
         return path, f"is missing; {_documentation(model, path)}"
     messages: dict[str, Callable[[], str]] = {
         "greater_than_equal": lambda: f"{shown(value)} is too small: must be at least {context['ge']:g}",
+        "less_than": lambda: f"{shown(value)} is out of range: must be less than {context['lt']:g}",
         "less_than_equal": lambda: f"{shown(value)} is out of range: must be at most {context['le']:g}",
         "float_type": lambda: f"{shown(value)} is not a number; write a number{_or_range(model, path)}",
         "int_type": lambda: f"{shown(value)} is not a whole number; write one without a point",

@@ -7,27 +7,15 @@ from math import inf, pi
 
 import numpy as np
 
-from vctune.model.arithmetic import Number
-from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import LoopResponse, hold_response, loop_response
-from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.sampled import difference_slope, return_difference, sampled_plant, whole_samples
+from vctune.model.quantities import Device
 from vctune.proof.cells import Cells, Integers, Margin, Values, all_pairs, image_at, sift
 from vctune.proof.claims import (
     HALF_TURN,
-    Design,
-    along_hold,
-    conditions_margin,
-    high_margin,
-    low_margin,
     outwards,
-    sensitivity_floor,
-    sensitivity_margin,
 )
-from vctune.proof.enclosures import Enclosure, Flags, Floats, decimal
+from vctune.proof.enclosed import Claims, Demands, claims_of
+from vctune.proof.enclosures import Enclosure, Flags, Floats
 from vctune.proof.exclusion import Curve, exclude, missing_zero, turns
-from vctune.proof.jets import ENCLOSURES as OPS
 
 STEP = 1.4
 """Ratio of the edges of the first intervals."""
@@ -37,98 +25,6 @@ CELL_ROUNDS = 10
 """The same for a cell, whose own size soon blurs a curve more than the interval does."""
 NEAR = 1e-6
 """Allowance for the rounding of an angle that is a whole number of quarter turns in the end."""
-
-
-@dataclass(frozen=True, slots=True)
-class Demands:
-    """What a design has to meet.
-
-    Attributes
-    ----------
-    device : the device
-    band : rad/s, of Llewellyn's conditions; may be (0, inf)
-    factor : least Re Z_c / R
-    max_sensitivity : greatest |S| up to the Nyquist frequency
-    """
-
-    device: Device
-    band: tuple[float, float]
-    factor: float
-    max_sensitivity: float
-
-
-@dataclass(frozen=True, slots=True)
-class Claims:
-    """The claims about one device as functions of a frequency and a design, over enclosures.
-
-    Attributes
-    ----------
-    conditions, sensitivity : margins that must be positive
-    low : proves as much as `conditions`, next to omega = 0
-    high : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    damped : Re(D + Z_h), which must be positive too, whatever the coupling
-    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout; elsewhere nothing is known of it
-    floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
-    model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
-    model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
-    """
-
-    conditions: Margin
-    low: Margin
-    high: Margin
-    sensitivity: Margin
-    damped: Margin
-    required: Margin
-    floor: Margin
-    model_poles: Curve
-    sampled_poles: Curve
-    model_floor: Margin
-    sampled_floor: Margin
-
-
-def claims_of(demands: Demands, *, integrator: bool) -> Claims:
-    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0."""
-    given = demands.device
-    device = given.over(decimal)
-    factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
-    whole, fraction = whole_samples(given.delay, given.sample_time)
-    plant = sampled_plant(device, whole, device.delay - whole * device.sample_time, fraction > 0, OPS)
-
-    def loop(omega: Number, values: Values) -> LoopResponse:
-        hold = hold_response(device, omega, OPS)
-        return loop_response(device, Gains(*values[:2]), omega, hold, integrator=integrator)
-
-    def model_curve(omega: Enclosure, values: Values) -> Pair:
-        D = loop(omega, values).D
-        return Pair(-D.im, D.re) if integrator else D
-
-    def sampled_curve(theta: Enclosure, values: Values) -> Pair:
-        parts = return_difference(plant, theta, OPS, integrator=integrator)
-        return parts.closed(Gains(*values[:2]), integrator=integrator)
-
-    def sampled_floor(theta: Enclosure, values: Values) -> Enclosure:
-        law = Gains(*values[:2])
-        velocity_loop = return_difference(plant, theta, OPS, integrator=False).closed(law, integrator=False)
-        turning = velocity_loop * difference_slope(theta, OPS)
-        position = return_difference(plant, theta, OPS).position
-        return turning.im * position.re - turning.re * position.im
-
-    def design(v: Values) -> Design:
-        return Design(device, Gains(*v[:2]), Coupling(*v[2:]))
-
-    return Claims(
-        lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
-        lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
-        lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda omega, v: sensitivity_margin(device, Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
-        lambda omega, v: loop(omega, v).resistance,
-        lambda omega, v: required_resistance(loop(omega, v), OPS),
-        lambda omega, v: sensitivity_floor(device, Gains(*v[:2]), omega, limit, OPS),
-        model_curve,
-        sampled_curve,
-        lambda omega, v: along_hold(device, Gains(*v[:2]), omega, OPS)[0],
-        sampled_floor,
-    )
 
 
 @dataclass(frozen=True, slots=True)

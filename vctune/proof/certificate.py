@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
-from math import pi
+from functools import partial
+from math import inf, pi
 
 import numpy as np
 from flint import arb, ctx
@@ -13,12 +14,23 @@ from flint import arb, ctx
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import BALLS, PRECISION, ball, design_ball, design_series, lifted
-from vctune.proof.batch import Demands, prove
+from vctune.proof.batch import prove
 from vctune.proof.cells import Cells
 from vctune.proof.claims import Design, sensitivity_margin
+from vctune.proof.devices import DeviceBox
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+from vctune.proof.robust import (
+    Alone,
+    Family,
+    conditions_over,
+    model_poles_over,
+    sampled_poles_over,
+    sensitivity_over,
+    widest_band_over,
+)
 
 
 class Claim(StrEnum):
@@ -40,6 +52,7 @@ class Certificate:
     design, band : what it is about, rad/s
     factor : the ratio Re Z_c / R that was demanded of the band
     shortfall : why a greater factor that was tried first is not proved, else None
+    box : the devices that it is about, None for the design's own alone
     """
 
     design: Design
@@ -47,6 +60,7 @@ class Certificate:
     outcomes: dict[Claim, Outcome]
     factor: float
     shortfall: Outcome | None
+    box: DeviceBox | None = None
 
     @property
     def verdict(self) -> Verdict:
@@ -64,12 +78,19 @@ class Certificate:
         """The widest band around the requested one with ratio >= 1, rad/s, proved on demand; None unless proved."""
         if self.outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED:
             return None
+        family = _family(self.design, self.box, Demands(self.design.device, self.band, 1.0, inf))
+        if family is not None:
+            return widest_band_over(family)
         with ctx.workprec(PRECISION):
             return widest_band(self.design, *self.band)
 
 
 def certify(
-    design: Design, band: tuple[float, float], factors: tuple[float, ...], max_sensitivity: float
+    design: Design,
+    band: tuple[float, float],
+    factors: tuple[float, ...],
+    max_sensitivity: float,
+    box: DeviceBox | None = None,
 ) -> Certificate:
     """Prove a design, its numbers taken as the decimals that they are written as.
 
@@ -79,21 +100,24 @@ def certify(
     band : rad/s, may be (0, inf) for hold "lag" without delay
     factors : ratios to prove on the band, at least 1, the greatest first; the first that is proved counts
     max_sensitivity : bound on |S| up to the Nyquist frequency
+    box : devices for all of which it is to be proved, around the design's own
     """
     shortfall: Outcome | None = None
+    claim = _everywhere(design, box, Demands(design.device, band, 1.0, max_sensitivity))
     with ctx.workprec(PRECISION):
         for factor in factors:
-            conditions = prove_conditions(design, *band, factor)
+            alone = partial(prove_conditions, low=band[0], high=band[1], factor=factor)
+            conditions = claim(alone, conditions_over, factor)
             if conditions.verdict is Verdict.PROVED or factor == factors[-1]:
                 break
             shortfall = conditions
         outcomes = {
             Claim.CONDITIONS: conditions,
-            Claim.SENSITIVITY: prove_sensitivity(design, max_sensitivity),
-            Claim.MODEL_POLES: _of_every_loop(prove_model_poles, design),
-            Claim.SAMPLED_POLES: _of_every_loop(prove_sampled_poles, design),
+            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, max_sensitivity), sensitivity_over),
+            Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), model_poles_over),
+            Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), sampled_poles_over),
         }
-    return Certificate(design, band, outcomes, factor, shortfall)
+    return Certificate(design, band, outcomes, factor, shortfall, box)
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
@@ -107,14 +131,37 @@ def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Desi
     return replace(outcome, boxes=boxes)
 
 
-def certify_all(designs: Sequence[Design], demands: Demands) -> list[Certificate]:
+def _everywhere(design: Design, box: DeviceBox | None, demands: Demands) -> Callable[..., Outcome]:
+    """Return what proves a claim for the design's own device, and then for every one of the box."""
+
+    def claim(
+        alone: Callable[[Design], Outcome], over: Callable[[Family, Alone], Outcome], factor: float = 1.0
+    ) -> Outcome:
+        nominal = alone(design)
+        family = _family(design, box, replace(demands, factor=factor))
+        if family is None or nominal.verdict is not Verdict.PROVED:
+            return nominal
+        whole = over(family, lambda device: alone(replace(design, device=device)))
+        return replace(whole, boxes=nominal.boxes + whole.boxes)
+
+    return claim
+
+
+def _family(design: Design, box: DeviceBox | None, demands: Demands) -> Family | None:
+    """Return the design on a box of devices; None where they are one, or all alike because there is no loop."""
+    looped = design.gains.velocity > 0 or design.gains.position > 0
+    return Family(design, box, demands) if box is not None and looped else None
+
+
+def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
     """Prove several designs of one device, at the greater of the ratios `demands.factor` and 1 that can be proved.
 
-    Most are proved on arrays, all of them together; Arb decides about the others.
+    Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices each is proved
+    by itself.
     """
     found: list[Certificate | None] = [None] * len(designs)
     for factor in (demands.factor, 1.0):
-        left = [index for index, certificate in enumerate(found) if certificate is None]
+        left = [index for index, certificate in enumerate(found) if certificate is None and box is None]
         if left:
             values = np.array([astuple(designs[i].gains) + astuple(designs[i].coupling) for i in left]).T
             proofs = prove(replace(demands, factor=factor), Cells(values, values))
@@ -123,7 +170,7 @@ def certify_all(designs: Sequence[Design], demands: Demands) -> list[Certificate
                 found[index] = Certificate(designs[index], demands.band, outcomes, factor, None) if proved else None
     factors, limit = (demands.factor, 1.0), demands.max_sensitivity
     return [
-        certificate or certify(design, demands.band, factors, limit)
+        certificate or certify(design, demands.band, factors, limit, box)
         for design, certificate in zip(designs, found, strict=True)
     ]
 

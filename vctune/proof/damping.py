@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vctune.proof.batch import Demands, by_integrator, claims_of
+from vctune.proof.batch import by_integrator
 from vctune.proof.cells import Cells, image_at
+from vctune.proof.enclosed import Demands, claims_of
 from vctune.proof.enclosures import Flags, Floats
 
 GUARD = 1e-14

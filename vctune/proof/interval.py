@@ -10,6 +10,7 @@ from math import sqrt
 from flint import arb, arb_series
 
 from vctune.model.arithmetic import Number
+from vctune.model.quantities import Device
 from vctune.proof.balls import box
 
 MAX_BOXES = 200_000
@@ -40,11 +41,13 @@ class Outcome:
     verdict : proved, refuted, or undecided at the resolution limit
     boxes : boxes looked at
     witness : where it is refuted or undecided, if at a certain place
+    device : of a box of devices, the one that is refuted or undecided
     """
 
     verdict: Verdict
     boxes: int
     witness: float | None = None
+    device: Device | None = None
 
 
 def prove_boxes(

@@ -155,11 +155,19 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def decay_mean(x: Number) -> Number:
-        return _falling(FLOATS.decay_mean, x)
+        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `decay_ramp`."""
+        if not isinstance(x, Jet):
+            return _falling(FLOATS.decay_mean, x)
+        mean = _falling(FLOATS.decay_mean, x.value)
+        return x.mapped(mean, _falling(FLOATS.decay_ramp, x.value) - mean)
 
     @staticmethod
     def decay_ramp(x: Number) -> Number:
-        return _falling(FLOATS.decay_ramp, x)
+        """Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1: between -1/6 and -e^-x/6."""
+        if not isinstance(x, Jet):
+            return _falling(FLOATS.decay_ramp, x)
+        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - DECAY)
+        return x.mapped(_falling(FLOATS.decay_ramp, x.value), between(least, 1.0) / -6)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:

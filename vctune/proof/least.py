@@ -11,7 +11,8 @@ import numpy as np
 
 from vctune.document.problem import Problem
 from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.relaxation import GUARD, Boxes, Demand, Relaxation
+from vctune.proof.quadratics import Boxes
+from vctune.proof.relaxation import GUARD, Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +58,8 @@ def floors(relaxed: Relaxation, boxes: Boxes) -> Floors:
     b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
     if relaxed.omega is None:
         coupling = _coupling(least, boxes, partial(_mean_share, problem))
-        squared = loop.sum(axis=1) + factor * (b_0 * b_0 + coupling)
+        mean = loop.reshape(len(boxes), relaxed.counted, -1).sum(axis=2).max(axis=1)
+        squared = mean + factor * (b_0 * b_0 + coupling)
     else:
         coupling = _coupling(least, boxes, partial(_share, relaxed.omega[:, None]))
         squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from math import pi, sqrt
 
 from flint import arb
@@ -76,7 +77,7 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)
     margin = _margin(design, 1.0)
-    return _lowest(design, margin, low), _march(margin, high, pi / design.device.sample_time)
+    return _lowest(design, margin, low), march(partial(_proved, margin), high, pi / design.device.sample_time)
 
 
 def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool:
@@ -90,16 +91,16 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
         start = _low_start(design, 1.0, low)
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
-    return _march(margin, low, low * LOWEST_EDGE)
+    return march(partial(_proved, margin), low, low * LOWEST_EDGE)
 
 
-def _march(margin: Callable[[Number], Number], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal the margin is proved positive, to `FINEST_STEP`."""
+def march(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
+    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`."""
     down = goal < edge
     step = 4.0
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
-        if _proved(margin, min(edge, ahead), max(edge, ahead)):
+        if holds(min(edge, ahead), max(edge, ahead)):
             edge, step = ahead, min(step * step, 16.0)
         else:
             step = sqrt(step)

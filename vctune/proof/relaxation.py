@@ -12,12 +12,11 @@ w |D|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from flint import acb, arb, ctx
-from numpy.typing import NDArray
 
 from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
@@ -26,8 +25,10 @@ from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import BALLS, ball, device_ball
-from vctune.proof.enclosures import Enclosure, Flags, Floats, decimal
+from vctune.proof.devices import UNCERTAIN, device_box
+from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
+from vctune.proof.quadratics import Quadratic
 
 GUARD = 1e-14
 """Covers the rounding of a sum of five products, and of the few operations after it, relative to their moduli."""
@@ -71,61 +72,12 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
 
 
 @dataclass(frozen=True, slots=True)
-class Quadratic:
-    """constant + linear . K + square . K^2 at several places, each coefficient rounded up, or each rounded down.
-
-    Attributes
-    ----------
-    constant : shape (places,)
-    linear, square : of K_v and of K_p, each of that shape; no square is negative
-    """
-
-    constant: Floats
-    linear: tuple[Floats, Floats]
-    square: tuple[Floats, Floats]
-
-    def greatest(self, boxes: Boxes) -> Floats:
-        """Return the greatest value over each box of gains, shape (boxes, places): it lies at a vertex."""
-        total = self.constant
-        for axis in (0, 1):
-            ends = [edge[axis][:, None] for edge in (boxes.low, boxes.high)]
-            total = total + np.maximum(*(self._part(axis, end) for end in ends))
-        return total
-
-    def least(self, boxes: Boxes) -> Floats:
-        """Return the least value over each box of gains, shape (boxes, places)."""
-        total = self.constant
-        for axis in (0, 1):
-            low, high = (edge[axis][:, None] for edge in (boxes.low, boxes.high))
-            total = total + self._part(axis, np.clip(-0.5 * self.linear[axis] / self.square[axis], low, high))
-        return total
-
-    def _part(self, axis: int, gain: Floats) -> Floats:
-        return gain * (self.linear[axis] + gain * self.square[axis])
-
-
-@dataclass(frozen=True, slots=True)
-class Boxes:
-    """Boxes of designs: [low, high] in each of K_v, K_p, tau_c = m_c/b_c and b_0; arrays of shape (4, n)."""
-
-    low: Floats
-    high: Floats
-
-    def __len__(self) -> int:
-        return int(self.low.shape[1])
-
-    def taken(self, at: NDArray[np.intp] | Flags) -> Boxes:
-        """Return some of the boxes."""
-        return Boxes(self.low[:, at], self.high[:, at])
-
-
-@dataclass(frozen=True, slots=True)
 class Demand:
     """Llewellyn's conditions at some frequencies.
 
     Attributes
     ----------
-    omega : rad/s
+    omega : rad/s, those of one device after another
     operator : b_h, rounded up
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and Re(D + Z_h), rounded up
     D2_low, C2_low : rounded down
@@ -166,9 +118,11 @@ class Relaxation:
     ----------
     problem : the problem
     demand : on the coupling
-    omega_S, sensitivity : rad/s, |S|^2 at some frequencies up to Nyquist
+    omega_S, sensitivity : rad/s, |S|^2 at some frequencies up to Nyquist; for an uncertain device the demands are posed
+        at each vertex of its box too
     admittance, tracking : shares of the squared error
     omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
+    counted : number of devices the greatest of whose errors is the objective; their shares follow one another
     """
 
     problem: Problem
@@ -178,6 +132,7 @@ class Relaxation:
     admittance: Share
     tracking: Share
     omega: Floats | None
+    counted: int
 
 
 def relaxation(problem: Problem, omega: Floats, omega_S: Floats, places: int) -> Relaxation:
@@ -190,26 +145,64 @@ def relaxation(problem: Problem, omega: Floats, omega_S: Floats, places: int) ->
     omega_S : rad/s, frequencies up to Nyquist
     places : into how many intervals, or at how many frequencies, the transparency band is divided
     """
-    band, weights = problem.transparency.band, problem.transparency.weights
+    band, weights, devices = problem.transparency.band, problem.transparency.weights, _counted(problem)
     if problem.transparency.norm == "peak":
         nodes = np.geomspace(band.min, band.max, places)
-        seen = _enclosed(problem.device, nodes)
-        shares = Share(np.ones(places), _squared(seen)), Share(_bottom(seen.Z2), _squared(seen))
+        omega_e = np.tile(nodes, len(devices))
+        seen = _enclosed(_stacked(devices, places), omega_e)
+        shares = Share(np.ones(len(omega_e)), _squared(seen)), Share(_bottom(seen.Z2), _squared(seen))
     else:
-        nodes, shares = None, _integrated(problem.device, band.min, band.max, places)
+        omega_e = None
+        admittances, trackings = zip(*(_integrated(d, band.min, band.max, places) for d in devices), strict=True)
+        shares = _joined(admittances), _joined(trackings)
     scale = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
         Share(share.numerator * (factor * (1 - GUARD)), share.D2) for share, factor in zip(shares, scale, strict=True)
     )
-    demand, sensitivity = _demand(problem.device, omega), _sensitivity(problem.device, omega_S)
-    return Relaxation(problem, demand, omega_S, sensitivity, admittance, tracking, nodes)
+    demand, sensitivity = _demand(*_everywhere(problem, omega)), _sensitivity(*_everywhere(problem, omega_S))
+    return Relaxation(problem, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(devices))
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
     """Return the relaxation with its demands at other frequencies."""
-    device = relaxed.problem.device
-    demand, sensitivity = _demand(device, omega), _sensitivity(device, omega_S)
+    problem = relaxed.problem
+    demand, sensitivity = _demand(*_everywhere(problem, omega)), _sensitivity(*_everywhere(problem, omega_S))
     return replace(relaxed, demand=demand, omega_S=omega_S, sensitivity=sensitivity)
+
+
+def _counted(problem: Problem) -> list[Device]:
+    """Return the devices whose greatest error is the objective."""
+    if problem.uncertainty is None or problem.uncertainty.objective == "nominal":
+        return [problem.device]
+    return device_box(problem.device, problem.uncertainty).devices()
+
+
+def _everywhere(problem: Problem, omega: Floats) -> tuple[Device, Floats]:
+    """Return the device and the frequencies; of an uncertain one its box's vertices, each with every frequency."""
+    if problem.uncertainty is None:
+        return problem.device, omega
+    devices = device_box(problem.device, problem.uncertainty).devices()
+    return _stacked(devices, len(omega)), np.tile(omega, len(devices))
+
+
+def _stacked(devices: list[Device], count: int) -> Device:
+    """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
+    if len(devices) == 1:
+        return devices[0]
+    mass, damping, delay = (np.repeat([getattr(d, name) for d in devices], count) for name in UNCERTAIN)
+    return replace(devices[0], mass=mass, damping=damping, delay=delay)
+
+
+def _joined(shares: Sequence[Share]) -> Share:
+    if len(shares) == 1:
+        return shares[0]
+
+    def row(of: Callable[[Share], Floats]) -> Floats:
+        return np.concatenate([of(share) for share in shares])
+
+    linear = row(lambda share: share.D2.linear[0]), row(lambda share: share.D2.linear[1])
+    square = row(lambda share: share.D2.square[0]), row(lambda share: share.D2.square[1])
+    return Share(row(lambda share: share.numerator), Quadratic(row(lambda share: share.D2.constant), linear, square))
 
 
 def _demand(device: Device, omega: Floats) -> Demand:

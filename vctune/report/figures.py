@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
+from vctune.design.cases import cases_of
 from vctune.document.problem import Band, Problem
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.quantities import Coupling, Gains
@@ -87,6 +88,10 @@ def _llewellyn(design: Design) -> Figure:
         bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, design.coupling)
         upper.loglog(bare.hz, bare.required, color=ORANGE, linestyle=":", label="R without operator")
         lower.loglog(bare.hz, bare.ratio, color=GREEN, linestyle=":", label="ratio without operator")
+    for number, case in enumerate(cases_of(problem)[1:]):
+        there, label = llewellyn(case, design.gains, design.coupling), "of uncertain devices" if number == 0 else None
+        upper.loglog(there.hz, there.required, color=ORANGE, linewidth=0.6, label=label)
+        lower.loglog(there.hz, there.ratio, color=GREEN, linewidth=0.6, label=label)
     lower.axhline(1.0, color=RED, linewidth=1, label="1: the limit")
     lower.axhline(problem.stability.safety_factor, color=RED, linewidth=1, linestyle=":", label="safety factor")
     if np.isfinite(curves.ratio).any():

@@ -103,6 +103,12 @@ def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
         rows.insert(
             7, ("the same without operator", bare["min_ratio"], f"{_at(bare['worst_hz'])}, {bare['verdict']}", 6)
         )
+    if record.get("uncertainty"):
+        known = record["uncertainty"]
+        rows[6:6] = [
+            ("worst error of uncertain devices", known["worst_error"], _with(known["worst_device"]), 5),
+            ("least error if the device were certain", known["nominal_error"], "", 5),
+        ]
     if record.get("optimality"):
         found = record["optimality"]
         gap = "" if found["gap"] is None else f"gap {100 * found['gap']:.3g} %, "
@@ -117,6 +123,10 @@ def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
         )
     )
     return [(label, "none" if value is None else f"{value:.{digits}g}", unit) for label, value, unit, digits in rows]
+
+
+def _with(device: dict[str, float]) -> str:
+    return f"mass {device['mass']:.5g} kg, damping {device['damping']:.5g} N s/m, delay {device['delay']:.5g} s"
 
 
 def _at(hz: float | None) -> str:

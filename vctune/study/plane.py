@@ -76,6 +76,8 @@ def obstacles(problem: Problem, x: str, y: str) -> list[Mistake]:
     found: list[Mistake] = []
     free = [key for key in KEYS if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
+    if problem.uncertainty is not None:
+        found.append(Mistake("uncertainty", "a region is proved for one device; leave the table out of this problem"))
     if x == y:
         found.append(Mistake(x, "is both axes of the plane; choose another --x or --y"))
     found += [

@@ -1,0 +1,122 @@
+"""What the NLP of a solved problem contained, what was left out of it, and what holds the design: plain data."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from vctune.analysis.demands import response
+from vctune.analysis.extrema import Floats
+from vctune.design.result import Polished, Solved
+from vctune.design.shape import DEMANDS, Place, size, stacked
+from vctune.design.variables import KEYS, design_of, ranges
+from vctune.document.problem import Problem
+from vctune.model.arithmetic import FLOATS
+from vctune.model.llewellyn import demanded, modulus_excess
+from vctune.proof.devices import UNCERTAIN
+
+ACTIVE = 1e-5
+
+
+def active(solved: Solved) -> list[dict[str, Any]]:
+    """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
+
+    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
+    """
+    if solved.polished is None:
+        return []
+    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.polished)]
+    rate = 1 / (2 * pi * solved.problem.device.sample_time)
+    where: list[tuple[str, Place | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
+    where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
+    where += [("stability of the sampled loop", None) for _ in posed.stability]
+    where += [("greatest error", at) for at in posed.peak]
+    for at in posed.moving:
+        where += [("|S| <= max_sensitivity", at), ("", None)]
+    where += [("greatest error", None)] * solved.polished.shape.errors
+    held = [
+        {"demand": demand, "hz": place.omega * rate if place else None, "multiplier": multiplier}
+        | ({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {})
+        for (demand, place), multiplier in zip(where, multipliers, strict=True)
+        if demand and multiplier > ACTIVE
+    ]
+    return sorted(held, key=lambda row: -float(row["multiplier"]))
+
+
+def _device(problem: Problem, place: Place) -> dict[str, float]:
+    """Return the device of a dimensionless place in SI units."""
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    scaled = place.device
+    return {"mass": scaled.mass * impedance * time, "damping": scaled.damping * impedance, "delay": scaled.delay * time}
+
+
+def _priced(polished: Polished) -> Floats:
+    """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+
+    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
+    """
+    multipliers, ratio = polished.solution.multipliers.copy(), polished.frequencies.ratio
+    if polished.shape.held and ratio:
+        device, omega = stacked(ratio)
+        loop = response(device, design_of(polished.values)[0], omega)
+        multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
+    return multipliers
+
+
+def left_out(solved: Solved) -> list[str]:
+    """Return what is not in the NLP, each with the reason."""
+    problem = solved.problem
+    found = []
+    for key, bounds in zip(KEYS, ranges(problem.bounds), strict=True):
+        if bounds.fixed:
+            found.append(f"{key}: fixed at {bounds.min:g}")
+    for term in ("admittance", "tracking", "coupling"):
+        if getattr(problem.transparency.weights, term) == 0:
+            found.append(f"transparency.weights.{term}: 0")
+    if problem.uncertainty is not None:
+        found += [
+            f"uncertainty.{name}: device.{name} is 0"
+            for name in UNCERTAIN
+            if getattr(problem.uncertainty, name) > 0 and getattr(problem.device, name) == 0
+        ]
+    if solved.polished is None or solved.seen is None:
+        return found
+    shape = solved.polished.shape
+    if not shape.integrator and not problem.bounds.position.fixed:
+        found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
+    if shape.slots[1] == 0:
+        found.append(
+            f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
+            f"the limit is {problem.stability.max_sensitivity:g}"
+        )
+    if not solved.polished.frequencies.stability:
+        found.append("stability of the sampled loop: no step of the search left it")
+    return found
+
+
+def solver_record(solved: Solved) -> dict[str, Any]:
+    """Return how the NLP was solved, round by round; nothing where none was."""
+    if solved.polished is None or solved.seen is None:
+        return {}
+    polished = solved.polished
+    return {
+        "name": "ipopt",
+        "converged": polished.solution.converged,
+        "starts": len(solved.seen.starts),
+        "optima": solved.optima,
+        "variables": size(polished.shape),
+        "constraints": sum(polished.frequencies.sizes()) + 2 * polished.shape.moving + polished.shape.errors,
+        "frequencies": dict(zip(DEMANDS, polished.frequencies.sizes(), strict=True)),
+        "rounds": [
+            {
+                "seconds": r.seconds,
+                "violation": r.violation,
+                "error": r.error,
+                "frequencies": r.frequencies,
+                "iterations": r.solution.iterations,
+                "primal": r.solution.primal,
+                "dual": r.solution.dual,
+            }
+            for r in polished.rounds
+        ],
+    }

@@ -1,0 +1,40 @@
+"""What a design comes to on the devices of its box, and what that costs: plain data for the record."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vctune.analysis.demands import transparency_error
+from vctune.design.cases import cases_of
+from vctune.design.judge import Judgement, devices_of
+from vctune.document.problem import Problem
+from vctune.model.quantities import Device
+from vctune.proof.devices import UNCERTAIN
+
+
+def device_record(device: Device) -> dict[str, float]:
+    """Return the numbers of a device that may be uncertain."""
+    return {name: getattr(device, name) for name in UNCERTAIN}
+
+
+def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> dict[str, Any]:
+    """Return the box, the errors that say what robustness costs, and the devices on which the design is worst.
+
+    Parameters
+    ----------
+    problem : one with an uncertain device
+    judgement : of the robust design
+    nominal_error : of the best design for the nominal device alone, None if it was not looked for
+    """
+    box, uncertainty, design = devices_of(problem), problem.uncertainty, (judgement.gains, judgement.coupling)
+    assert box is not None and uncertainty is not None
+    worst = max(cases_of(problem), key=lambda case: transparency_error(case, *design).error)
+    return {
+        "box": {name: [getattr(box.low, name), getattr(box.high, name)] for name in box.moving},
+        "objective": uncertainty.objective,
+        "nominal_error": nominal_error,
+        "robust_error": judgement.transparency.error,
+        "worst_error": transparency_error(worst, *design).error,
+        "worst_device": device_record(worst.device),
+        "min_ratio_device": device_record(judgement.tightest),
+    }

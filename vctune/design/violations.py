@@ -1,0 +1,115 @@
+"""Where a point of the search does not meet the demands, on any of the devices at which they are posed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vctune.analysis.demands import (
+    demand_grid,
+    error_terms,
+    ratio_minima,
+    response,
+    sampled_span,
+    sensitivity_maxima,
+    stability_ratio,
+    towards_zero,
+    weighted_square,
+)
+from vctune.analysis.extrema import Floats, Minima, local_minima
+from vctune.design.cases import counted_of
+from vctune.design.shape import Place, places
+from vctune.design.variables import Point, design_of
+from vctune.document.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+
+FOLLOWED = 0.8
+"""Share of its limit from which on the peak of |S| is followed."""
+
+
+@dataclass(slots=True)
+class Violations:
+    """Where the demands are not met at a point, and by how much (relative).
+
+    Attributes
+    ----------
+    ratio, sensitivity, peak : places
+    greatest : by how much at most
+    near_peak : where |S| is greatest, if it is near its limit
+    positive : whether Re(D + Z_h) > 0 throughout
+    """
+
+    ratio: list[Place] = field(default_factory=list)
+    sensitivity: list[Place] = field(default_factory=list)
+    peak: list[Place] = field(default_factory=list)
+    greatest: float = 0.0
+    near_peak: Place | None = None
+    positive: bool = True
+
+
+def violations(problem: Problem, cases: list[Problem], values: Point, tightening: float) -> Violations:
+    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest."""
+    gains, coupling = design_of(values)
+    peaks = [sensitivity_maxima(case, gains) for case in cases]
+    parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]
+    counted = counted_of(problem) if problem.transparency.norm == "peak" else ()
+    return Violations(
+        ratio=[place for part in parts for place in part.ratio],
+        sensitivity=[place for part in parts for place in part.sensitivity],
+        peak=[place for case in counted for place in _error_peaks(case, gains, coupling)],
+        greatest=max(part.greatest for part in parts),
+        near_peak=_near_peak(cases, peaks),
+        positive=all(part.positive for part in parts),
+    )
+
+
+def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima, tightening: float) -> Violations:
+    device, stability, found = problem.device, problem.stability, Violations()
+    ratio = _lowest_ratios(problem, gains, coupling)
+    short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
+    found.ratio = places(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
+    if ratio.value[0] <= 0:
+        found.positive = False
+        found.ratio += places(device, least_resistance(problem, gains).omega[:1])
+    over = np.log(-peaks.value / stability.max_sensitivity) + tightening
+    found.sensitivity = places(device, peaks.omega[over > tightening / 2])
+    found.greatest = max(max(float(short[0]), float(over[0]), 0.0) - tightening / 2, 0.0)
+    return found
+
+
+def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+    """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
+    minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
+    if gains.position == 0 or not low.size:
+        return minima
+    omega = np.append(low, minima.omega)
+    value = np.append(stability_ratio(problem.device, gains, coupling, low), minima.value)
+    order = np.argsort(value, kind="stable")
+    return Minima(omega[order], value[order])
+
+
+def near_peak(cases: list[Problem], gains: Gains) -> Place | None:
+    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency."""
+    return _near_peak(cases, [sensitivity_maxima(case, gains) for case in cases])
+
+
+def _near_peak(cases: list[Problem], peaks: list[Minima]) -> Place | None:
+    case, there = min(zip(cases, peaks, strict=True), key=lambda pair: float(pair[1].value[0]))
+    near = -there.value[0] > FOLLOWED * case.stability.max_sensitivity
+    return Place(float(there.omega[0]), case.device) if near and there.omega[0] < case.nyquist * (1 - 1e-6) else None
+
+
+def least_resistance(problem: Problem, gains: Gains) -> Minima:
+    """Return the local minima of Re(D + Z_h) over the stability band, lowest first."""
+    grid = demand_grid(problem.device, *sampled_span(problem))
+    return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
+
+
+def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[Place]:
+    band, weights = problem.transparency.band, problem.transparency.weights
+
+    def negative_error(omega: Floats) -> Floats:
+        return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
+
+    return places(problem.device, local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega)

@@ -1,0 +1,140 @@
+"""The claims of a certificate as functions of a frequency and a design, over enclosures and jets (DESIGN 1.10)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from vctune.model.arithmetic import Number
+from vctune.model.llewellyn import required_resistance
+from vctune.model.loop import LoopResponse, hold_response, loop_response
+from vctune.model.pair import Pair
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.sampled import (
+    ReturnDifference,
+    SampledPlant,
+    difference_slope,
+    return_difference,
+    sampled_plant,
+    whole_samples,
+)
+from vctune.proof.cells import Margin, Values
+from vctune.proof.claims import (
+    Design,
+    along_hold,
+    conditions_margin,
+    high_margin,
+    low_margin,
+    sensitivity_floor,
+    sensitivity_margin,
+)
+from vctune.proof.enclosures import Enclosure, decimal
+from vctune.proof.exclusion import Curve
+from vctune.proof.jets import ENCLOSURES as OPS
+
+
+@dataclass(frozen=True, slots=True)
+class Demands:
+    """What a design has to meet.
+
+    Attributes
+    ----------
+    device : the device
+    band : rad/s, of Llewellyn's conditions; may be (0, inf)
+    factor : least Re Z_c / R
+    max_sensitivity : greatest |S| up to the Nyquist frequency
+    """
+
+    device: Device
+    band: tuple[float, float]
+    factor: float
+    max_sensitivity: float
+
+
+@dataclass(frozen=True, slots=True)
+class Claims:
+    """The claims about one device as functions of a frequency and a design, over enclosures.
+
+    Attributes
+    ----------
+    conditions, sensitivity : margins that must be positive
+    low : proves as much as `conditions`, next to omega = 0
+    high : `conditions` at omega = 1/v, of v; hold "lag" without delay
+    damped : Re(D + Z_h), which must be positive too, whatever the coupling
+    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout; elsewhere nothing is known of it
+    floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
+    model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
+    model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
+    """
+
+    conditions: Margin
+    low: Margin
+    high: Margin
+    sensitivity: Margin
+    damped: Margin
+    required: Margin
+    floor: Margin
+    model_poles: Curve
+    sampled_poles: Curve
+    model_floor: Margin
+    sampled_floor: Margin
+
+
+def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
+    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    integrator : whether the law has its K_p/s term
+    uncertain : numbers of the device that each claim takes from among its values, where they follow the five of a
+        design; such a delay has as many whole samples as the device's own
+    """
+    given = demands.device
+    named = given.over(decimal)
+    factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
+    whole, fraction = whole_samples(given.delay, given.sample_time)
+
+    def sampled(device: Device) -> SampledPlant:
+        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fraction > 0, OPS)
+
+    known = sampled(named)
+
+    def device(v: Values) -> Device:
+        return replace(named, **dict(zip(uncertain, v[5:], strict=True))) if uncertain else named
+
+    def loop(omega: Number, v: Values) -> LoopResponse:
+        hold = hold_response(device(v), omega, OPS)
+        return loop_response(device(v), Gains(*v[:2]), omega, hold, integrator=integrator)
+
+    def model_curve(omega: Enclosure, v: Values) -> Pair:
+        D = loop(omega, v).D
+        return Pair(-D.im, D.re) if integrator else D
+
+    def returned(theta: Enclosure, v: Values, *, integrator: bool) -> ReturnDifference:
+        return return_difference(sampled(device(v)) if uncertain else known, theta, OPS, integrator=integrator)
+
+    def sampled_curve(theta: Enclosure, v: Values) -> Pair:
+        return returned(theta, v, integrator=integrator).closed(Gains(*v[:2]), integrator=integrator)
+
+    def sampled_floor(theta: Enclosure, v: Values) -> Enclosure:
+        velocity_loop = returned(theta, v, integrator=False).closed(Gains(*v[:2]), integrator=False)
+        turning = velocity_loop * difference_slope(theta, OPS)
+        position = returned(theta, v, integrator=True).position
+        return turning.im * position.re - turning.re * position.im
+
+    def design(v: Values) -> Design:
+        return Design(device(v), Gains(*v[:2]), Coupling(*v[2:5]))
+
+    return Claims(
+        lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
+        lambda omega, v: sensitivity_margin(device(v), Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
+        lambda omega, v: loop(omega, v).resistance,
+        lambda omega, v: required_resistance(loop(omega, v), OPS),
+        lambda omega, v: sensitivity_floor(device(v), Gains(*v[:2]), omega, limit, OPS),
+        model_curve,
+        sampled_curve,
+        lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS)[0],
+        sampled_floor,
+    )
