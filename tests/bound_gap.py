@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement
-from vctune.design.solve import improved, solve
+from vctune.design.optimum import improved
+from vctune.design.solve import solve
 from vctune.document.problem import Problem
 from vctune.document.reading import read_problem
 

@@ -26,7 +26,8 @@ from vctune.bench.timing import paired, slope
 from vctune.cli.bench import bench
 from vctune.design.judge import Status
 from vctune.design.scan import scan
-from vctune.design.solve import dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.document.errors import InputError
 from vctune.document.reading import read_problem
 from vctune.model.quantities import Coupling, Device, Gains

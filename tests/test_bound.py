@@ -14,7 +14,8 @@ from conftest import DEVICE
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
 from vctune.design.leaves import ARRAYS, unfinished
-from vctune.design.solve import improved, solve
+from vctune.design.optimum import improved
+from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.problem import Problem, Range
 from vctune.document.reading import parse_problem, read_problem

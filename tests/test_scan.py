@@ -18,7 +18,8 @@ from vctune.design.edge import edge_of
 from vctune.design.grid import axes, position_gain, scored
 from vctune.design.samples import samples_of
 from vctune.design.scan import drained, elsewhere, scan
-from vctune.design.solve import dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.design.variables import design_of
 from vctune.design.zoom import around, minima_of, zoomed
 from vctune.document.problem import Range

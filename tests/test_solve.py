@@ -12,7 +12,7 @@ import pytest
 from conftest import PROBLEM_FILES, ROOT
 from oracles import Case, coupling, loop, sampled_radius
 
-from vctune.design import solve as solving
+from vctune.design import optimum as solving
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
 from vctune.design.nlp_record import left_out

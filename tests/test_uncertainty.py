@@ -24,7 +24,8 @@ from vctune.design.judge import Status, demands_of, devices_of, judge
 from vctune.design.nlp import assembled
 from vctune.design.scan import scan
 from vctune.design.shape import WorkingSet, places, shape_of
-from vctune.design.solve import dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.design.variables import coordinates
 from vctune.document.problem import Uncertainty
 from vctune.document.reading import parse_problem

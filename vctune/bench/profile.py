@@ -20,7 +20,8 @@ from vctune.bench.scenes import loaded_scene
 from vctune.bench.timing import timed
 from vctune.design.exchange import TIGHTENING
 from vctune.design.judge import judge
-from vctune.design.solve import dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.document.problem import Problem
 from vctune.simulation.run import run
 from vctune.study.outcome import work

@@ -17,7 +17,8 @@ from vctune.bench.profile import Share, profile_rows, says_of
 from vctune.bench.scenes import loaded_scene
 from vctune.bench.timing import slope, timed
 from vctune.design.scan import scan
-from vctune.design.solve import dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.document.axes import Axis, number_keys
 from vctune.document.study import Study
 from vctune.report.benchmarks import Panel, Series

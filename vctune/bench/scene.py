@@ -19,7 +19,7 @@ from vctune.bench.timing import paired
 from vctune.design.ipopt import posed as posed_numbers
 from vctune.design.scan import scan
 from vctune.design.shape import Shape, WorkingSet, places, shape_of
-from vctune.design.solve import dimensionless
+from vctune.design.units import dimensionless
 from vctune.design.variables import coordinates, point
 from vctune.document.problem import Problem
 from vctune.model.quantities import Device

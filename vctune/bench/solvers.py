@@ -16,8 +16,10 @@ from vctune.bench.judged import Worth, worth
 from vctune.bench.problems import reference_problems
 from vctune.bench.timing import timed
 from vctune.design.judge import Status
+from vctune.design.optimum import WORTH_POLISHING
 from vctune.design.scan import ScanResult, scan
-from vctune.design.solve import WORTH_POLISHING, dimensionless, solve
+from vctune.design.solve import solve
+from vctune.design.units import dimensionless
 from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains

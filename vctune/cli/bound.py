@@ -158,7 +158,7 @@ def _searched(
     from math import inf
 
     from vctune.design.bound import bound
-    from vctune.design.solve import improved
+    from vctune.design.optimum import improved
 
     return bound(
         file.problem,

@@ -19,7 +19,7 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 def print_design(record: dict[str, Any], folder: Path) -> None:
     """Print the object of design.json (DESIGN 2.3) and where the files are."""
     console = Console(highlight=False)
-    console.width = max(console.width, LEAST_WIDTH)
+    console.width = max(console.width, WIDE)
     with console.capture() as page:  # written in one piece, whole or not at all
         status = record["status"]
         name = escape(printable(record["problem"]["name"]))

@@ -6,9 +6,10 @@ from dataclasses import replace
 from time import perf_counter
 
 from vctune.design.judge import Judgement, Status
+from vctune.design.optimum import attainable
 from vctune.design.repair import JUDGED, Progress, Trial, repairs
 from vctune.design.result import Solved
-from vctune.design.solve import attainable, solve
+from vctune.design.solve import solve
 from vctune.document import toml
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile

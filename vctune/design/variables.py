@@ -69,10 +69,3 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
         bare = Coordinate(index, scale, -inf, inf)
         found.append(Coordinate(index, scale, bare.to_z(bounds.min), bare.to_z(bounds.max)))
     return tuple(found)
-
-
-def physical(problem: Problem, values: Point) -> Point:
-    """Return dimensionless K_v, K_p, b_c, m_c, b_0 in SI units."""
-    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
-    K_v, K_p, b_c, m_c, b_0 = values
-    return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)

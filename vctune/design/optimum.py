@@ -1,0 +1,212 @@
+"""The best proved design that the optimiser finds: starts polished, rounded, proved (DESIGN 1.9)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from vctune.design.cases import with_device
+from vctune.design.exchange import TIGHTENING, polish
+from vctune.design.judge import Judgement, Status, judge
+from vctune.design.result import Polished
+from vctune.design.rounding import DIGITS, rounded
+from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
+from vctune.design.shape import Place, WorkingSet
+from vctune.design.theorems import impossible
+from vctune.design.units import dimensionless, own, physical, unit_of_error
+from vctune.design.variables import design_of, point
+from vctune.design.zoom import Start
+from vctune.document.problem import Problem, Range
+from vctune.model.quantities import Gains
+from vctune.model.transparency import Terms
+from vctune.proof.certificate import Claim
+from vctune.proof.interval import Outcome, Verdict
+
+WORTH_POLISHING = 1.05
+"""A start is polished if its scanned error is at most this much above the best polished one."""
+PROOF_ROUNDS, MORE_DIGITS = 4, 2
+LONG_SHOTS = 2
+"""How many starts are polished when none is admissible."""
+NEARLY = 0.1
+"""A start that misses a demand by more than this share is not polished where only an opinion is wanted."""
+SHARPENING = 10.0
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """What the optimiser finds.
+
+    Attributes
+    ----------
+    judgement : of the best design that is proved, or failing that of one that is undecided; None if there is neither
+    polished : the local optimum it was rounded from
+    optima : how many local optima were found
+    seconds : of polishing and of proving
+    """
+
+    judgement: Judgement | None
+    polished: Polished | None
+    optima: int
+    seconds: dict[str, float]
+
+
+def optimum(problem: Problem, seen: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
+    """Return the best design that starts lead to.
+
+    Parameters
+    ----------
+    problem : one that leaves something free
+    seen : what a scan of it saw, dimensionless
+    progress : told the stage of the work
+    """
+    began, scaled = perf_counter(), dimensionless(problem)
+    optima = _optima(scaled, seen, progress)
+    polished = perf_counter()
+    progress("proving")
+    best, judgement = _best_proved(problem, scaled, seen, optima)
+    if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
+        tried = [optimum.start for optimum in optima]
+        optima = _optima(scaled, replace(seen, starts=[s for s in seen.starts if s not in tried]), progress, worth=inf)
+        best, judgement = _best_proved(problem, scaled, seen, optima)
+    if judgement is not None and problem.transparency.weights.coupling == 0:
+        judgement = _with_least_coupling(problem, judgement)
+    seconds = {"polish": polished - began, "prove": perf_counter() - polished}
+    return Optimum(judgement, best, len(optima), seconds)
+
+
+def nominal_start(problem: Problem) -> Start | None:
+    """Return the best design for the nominal device of an uncertain one: its basin may be the best, too."""
+    nominal = replace(problem, uncertainty=None)
+    judgement = optimum(nominal, scan(dimensionless(nominal))).judgement
+    if judgement is None:
+        return None
+    law = design_of(own(problem, point(judgement.gains, judgement.coupling)))
+    return Start(*law, judgement.error / unit_of_error(problem))
+
+
+@np.errstate(all="ignore")
+def attainable(problem: Problem) -> bool:
+    """Return whether the optimiser finds a certified design of a problem that leaves something free; proves nothing.
+
+    It stops at the first, and where it finds none no box is searched: an opinion in a fraction of the time of `solve`.
+    """
+    if impossible(problem) is not None:
+        return False
+    scaled = dimensionless(problem)
+    seen = scan(scaled)
+    for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
+        hopeful = start.workable and start.shortfall < NEARLY
+        optimum = polish(scaled, start, seen) if hopeful else None
+        judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+        if judgement is not None and _meets_demands(problem, judgement):
+            return True
+    return False
+
+
+@np.errstate(all="ignore")
+def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | None:
+    """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
+    scaled = dimensionless(problem)
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    start = rescan(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
+    target = incumbent / unit_of_error(problem)
+    if start is None or start.error >= target:
+        return None
+    seen = scan(scaled)
+    optimum = polish(scaled, start, seen, incumbent=target)
+    judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+    if judgement is None or not _meets_demands(problem, judgement) or judgement.error >= incumbent:
+        return None
+    return judgement
+
+
+def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
+    """Polish the starts that can still win; return the local optima, best first."""
+    optima: list[Polished] = []
+    done: list[Start] = []
+    for number, start in enumerate(seen.starts, 1):
+        least = min((optimum.error for optimum in optima), default=inf)
+        hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
+        if start.error > worth * least or hopeless or start in done:
+            continue
+        progress(f"polishing start {number} of {len(seen.starts)}")
+        polished = polish(scaled, start, seen, incumbent=least if worth < inf else inf)
+        if polished is not None:
+            optima.append(polished)
+            left = [each for each in seen.starts[number:] if each.error <= worth * polished.error]
+            done += drained(scaled, left, design_of(polished.values)[0])
+    optima.sort(key=lambda optimum: optimum.error)
+    if optima:
+        nearby = elsewhere(scaled, *design_of(optima[0].values))
+        if nearby is not None:
+            progress("polishing once more")
+            better = polish(scaled, nearby, seen, incumbent=optima[0].error)
+            optima = [better, *optima] if better is not None else optima
+    return sorted(optima, key=lambda optimum: optimum.error)
+
+
+def _best_proved(
+    problem: Problem, scaled: Problem, seen: ScanResult, optima: list[Polished]
+) -> tuple[Polished | None, Judgement | None]:
+    """Return the best design that is proved; failing that the best one that is merely undecided."""
+    doubtful: tuple[Polished, Judgement] | None = None
+    for optimum in optima:
+        for polished, judgement in _attempts(problem, scaled, seen, optimum):
+            if _meets_demands(problem, judgement):
+                return polished, judgement
+            if judgement.status is Status.UNDECIDED and doubtful is None:
+                doubtful = polished, judgement
+    return doubtful if doubtful is not None else (None, None)
+
+
+def _attempts(
+    problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
+) -> Iterator[tuple[Polished, Judgement]]:
+    """Judge the rounded optimum; while it is refuted, polish again with its witness, more sharply, to more digits."""
+    polished: Polished | None = optimum
+    tightening, witnesses = TIGHTENING, WorkingSet()
+    for again in range(PROOF_ROUNDS):
+        if polished is None:
+            return
+        digits = DIGITS + MORE_DIGITS * again
+        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values), digits)))
+        yield polished, judgement
+        certificate = judgement.certificate
+        _collect(witnesses.ratio, certificate.shortfall or certificate.outcomes[Claim.CONDITIONS], problem)
+        _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], problem)
+        tightening *= SHARPENING
+        polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
+
+
+def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
+    if outcome.verdict is Verdict.REFUTED and outcome.witness:
+        refuted = dimensionless(with_device(problem, outcome.device or problem.device))
+        known.append(Place(outcome.witness * problem.device.sample_time, refuted.device))
+
+
+def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
+    """When the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
+    gains, bounds = judgement.gains, problem.bounds
+    loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}
+    narrowed = replace(
+        problem,
+        bounds=replace(bounds, **loop),
+        transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
+    )
+    least = optimum(narrowed, scan(dimensionless(narrowed))).judgement
+    if least is None:
+        return judgement
+    lighter = judge(problem, gains, least.coupling)
+    return lighter if _meets_demands(problem, lighter) else judgement
+
+
+def _meets_demands(problem: Problem, judgement: Judgement) -> bool:
+    """Return whether the design is certified with the safety factor that the problem asks for."""
+    certified = judgement.status is Status.CERTIFIED
+    return certified and judgement.certificate.factor >= problem.stability.safety_factor
