@@ -137,9 +137,10 @@ def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | No
 def _solved(file: ProblemFile, progress: Callable[[str], None]) -> _Known:
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
+    from vctune.design.repaired import repaired
     from vctune.design.solve import solve
 
-    solved = solve(file.problem, progress)
+    solved = repaired(file, solve(file.problem, progress), progress)
     rest = solved.optimality.rest if solved.optimality is not None else None
     return _Known(design_record(file, solved, ipopt_version()), solved.judgement, rest)
 
