@@ -159,7 +159,7 @@ def test_blocks_find_a_least_value_at_a_vertex_or_inside(tilt, centre, slope, sp
     found = prove_blocks(positive(margin, []), blocks, 100_000)
     assert found.verdict is (Verdict.PROVED if spare > 0 else Verdict.REFUTED)
     if spare < 0:
-        assert float(margin(Enclosure(found.point[0]), [Enclosure(found.point[1])]).mid) < 0
+        assert float(margin(Enclosure(found.point[0]), [Enclosure(found.point[1]), 0]).mid) < 0
 
 
 @pytest.mark.parametrize(("name", "tables"), CASES, ids=IDS)

@@ -39,7 +39,7 @@ class SampledPlant:
     drift: Number
     velocity: tuple[Number, Number]
     position: tuple[Number, Number]
-    whole: int
+    whole: Number
     fractional: bool
 
 
@@ -52,7 +52,7 @@ def whole_samples(delay: float, sample_time: float) -> tuple[int, float]:
     return floor(samples), samples - floor(samples)
 
 
-def sampled_plant(device: Device, whole: int, remainder: Number, fractional: bool, ops: Arithmetic) -> SampledPlant:
+def sampled_plant(device: Device, whole: Number, remainder: Number, fractional: bool, ops: Arithmetic) -> SampledPlant:
     """Sample the plant exactly.
 
     Parameters

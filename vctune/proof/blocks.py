@@ -27,17 +27,24 @@ GENERATIONS = 80
 
 @dataclass(frozen=True, slots=True)
 class Blocks:
-    """[low, high] in frequency and in each uncertain number; arrays of shape (1 + numbers, n)."""
+    """Boxes of a frequency and the uncertain numbers.
+
+    Attributes
+    ----------
+    low, high : of frequency and of each number, shape (1 + numbers, n)
+    whole : whole samples of the delay of each block's devices, shape (n,)
+    """
 
     low: Floats
     high: Floats
+    whole: Integers
 
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
     def taken(self, at: Integers | Flags) -> Blocks:
         """Return some of the blocks."""
-        return Blocks(self.low[:, at], self.high[:, at])
+        return Blocks(self.low[:, at], self.high[:, at], self.whole[at])
 
     def rows(self) -> list[Enclosure]:
         """Return frequency and numbers, the numbers' edges as the decimals that they stand for."""
@@ -53,13 +60,18 @@ class Blocks:
         middle = np.where(high > WIDE * low, wide, (low + high) / 2)
         left, right = self.high.copy(), self.low.copy()
         left[axis, at] = right[axis, at] = middle
-        return Blocks(np.hstack((self.low, right)), np.hstack((left, self.high)))
+        return Blocks(np.hstack((self.low, right)), np.hstack((left, self.high)), np.tile(self.whole, 2))
 
 
-def over_band(pairs: Pairs, low: Floats, high: Floats) -> Blocks:
+def over_band(pairs: Pairs, low: Floats, high: Floats, whole: int = 0) -> Blocks:
     """Return the intervals of a band, each with the whole box of numbers from low to high."""
     rows = [np.repeat(end[:, None], len(pairs), axis=1) for end in (low, high)]
-    return Blocks(np.vstack((pairs.low, rows[0])), np.vstack((pairs.high, rows[1])))
+    return Blocks(np.vstack((pairs.low, rows[0])), np.vstack((pairs.high, rows[1])), np.full(len(pairs), whole))
+
+
+def together(parts: Sequence[Blocks]) -> Blocks:
+    """Return several sets of blocks as one."""
+    return Blocks(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Blocks.__slots__))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +86,7 @@ class Looked:
 
 Rows = Sequence[Number]
 """Frequency and uncertain numbers, enclosures or jets."""
+OfRows = Callable[[Rows], Number]
 Look = Callable[[Blocks], Looked]
 
 
@@ -122,21 +135,24 @@ def positive(margin: Margin, design: Values, at_zero: Margin | None = None) -> L
 
     Parameters
     ----------
-    margin : of a frequency and of values: those of the design, then the uncertain numbers
+    margin : of a frequency and of values: those of the design, the uncertain numbers, the whole samples of the delay
     design : the five numbers enclosed
     at_zero : another margin that proves as much and is regular at frequency 0; the same one if it is
     """
-    near = at_zero or margin
 
-    def of_rows(margin: Margin) -> Callable[[Rows], Number]:
-        return lambda rows: margin(rows[0], [*design, *rows[1:]])
+    def look(blocks: Blocks) -> Looked:
+        def of(margin: Margin) -> OfRows:
+            return lambda rows: margin(rows[0], [*design, *rows[1:], blocks.whole])
 
-    return partial(
-        _looked,
-        near_zero=lambda rows: _by_slopes(of_rows(near), rows),
-        widely=lambda rows: of_rows(margin)(rows).positive() | of_rows(near)(rows).positive(),
-        narrowly=lambda rows: _by_slopes(of_rows(margin), rows),
-    )
+        near, rows = of(at_zero or margin), blocks.rows()
+        if _from_zero(blocks):
+            seen = _by_slopes(near, rows)
+            return replace(seen, fails=np.zeros_like(seen.fails))
+        if _wide(blocks):
+            return _halved_in_frequency(blocks, of(margin)(rows).positive() | near(rows).positive())
+        return _by_slopes(of(margin), rows)
+
+    return partial(_kind_by_kind, look)
 
 
 def missing(curve: Curve, design: Values, floor: Margin) -> Look:
@@ -145,14 +161,15 @@ def missing(curve: Curve, design: Values, floor: Margin) -> Look:
     It misses 0 where its component along its own value at the middle of a block is positive.
     """
 
-    def at(rows: Rows) -> Pair:
-        return curve(rows[0], [*design, *rows[1:]])
+    def look(blocks: Blocks) -> Looked:
+        def at(rows: Rows) -> Pair:
+            return curve(rows[0], [*design, *rows[1:], blocks.whole])
 
-    def directly(rows: Rows) -> Flags:
-        values = [*design, *rows[1:]]
-        return missing_zero(curve)(rows[0], values) | floor(rows[0], values).positive()
-
-    def along(rows: Rows) -> Looked:
+        rows = blocks.rows()
+        missed = missing_zero(curve)(rows[0], [*design, *rows[1:], blocks.whole])
+        missed |= floor(rows[0], [*design, *rows[1:], blocks.whole]).positive()
+        if _wide(blocks) and not _from_zero(blocks):
+            return _halved_in_frequency(blocks, missed)
         middle = at([Enclosure(row.mid) for row in rows])
         size = np.hypot(middle.re.mid, middle.im.mid)
         re, im = middle.re.mid / size, middle.im.mid / size
@@ -162,32 +179,39 @@ def missing(curve: Curve, design: Values, floor: Margin) -> Look:
             return value.re * re + value.im * im
 
         seen = _by_slopes(component, rows)
-        return replace(seen, proved=seen.proved | directly(rows), fails=np.zeros_like(seen.fails))
+        return replace(seen, proved=seen.proved | missed, fails=np.zeros_like(seen.fails))
 
-    return partial(_looked, near_zero=along, widely=directly, narrowly=along)
+    return partial(_kind_by_kind, look)
 
 
-def _looked(
-    blocks: Blocks,
-    near_zero: Callable[[Rows], Looked],
-    widely: Callable[[Rows], Flags],
-    narrowly: Callable[[Rows], Looked],
-) -> Looked:
-    """Look at blocks from frequency 0, at those that are wide in frequency, to be halved there, and at the others."""
-    count, zero = len(blocks), blocks.low[0] == 0
+def _from_zero(blocks: Blocks) -> bool:
+    return bool(np.all(blocks.low[0] == 0))
+
+
+def _wide(blocks: Blocks) -> bool:
+    return bool(np.all(blocks.high[0] > WIDE * blocks.low[0]))
+
+
+def _kind_by_kind(look: Look, blocks: Blocks) -> Looked:
+    """Look at blocks from frequency 0, at those that are wide in frequency, and at the others."""
+    zero = blocks.low[0] == 0
     wide = (blocks.high[0] > WIDE * blocks.low[0]) & ~zero
-    proved, fails, axis = np.zeros(count, bool), np.zeros(count, bool), np.zeros(count, np.intp)
-    point = 0.5 * (blocks.low + blocks.high)
-    if wide.any():
-        proved[wide] = widely(blocks.taken(wide).rows())
-    for here, look in ((zero, near_zero), (~(zero | wide), narrowly)):
-        if here.any():
-            seen = look(blocks.taken(here).rows())
-            proved[here], fails[here], point[:, here], axis[here] = seen.proved, seen.fails, seen.point, seen.axis
-    return Looked(proved, fails & ~zero, point, axis)
+    count = len(blocks)
+    found = Looked(np.zeros(count, bool), np.zeros(count, bool), np.zeros_like(blocks.low), np.zeros(count, np.intp))
+    for kind in (zero, wide, ~(zero | wide)):
+        if kind.any():
+            seen = look(blocks.taken(kind))
+            for name in Looked.__slots__:
+                getattr(found, name)[..., kind] = getattr(seen, name)
+    return found
 
 
-def _by_slopes(margin: Callable[[Rows], Number], rows: Rows) -> Looked:
+def _halved_in_frequency(blocks: Blocks, proved: Flags) -> Looked:
+    point, count = 0.5 * (blocks.low + blocks.high), len(blocks)
+    return Looked(proved, np.zeros(count, bool), point, np.zeros(count, np.intp))
+
+
+def _by_slopes(margin: OfRows, rows: Rows) -> Looked:
     """Bound a margin from below by its value at one point of each block and by its slopes.
 
     A block is halved where that costs most; where the margin varies most if it is negative at that point; where the

@@ -87,20 +87,26 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
     demands : what is to be met
     integrator : whether the law has its K_p/s term
     uncertain : numbers of the device that each claim takes from among its values, where they follow the five of a
-        design; such a delay has as many whole samples as the device's own
+        design, and are followed by the whole samples of the delay
     """
     given = demands.device
     named = given.over(decimal)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
     whole, fraction = whole_samples(given.delay, given.sample_time)
 
-    def sampled(device: Device) -> SampledPlant:
-        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fraction > 0, OPS)
+    def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
+        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fractional, OPS)
 
-    known = sampled(named)
+    known = sampled(named, whole, fractional=fraction > 0)
+
+    def plant(v: Values) -> SampledPlant:
+        if not uncertain:
+            return known
+        late = "delay" in uncertain
+        return sampled(device(v), v[-1] if late else whole, fractional=late or fraction > 0)
 
     def device(v: Values) -> Device:
-        return replace(named, **dict(zip(uncertain, v[5:], strict=True))) if uncertain else named
+        return replace(named, **dict(zip(uncertain, v[5:-1], strict=True))) if uncertain else named
 
     def loop(omega: Number, v: Values) -> LoopResponse:
         hold = hold_response(device(v), omega, OPS)
@@ -111,7 +117,7 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         return Pair(-D.im, D.re) if integrator else D
 
     def returned(theta: Enclosure, v: Values, *, integrator: bool) -> ReturnDifference:
-        return return_difference(sampled(device(v)) if uncertain else known, theta, OPS, integrator=integrator)
+        return return_difference(plant(v), theta, OPS, integrator=integrator)
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
         return returned(theta, v, integrator=integrator).closed(Gains(*v[:2]), integrator=integrator)

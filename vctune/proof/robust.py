@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.model.quantities import Device
 from vctune.proof.batch import NEAR, STEP, stiffest
-from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks
+from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks, together
 from vctune.proof.cells import Cells, all_pairs
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
@@ -63,9 +63,9 @@ class Family:
         )
         return low, high
 
-    def claims(self, device: Device) -> Claims:
-        """Return the claims of the uncertain numbers; a delay has as many whole samples as this device's."""
-        demands = replace(self.demands, device=device)
+    def claims(self) -> Claims:
+        """Return the claims as functions of the uncertain numbers too."""
+        demands = replace(self.demands, device=self.box.nominal)
         return claims_of(demands, integrator=self.integrator, uncertain=self.box.moving)
 
     def device(self, numbers: Floats) -> Device:
@@ -84,7 +84,7 @@ def conditions_over(family: Family, alone: Alone) -> Outcome:
 
 
 def _conditions(family: Family, low: float, high: float, most: int) -> list[Found]:
-    claims = family.claims(family.box.nominal)
+    claims = family.claims()
     beyond = max(1 / family.box.nominal.sample_time, low)
     look = positive(claims.conditions, family.values, claims.low if low == 0 else None)
     parts = [_part(family, look, low, beyond if high == inf else high, most)]
@@ -109,7 +109,7 @@ def widest_band_over(family: Family) -> tuple[float, float]:
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
     """Prove |S| < max_sensitivity up to the Nyquist frequency for every device."""
-    claims = family.claims(family.box.nominal)
+    claims = family.claims()
     look = positive(claims.sensitivity, family.values)
     return _outcome(family, [_part(family, look, 0.0, pi / family.box.nominal.sample_time * (1 + NEAR))], alone)
 
@@ -119,7 +119,7 @@ def model_poles_over(family: Family, alone: Alone) -> Outcome:
     gains = family.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
     for loop in family.loops():
-        claims = loop.claims(loop.box.nominal)
+        claims = loop.claims()
         look = missing(claims.model_poles, loop.values, claims.model_floor)
         parts.append(_part(loop, look, 0.0, stiffest(loop.box.low, Cells(law, law)), MOST_OF_CURVES))
     return _outcome(family, parts, alone)
@@ -132,27 +132,24 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     """
     parts = []
     for loop in family.loops():
-        for device, low, high in _whole_samples(loop):
-            claims = loop.claims(device)
-            look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-            parts.append(prove_blocks(look, over_band(all_pairs(1, 0.0, HALF_TURN, STEP), low, high), MOST_OF_CURVES))
-            if parts[-1].verdict is not Verdict.PROVED:
-                return _outcome(family, parts, alone)
+        claims, pairs = loop.claims(), all_pairs(1, 0.0, HALF_TURN, STEP)
+        look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
+        divided = [over_band(pairs, low, high, whole) for whole, low, high in _whole_samples(loop)]
+        parts.append(prove_blocks(look, together(divided), MOST_OF_CURVES * len(divided)))
     return _outcome(family, parts, alone)
 
 
-def _whole_samples(family: Family) -> list[tuple[Device, Floats, Floats]]:
-    """Return the parts of the box whose delays have the same whole samples: a device of it, and its ends."""
-    (low, high), nominal, names = family.ends(), family.box.nominal, family.box.moving
+def _whole_samples(family: Family) -> list[tuple[int, Floats, Floats]]:
+    """Return the whole samples that delays of the box have, each with the ends of that part of the box."""
+    (low, high), T, names = family.ends(), family.box.nominal.sample_time, family.box.moving
     if "delay" not in names:
-        return [(nominal, low, high)]
-    row, T = names.index("delay"), nominal.sample_time
-    parts = []
+        return [(0, low, high)]
+    row, parts = names.index("delay"), []
     for whole in range(floor(low[row] / T), floor(high[row] / T) + 1):
         least, most = low.copy(), high.copy()
         least[row], most[row] = max(low[row], whole * T), min(high[row], (whole + 1) * T)
         if least[row] <= most[row]:
-            parts.append((replace(nominal, delay=(whole + 0.5) * T), least, most))
+            parts.append((whole, least, most))
     return parts
 
 
