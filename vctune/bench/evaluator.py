@@ -94,8 +94,10 @@ def violation(problem: Problem, gains: Gains, coupling: Coupling, extra: Sequenc
     R = required(*impedances(device, gains.velocity, gains.position, omega))
     with np.errstate(divide="ignore", invalid="ignore"):
         short = float(np.max(stability.safety_factor * R / coupling_impedance(coupling, omega).real))
-    bottom = min(1e-4 * nyquist, problem.transparency.band.min, low)
-    omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), noted[noted <= nyquist]))
+    ringing = min(np.sqrt(gains.position / device.mass), nyquist) or nyquist
+    bottom = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
+    nearby = ringing * np.geomspace(0.25, 1.0, POINTS), np.minimum(ringing * np.geomspace(1.0, 4.0, POINTS), nyquist)
+    omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), *nearby, noted[noted <= nyquist]))
     Z_d, C = impedances(device, gains.velocity, gains.position, omega)
     loud = float(np.max(np.abs(Z_d / (Z_d + C)))) / stability.max_sensitivity
     return float(np.log(max(short, loud, 1.0)))

@@ -77,6 +77,8 @@ def _document() -> dict[str, Any]:
     document = deepcopy(DOCUMENTS["friction-wheel"])
     document["device"] = {**document["device"], "delay": DELAY}
     document["coupling"] = {**document["coupling"], "drag": {"min": 0.0, "max": 10.0}}
+    document["operator"] = {"damping": 0.5}
+    document["uncertainty"] = {"mass": 0.1, "damping": 0.5, "delay": 0.2, "objective": "worst"}
     return document
 
 
@@ -96,6 +98,11 @@ def absent_in_nlp() -> dict[str, dict[str, Any]]:
         document = _document()
         document["transparency"] = {**document["transparency"], "weights": {term: 0.0}}
         found[f"{term} term"] = document
+    for table in ("operator", "uncertainty"):
+        found[table] = {key: value for key, value in _document().items() if key != table}
+    document = _document()
+    document["uncertainty"].pop("objective")
+    found["worst error"] = document
     return found
 
 
@@ -125,7 +132,10 @@ def shapes_without(whole: Shape) -> dict[str, Shape]:
         "free K_p": replace(whole, free=freed(1), integrator=False),
         "free b_0": replace(whole, free=freed(4)),
         "free m_c": replace(whole, free=freed(3)),
-        "delay": replace(whole, delayed=False),
+        "delay": replace(whole, delayed=False, counted=5),
+        "operator": replace(whole, held=False),
+        "uncertainty": replace(whole, uncertain=False, counted=1),
+        "worst error": replace(whole, counted=1),
     }
     for term in whole.terms:
         found[f"{term} term"] = replace(whole, terms=tuple(other for other in whole.terms if other != term))

@@ -14,6 +14,7 @@ from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import encirclements, loop_margins
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
+from vctune.design.repair import LONGEST
 from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
@@ -68,10 +69,12 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "versions": dict(versions(ipopt)),
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
+    if solved.seconds.get("repairs", 0.0) > LONGEST:
+        record["warnings"] = [f"repairs were looked for during {LONGEST:g} s; there may be more of them"]
     if judgement is not None:
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
-        record["warnings"] = warnings(problem, judgement)
+        record["warnings"] += warnings(problem, judgement)
         if problem.uncertainty is not None:
             record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     checked: dict[str, Any] = finite(record)

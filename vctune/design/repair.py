@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, sqrt
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,8 @@ SHARE = 0.9
 """The share of a repair that must not suffice."""
 ROUNDS = 10
 """How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does."""
+LONGEST = 30.0
+"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long."""
 FINER = 30.0
 SLACK = 1e-5
 
@@ -98,7 +101,7 @@ JUDGED = Trial(_seems_in_order, _judged, 2e-3)
 def repairs(
     document: dict[str, Any], problem: Problem, trial: Trial = JUDGED, progress: Progress = lambda stage: None
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, the smallest first.
+    """Return the least changes of one number that repair a problem, the smallest first, as many as `LONGEST` allows.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
     with it, and solved or, if it fixes every number, judged.
@@ -110,16 +113,16 @@ def repairs(
     trial : how changed problems are tried
     progress : told what is tried
     """
-    found = []
+    found, last = [], perf_counter() + LONGEST
     for lever in levers(document, problem):
         progress(f"looking for repairs: {lever.change}")
-        repair = _least(document, lever, trial)
+        repair = _least(document, lever, trial, lambda: perf_counter() > last)
         found += [repair] if repair is not None else []
     return sorted(found, key=lambda repair: repair.size)
 
 
-def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> Repair | None:
-    """Return the least change of a lever that repairs the problem while `SHARE` of it does not, if one is found."""
+def _least(document: dict[str, Any], lever: Lever, trial: Trial, late: Callable[[], bool]) -> Repair | None:
+    """Return the least change of a lever that repairs the problem while `SHARE` of it does not, if found in time."""
 
     def certified(new: float) -> Judgement | None:
         posed, _ = pose(lever.applied(document, new), "")
@@ -127,11 +130,11 @@ def _least(document: dict[str, Any], lever: Lever, trial: Trial) -> Repair | Non
 
     def promising(new: float) -> bool:
         posed, _ = pose(lever.applied(document, new), "")
-        return posed is not None and trial.quick(posed)
+        return posed is not None and not late() and trial.quick(posed)
 
     strain = _least_strain(lever, promising, 1 + trial.width)
     for _ in range(ROUNDS):
-        if strain is None:
+        if strain is None or late():
             break
         new = lever.rounded(strain, trial.width / 2)
         design, part = certified(new), lever.part(new, SHARE)
