@@ -27,7 +27,7 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.report.benchmarks import Panel, Series
 from vctune.study.executors import available_cores, crew_of
 
-QUICK, FULL = 40, 2000
+QUICK, FULL = 40, 3000
 PATIENCE = 20.0
 """Processor time, s, after which a device counts as failed."""
 FREQUENCIES = 40
