@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -273,3 +275,38 @@ def test_the_record_shows_both():
     assert record["certificate"]["without_operator"] == {"verdict": "refuted", "min_ratio": 0.0, "worst_hz": 0.0}
     bare = problem_file(FRICTION_WHEEL, Path("p.toml"))
     assert "without_operator" not in design_record(bare, solve(bare.problem))["certificate"]
+
+
+def held_texts(seed, rng):
+    """Random problems in random hands, many of them with a band from 0."""
+    for text in design_oracle.random_texts(seed):
+        device = parse_problem(text, "p", "p").device
+        Z = device.mass / device.lag + device.damping
+        mass, damping = device.mass * 10 ** rng.uniform(-2, 2), Z * 10 ** rng.uniform(-6, 0)
+        hand = f"[operator]\nmass = {mass!r}\ndamping = {damping!r}\n"
+        from_0 = re.sub(r"(\[stability\]\nband_hz = \[)[^,]*,", r"\g<1>0.0,", text)
+        yield (from_0 if rng.random() < 0.4 else text) + hand
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_random_problems_are_never_certified_in_vain(seed, capsys):
+    """Random operators, many bands from 0; designs and random others judged by plain complex numbers."""
+    rng, met = np.random.default_rng(seed), {}
+    for text, _ in zip(held_texts(seed, rng), range(40), strict=False):
+        problem = parse_problem(text, "p", "p")
+        solved = solve(problem)
+        met[solved.status.value] = met.get(solved.status.value, 0) + 1
+        designs, least = design_oracle.random_designs(problem, 4000, rng), 1e300
+        if solved.status == "certified":
+            found = solved.judgement
+            best = np.array([*vars_of(found.gains), *vars_of(found.coupling)])
+            assert design_oracle.meet_demands(problem, best[:, None], 20_000).all() and design_oracle.stable(
+                problem, best
+            )
+            designs = np.hstack((designs, design_oracle.random_designs(problem, 4000, rng, best)))
+            least = 0.99 * found.transparency.error
+        if solved.status != "undecided":
+            assert design_oracle.below(problem, least, designs).size == 0, text
+    with capsys.disabled():
+        sys.stdout.write(f"\n{met}\n")

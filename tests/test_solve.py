@@ -13,6 +13,7 @@ from conftest import PROBLEM_FILES, ROOT
 from oracles import Case, coupling, loop, sampled_radius
 
 from vctune.design import optimum as solving
+from vctune.design.ipopt import posed
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
 from vctune.design.nlp_record import left_out
@@ -294,7 +295,7 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     shape = shape_of(problem, free, frequencies, 4, integrator=start.gains.position > 0)
     values = point(start.gains, start.coupling)
     z = np.array([c.to_z(values[c.index]) for c in free])
-    solution = ipopt(problem, shape, free, values, (z - 1, z + 1), frequencies, 0.0)
+    solution = ipopt(shape, posed(problem, shape, free, values, (z - 1, z + 1), frequencies, 0.0))
     assert solution.converged
     from vctune.analysis.demands import error_terms, response, stability_ratio, transparency_error, weighted_square
     from vctune.model.loop import sensitivity_abs2

@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import cache
 from math import inf
 
+import design_oracle
 import mpmath as mp
 import numpy as np
 import pytest
@@ -412,3 +413,35 @@ def test_bands_to_the_ends_of_the_axis():
         far = replace(given, stability=replace(given.stability, band=ends))
         devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(5))))
         assert violations(far, numbers(found.judgement), devices, 800)["conditions"].max() <= 1e-6
+
+
+def boxed_texts(seed, rng):
+    """Random problems with random boxes of devices, some of them with an operator; and the boxes' half-widths."""
+    for text in design_oracle.random_texts(seed):
+        device = parse_problem(text, "p", "p").device
+        Z = device.mass / device.lag + device.damping
+        mass, damping = device.mass * 10 ** rng.uniform(-2, 1), Z * 10 ** rng.uniform(-5, -1)
+        hand = f"[operator]\nmass = {mass!r}\ndamping = {damping!r}\n" if rng.random() < 0.4 else ""
+        widths = np.where(rng.random(3) < 0.7, 10 ** rng.uniform(-3, -0.3, 3), 0.0).tolist()
+        box = "[uncertainty]\nmass = {!r}\ndamping = {!r}\ndelay = {!r}\n".format(*widths)
+        yield text + hand + box, widths
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_random_boxes_hold_no_device_that_fails(seed, capsys):
+    """Random problems with random boxes, some with operators; 60 devices of each judged by plain complex numbers."""
+    rng, met = np.random.default_rng(seed), {}
+    for (text, widths), _ in zip(boxed_texts(seed, rng), range(40), strict=False):
+        posed = parse_problem(text, "p", "p")
+        found, given = solve(posed), posed.device
+        met[found.status.value] = met.get(found.status.value, 0) + 1
+        for k in range(60 if found.status is Status.CERTIFIED else 0):
+            by = rng.uniform(-1, 1, 3)
+            mass, damping, delay = 1 + widths * np.where(rng.random(3) < 0.5, np.sign(by), by)
+            there = replace(given, mass=given.mass * mass, damping=given.damping * damping, delay=given.delay * delay)
+            alone, design = replace(posed, device=there, uncertainty=None), numbers(found.judgement)
+            assert design_oracle.meet_demands(alone, design[:, None], 1500).all(), text
+            assert k >= 3 or design_oracle.stable(alone, design), text
+    with capsys.disabled():
+        sys.stdout.write(f"\n{met}\n")

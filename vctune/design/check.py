@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
 from vctune.design.record import design_record, warnings
-from vctune.design.repair import Repair, repairs
+from vctune.design.repair import CUT_SHORT, LONGEST, Repair, repairs
 from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
@@ -172,7 +172,8 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     for (source, design, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
         mends = _repairs(file, *design) if judgement.status is Status.VIOLATED else None
-        found = warnings(file.problem, judgement)
+        found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
+        found += warnings(file.problem, judgement)
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
         finding = DesignFinding(file, judgement, mends, found, proving + perf_counter() - began)

@@ -16,7 +16,7 @@ from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.cases import cases_of, error_of, with_device
-from vctune.design.ipopt import NEAR_SIDE, solve
+from vctune.design.ipopt import NEAR_SIDE, posed, solve
 from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
@@ -65,8 +65,8 @@ def polish(
     """
     witnesses, cases = witnesses or WorkingSet(), list(cases_of(problem))
     refuted = dict.fromkeys(place.device for place in (*witnesses.ratio, *witnesses.sensitivity))
-    posed = {case.device for case in cases}
-    cases += [with_device(problem, device) for device in refuted if device not in posed]
+    known = {case.device for case in cases}
+    cases += [with_device(problem, device) for device in refuted if device not in known]
     reference = _pulled_in(problem, cases, start)
     if reference is None:
         return None
@@ -112,7 +112,7 @@ def _step(problem: Problem, search: _Search) -> None:
     free = coordinates(problem, integrator=integrator)
     shape = shape_of(problem, free, frequencies, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
-    solution = solve(problem, shape, free, search.warm, box, frequencies, search.tightening)
+    solution = solve(shape, posed(problem, shape, free, search.warm, box, frequencies, search.tightening))
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
     unstable = next((case for case in search.cases if not _stable(case, gains)), None)
@@ -130,12 +130,12 @@ def _step(problem: Problem, search: _Search) -> None:
         return
     if demands.positive:
         search.reference = values
-    posed = frequencies.copy()
+    asked = frequencies.copy()
     _follow(frequencies, demands.near_peak)
     search.warm = search.reference
     admissible = demands.positive and demands.greatest == 0
     if admissible:
-        found = Polished(search.start, values, inf, shape, posed, solution, search.rounds)
+        found = Polished(search.start, values, inf, shape, asked, solution, search.rounds)
         _keep(problem, search, found, settled=settled)
     progress = _join(frequencies, demands) or (admissible and solution.converged)
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2

@@ -67,20 +67,8 @@ def posed(
     return Posed(np.array(guess), parameters, np.array(low), np.array(high), least, most)
 
 
-def solve(
-    problem: Problem,
-    shape: Shape,
-    free: tuple[Coordinate, ...],
-    start: Point,
-    box: tuple[Floats, Floats],
-    frequencies: WorkingSet,
-    tightening: float,
-) -> Solution:
-    """Solve the NLP that `posed` describes.
-
-    Ctrl-C waits for IPOPT's answer.
-    """
-    given = posed(problem, shape, free, start, box, frequencies, tightening)
+def solve(shape: Shape, given: Posed) -> Solution:
+    """Solve the NLP of a shape with the given numbers. Ctrl-C waits for IPOPT's answer."""
     with interrupt_deferred():
         solver = compiled(shape)
         result = solver(
@@ -89,10 +77,11 @@ def solve(
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
         history = stats.get("iterations", {})
-    peaks = slice(len(free), len(free) + shape.moving)
+    gains = len(shape.free)
+    peaks = slice(gains, gains + shape.moving)
     room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
     return Solution(
-        z=z[: len(free)],
+        z=z[:gains],
         error=float(np.exp(error[0])),
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
         followed=bool(np.all(room > NEAR_SIDE)),

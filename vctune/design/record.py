@@ -14,7 +14,7 @@ from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import encirclements, loop_margins
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
-from vctune.design.repair import LONGEST
+from vctune.design.repair import CUT_SHORT, LONGEST
 from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
@@ -70,7 +70,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
     if solved.seconds.get("repairs", 0.0) > LONGEST:
-        record["warnings"] = [f"repairs were looked for during {LONGEST:g} s; there may be more of them"]
+        record["warnings"] = [CUT_SHORT]
     if judgement is not None:
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)

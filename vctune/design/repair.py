@@ -26,6 +26,7 @@ ROUNDS = 10
 """How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does."""
 LONGEST = 30.0
 """Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long."""
+CUT_SHORT = f"repairs were looked for during {LONGEST:g} s; there may be more of them"
 FINER = 30.0
 SLACK = 1e-5
 

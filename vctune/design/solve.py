@@ -55,13 +55,16 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     progress("scanning")
     scaled = dimensionless(problem)
     seen = scan(scaled)
-    nominal = nominal_start(problem) if problem.uncertainty is not None else None
     seconds = {"scan": perf_counter() - began}
     early = None if any(start.admissible for start in seen.starts) else _early(problem)
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(problem, scaled, seen, proved=True)
         return Solved(problem, None, None, 0, miss, seen, seconds, early)
+    waited = perf_counter()
+    nominal = nominal_start(problem) if problem.uncertainty is not None else None
+    if problem.uncertainty is not None:
+        seconds["nominal"] = perf_counter() - waited
     starts = [nominal, *seen.starts] if nominal is not None else seen.starts
     best = optimum(problem, replace(seen, starts=starts), progress)
     nominal_error = nominal.error * unit_of_error(problem) if nominal is not None else None

@@ -39,7 +39,7 @@ def no_damping(demands: Demands, cells: Cells, omega: Floats) -> Flags:
     Parameters
     ----------
     demands : what is to be met
-    cells : as for `certified`; all of the b_c's edges count, and the upper ones of m_c and b_0
+    cells : as for `prove`; all of the b_c's edges count, and the upper ones of m_c and b_0
     omega : rad/s, frequencies of the band, shape (any number, number of cells)
     """
     least, most = cells.low[2].copy(), cells.high[2].copy()

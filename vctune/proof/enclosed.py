@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from vctune.model.arithmetic import Number
@@ -89,24 +90,8 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
     uncertain : numbers of the device that each claim takes from among its values, where they follow the five of a
         design, and are followed by the whole samples of the delay
     """
-    given = demands.device
-    named = given.over(decimal)
+    device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
-    whole, fraction = whole_samples(given.delay, given.sample_time)
-
-    def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
-        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fractional, OPS)
-
-    known = sampled(named, whole, fractional=fraction > 0)
-
-    def plant(v: Values) -> SampledPlant:
-        if not uncertain:
-            return known
-        late = "delay" in uncertain
-        return sampled(device(v), v[-1] if late else whole, fractional=late or fraction > 0)
-
-    def device(v: Values) -> Device:
-        return replace(named, **dict(zip(uncertain, v[5:-1], strict=True))) if uncertain else named
 
     def loop(omega: Number, v: Values) -> LoopResponse:
         hold = hold_response(device(v), omega, OPS)
@@ -144,3 +129,24 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS)[0],
         sampled_floor,
     )
+
+
+def _devices(
+    given: Device, uncertain: tuple[str, ...]
+) -> tuple[Callable[[Values], Device], Callable[[Values], SampledPlant]]:
+    """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain."""
+    named = given.over(decimal)
+    whole, fraction = whole_samples(given.delay, given.sample_time)
+
+    def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
+        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fractional, OPS)
+
+    if not uncertain:
+        known = sampled(named, whole, fractional=fraction > 0)
+        return lambda v: named, lambda v: known
+    late = "delay" in uncertain
+
+    def device(v: Values) -> Device:
+        return replace(named, **dict(zip(uncertain, v[5:-1], strict=True)))
+
+    return device, lambda v: sampled(device(v), v[-1] if late else whole, fractional=late or fraction > 0)
