@@ -17,13 +17,13 @@ import numpy as np
 
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import closes_stable
+from vctune.analysis.stability import makes_no_turn
 from vctune.design.cases import counted_of
 from vctune.design.samples import Samples, samples_of
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
@@ -189,14 +189,14 @@ def _order(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse)
     device, integrator = samples.device, samples.integrator
     scale = device.damping + gains.velocity + gains.position * device.lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    below_nyquist = samples.below_nyquist.response(device, _spread(gains), integrator=integrator)
-    sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
+    closed = [circle.closed(_spread(gains), integrator=integrator) for circle in samples.circles]
+    sensitivity = np.sqrt((samples.circles[0].open.abs2() / closed[0].abs2()).max(axis=-1))
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    closed = [closes_stable(circle, _spread(gains), integrator=integrator) for circle in samples.circles]
     too_sensitive = np.log(np.maximum(sensitivity / problem.stability.max_sensitivity, 1.0))
     rank = np.where(too_sensitive > 0, SENSITIVE + too_sensitive, 0.0)
     rank = np.where(deficit > 0, NEGATIVE + deficit, rank)
-    return Order(deficit, sensitivity, np.where(np.all(closed, axis=0), rank, UNSTABLE + strength))
+    stable = np.all([makes_no_turn(F) for F in closed], axis=0)
+    return Order(deficit, sensitivity, np.where(stable, rank, UNSTABLE + strength))
 
 
 def _spread(gains: Gains) -> Gains:
@@ -228,7 +228,7 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: len(counted_of(problem))]
     loops = [there.nodes.response(there.device, _spread(gains), integrator=there.integrator) for there in counted]
-    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop) for loop in loops]
+    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
     weight = weights.coupling**2
