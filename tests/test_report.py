@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from vctune.analysis.margins import encirclements
+from vctune.analysis.margins import unstable_poles
 from vctune.design.record import design_record
 from vctune.design.solve import solve
 from vctune.document.design import read_design
@@ -115,7 +115,7 @@ def test_curves_agree_with_the_certificate():
     inside = (curves.hz >= 0.5) & (curves.hz <= 100)
     assert np.nanmin(curves.ratio[inside]) >= judgement.min_ratio * (1 - 1e-9)
     assert curves.ratio[inside] == pytest.approx((curves.coupling / curves.required)[inside])
-    assert encirclements(problem.device, gains) == 0
+    assert unstable_poles(problem.device, gains) == 0
     assert np.abs(1 + nyquist(problem, gains).L).min() >= 0.5 * (1 - 1e-9)
     terms = transparency(problem, gains, coupling)
     assert terms.error**2 == pytest.approx(terms.admittance**2 + terms.tracking**2 + terms.coupling**2)
