@@ -1,7 +1,7 @@
 """The devices inside an uncertain box on which a design's ratio Re Z_c / R is least: an estimate, no proof.
 
-At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of one
-turn stand for all longer ones.
+At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
+one turn stand for all longer ones.
 """
 
 from __future__ import annotations
@@ -62,13 +62,13 @@ def _place(box: DeviceBox, at: Floats) -> Place:
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
-    """Return how far an uncertain number has to be followed at each frequency: its range, of a delay at most one turn."""
+    """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
     reach = getattr(box.high, name) - getattr(box.low, name)
     return np.minimum(reach, 2 * pi / omega) if name == "delay" else np.full_like(omega, reach)
 
 
 def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
-    """Return the lowest local minima over frequency of the least value over a grid of devices; shape (1 + numbers, n)."""
+    """Return the lowest local minima over frequency of the least over a grid of devices, shape (1 + numbers, n)."""
     axes = [
         np.clip(
             getattr(box.low, name) + np.linspace(0.0, 1.0, SHARES[name])[:, None] * _reach(box, name, omega),

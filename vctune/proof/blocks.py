@@ -23,6 +23,8 @@ from vctune.proof.jets import variables
 
 GENERATIONS = 80
 """How often a block is halved at most."""
+FROM_ZERO = 0.1
+"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,5 +233,7 @@ def _by_slopes(margin: OfRows, rows: Rows) -> Looked:
     spread = Enclosure(least.mid, (least.rad + loose.sum(axis=0)) * SWELL)
     proved, fails = spread.positive() | whole.value.positive(), least.negative()
     known = np.isfinite(reach).all(axis=0)
-    axis = np.argmax(np.where(known, np.where(fails, reach, loose), rad / middle), axis=0)
+    width = rad / middle
+    width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
+    axis = np.argmax(np.where(known, np.where(fails, reach, loose), width), axis=0)
     return Looked(proved, fails, point, axis)

@@ -108,7 +108,8 @@ def _cos(x: Enclosure) -> Enclosure:
 def _sinc(x: Enclosure) -> Enclosure:
     """Return sin(x)/x.
 
-    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most 1/|x| + 2/x^2 + 2/|x|^3.
+    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most
+    1/|x| + 2/x^2 + 2/|x|^3.
     """
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, TINY)
     value = FLOATS.sinc(x.mid)
