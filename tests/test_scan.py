@@ -1,4 +1,4 @@
-"""The scan: local minima, the edge of the loops in order, basins; and the grids that extrema are looked for on."""
+"""The scan: local minima, the limits of the gains, basins; and the grids that extrema are looked for on."""
 
 from __future__ import annotations
 
@@ -8,75 +8,78 @@ from math import pi
 
 import numpy as np
 import pytest
+from oracles import sampled_sensitivity
 
 from vctune.analysis.demands import demand_grid, ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench.devices import device
 from vctune.bench.evaluator import impedances, spectral_radius
 from vctune.bench.problems import reference_problems
-from vctune.design.edge import edge_of
-from vctune.design.grid import axes, position_gain, scored
+from vctune.design.gain_limit import gain_limits
+from vctune.design.grid import axes, evaluated, position_gain
+from vctune.design.refine import between_neighbours, minima_of, refined
+from vctune.design.refine import local_minima as grid_minima
 from vctune.design.samples import samples_of
-from vctune.design.scan import drained, elsewhere, scan
+from vctune.design.scan import better_start_near, in_same_basin, scan
 from vctune.design.solve import solve
 from vctune.design.units import dimensionless
 from vctune.design.variables import design_of
-from vctune.design.zoom import around, minima_of, zoomed
 from vctune.document.problem import Range
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.transparency import log_quadrature
+from vctune.model.transparency import Terms, log_quadrature
 
 PROBLEMS = reference_problems()
 
 
 @pytest.mark.parametrize("shape", [(5, 6, 1, 1), (7, 5, 4, 3), (1, 9, 4, 1), (0, 1, 3, 2), (3, 1, 30, 13)])
 def test_local_minima_are_not_above_any_neighbour(shape):
-    problem, rng = dimensionless(PROBLEMS["friction-wheel"]), np.random.default_rng(7)
+    rng = np.random.default_rng(7)
     for values in (3, 10_000):
         score = rng.integers(0, values, shape).astype(float)
         padded = np.pad(score, 1, constant_values=np.inf)
         expected = {
             at for at in product(*map(range, shape)) if score[at] <= padded[tuple(slice(i, i + 3) for i in at)].min()
         }
-        found = minima_of(problem, score)
+        found = grid_minima(score)
         assert set(found) == expected
         assert [score[at] for at in found] == sorted(score[at] for at in found)
 
 
 @pytest.mark.parametrize("name", ["friction-wheel", "two-basins", "friction-wheel-paper", "at-bound"])
-def test_on_the_edge_loops_are_in_order_and_soon_beyond_it_not(name):
+def test_at_the_gain_limit_loops_are_feasible_and_soon_beyond_it_not(name):
     """By plain complex numbers and eigenvalues, where |S| or stability ends it."""
     problem = dimensionless(PROBLEMS[name])
     samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
-    edge = edge_of(problem, samples, grid, scored(problem, samples, grid).order)
-    assert edge.column.size > 0
+    limits = gain_limits(problem, samples, grid, evaluated(problem, samples, grid)[1])
+    assert limits.corner.size > 0
+    device = problem.device
     below, band = np.geomspace(1e-4, 1, 4000) * problem.nyquist, problem.stability.band
     within = np.geomspace(band.min, band.max, 1000)
 
-    def in_order(K_v, corner):
+    def feasible(K_v, corner):
         gains = Gains(float(K_v), float(position_gain(problem, np.array(K_v), np.array(corner))))
-        Z_d, C = impedances(problem.device, gains.velocity, gains.position, below)
-        if np.abs(Z_d / (Z_d + C)).max() > problem.stability.max_sensitivity:
+        S = sampled_sensitivity(device.mass, device.damping, 1.0, device.delay, gains.velocity, gains.position, below)
+        if S.max() > problem.stability.max_sensitivity:
             return False
         D = sum(impedances(problem.device, gains.velocity, gains.position, within))
         return D.real.min() > 0 and spectral_radius(problem.device, gains) < 1
 
-    inside = [in_order(0.97 * v, grid.corner[j]) for v, j in zip(edge.velocity, edge.column, strict=True)]
-    beyond = [in_order(1.03 * v, grid.corner[j]) for v, j in zip(edge.velocity, edge.column, strict=True)]
+    inside = [feasible(0.97 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
+    beyond = [feasible(1.03 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
     assert all(inside)
     assert not any(beyond)
 
 
-def test_zoom_only_improves():
+def test_refining_only_improves():
     problem = dimensionless(PROBLEMS["two-basins"])
     samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
-    score = scored(problem, samples, grid).score
-    minima = minima_of(problem, score)[:8]
-    for at, start in zip(minima, zoomed(problem, samples, around(grid, minima)), strict=True):
-        assert start.error <= score[at]
+    scores, _ = evaluated(problem, samples, grid)
+    minima = minima_of(problem, scores)[:8]
+    for at, start in zip(minima, refined(problem, samples, between_neighbours(grid, minima)), strict=True):
+        assert start.rank <= scores.rank(at)
 
 
-def test_starts_on_the_way_down_to_an_optimum_are_drained_and_those_beyond_a_rise_are_not():
+def test_starts_on_the_way_down_to_an_optimum_are_dropped_and_those_beyond_a_rise_are_not():
     """Of the two basins of this device the one at lower K_p lies behind a rise."""
     problem = PROBLEMS["two-basins"]
     scaled = dimensionless(problem)
@@ -84,18 +87,18 @@ def test_starts_on_the_way_down_to_an_optimum_are_drained_and_those_beyond_a_ris
     best = solve(problem).polished
     gains, coupling = design_of(best.values)
     near = replace(seen.starts[0], gains=Gains(gains.velocity * 0.9, gains.position * 0.9))
-    assert drained(scaled, [near], gains) == [near]
+    assert in_same_basin(scaled, [near], gains) == [near]
     low = [start for start in seen.starts if 0 < start.gains.position < gains.position / 10]
     assert low
-    assert drained(scaled, low, gains) == []
-    assert elsewhere(scaled, gains, coupling) is None
+    assert in_same_basin(scaled, low, gains) == []
+    assert better_start_near(scaled, gains, coupling) is None
 
 
 def test_a_better_coupling_than_a_polished_one_is_seen():
     scaled = dimensionless(PROBLEMS["friction-wheel"])
     gains, coupling = design_of(solve(PROBLEMS["friction-wheel"]).polished.values)
     heavy = Coupling(coupling.damping * 30, coupling.mass * 30, coupling.drag)
-    start = elsewhere(scaled, gains, Coupling(heavy.damping, heavy.mass * 1e-3, heavy.drag))
+    start = better_start_near(scaled, gains, Coupling(heavy.damping, heavy.mass * 1e-3, heavy.drag))
     assert start is not None
     assert start.coupling.damping == pytest.approx(coupling.damping, rel=0.3)
 
@@ -147,8 +150,8 @@ def test_slow_resonances_are_seen():
     peaks = sensitivity_maxima(slow, gains)
     assert peaks.omega[0] == pytest.approx(ring, rel=0.02)
     omega = np.geomspace(ring / 2, ring * 2, 200_001)
-    Z_d, C = impedances(slow.device, gains.velocity, gains.position, omega)
-    assert -peaks.value[0] == pytest.approx(np.abs(Z_d / (Z_d + C)).max(), rel=1e-6)
+    S = sampled_sensitivity(slow.device.mass, 0.0, slow.device.sample_time, 0.0, gains.velocity, gains.position, omega)
+    assert -peaks.value[0] == pytest.approx(S.max(), rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -171,15 +174,48 @@ def test_devices_that_a_search_gave_up_on(number, status):
         assert ratio_minima(problem, solved.judgement.gains, solved.judgement.coupling).value[0] >= factor * (1 - 1e-9)
 
 
-def test_a_design_below_an_edge_that_no_coupling_can_have():
-    """The greatest K_v in order needs more than any coupling gives, a lower one does not."""
+def test_a_design_below_a_gain_limit_that_no_coupling_can_have():
+    """The greatest feasible K_v needs more than any coupling gives, a lower one does not."""
     _, problem = device(0, 148)
     assert solve(problem).judgement.transparency.error == pytest.approx(140.0219, rel=1e-4)
 
 
-def test_a_fixed_velocity_gain_has_no_edge():
+def test_a_fixed_velocity_gain_has_no_limit():
     problem = PROBLEMS["friction-wheel"]
     fixed = dimensionless(replace(problem, bounds=replace(problem.bounds, velocity=Range(100.0, 100.0))))
     samples, grid = samples_of(fixed, integrator=True), axes(fixed, integral=True)
-    assert edge_of(fixed, samples, grid, scored(fixed, samples, grid).order).column.size == 0
+    assert gain_limits(fixed, samples, grid, evaluated(fixed, samples, grid)[1]).corner.size == 0
     assert scan(fixed).starts[0].gains.velocity == pytest.approx(fixed.bounds.velocity.min, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["friction-wheel", "two-basins", "lag-damped"])
+@pytest.mark.parametrize("factor", [1e-20, 1e20])
+def test_starts_and_designs_scale_with_impedances(name, factor):
+    """Of a problem in which every impedance is greater by one factor."""
+    problem = PROBLEMS[name]
+    scaled = problem.in_units(1 / factor, 1.0)
+    assert scaled.transparency.reference_impedance == pytest.approx(
+        factor * problem.transparency.reference_impedance, rel=1e-12
+    )
+    starts, expected = scan(dimensionless(scaled)).starts, scan(dimensionless(problem)).starts
+    assert [start.error for start in starts] == pytest.approx([start.error for start in expected], rel=1e-9)
+    here, there = solve(problem).judgement, solve(scaled).judgement
+    assert there.gains.velocity == pytest.approx(factor * here.gains.velocity, rel=1e-6)
+    assert there.coupling.mass == pytest.approx(factor * here.coupling.mass, rel=1e-5)
+    assert there.error == pytest.approx(here.error, rel=1e-8)
+
+
+@pytest.mark.parametrize("exponent", [-20, -8, 8, 20])
+def test_an_extreme_reference_impedance_leaves_the_best_start_admissible(exponent):
+    """Only one term of the error is left, whose size no longer says anything about the demands.
+
+    The best design is then that for the term alone.
+    """
+    problem = PROBLEMS["friction-wheel"]
+    transparency = replace(problem.transparency, reference_impedance=10.0**exponent)
+    extreme = replace(problem, transparency=transparency)
+    assert all(start.admissible for start in scan(dimensionless(extreme)).starts)
+    weights = Terms(0.0, 0.0, 1.0) if exponent < 0 else Terms(1.0, 0.0, 0.0)
+    alone = replace(problem, transparency=replace(problem.transparency, weights=weights))
+    unit = (10.0**exponent / problem.transparency.reference_impedance) ** (-1 if exponent < 0 else 1)
+    assert solve(extreme).judgement.error == pytest.approx(solve(alone).judgement.error * unit, rel=1e-3)

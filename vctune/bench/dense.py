@@ -20,9 +20,9 @@ from vctune.design.nlp import OPTIONS, assembled
 from vctune.design.result import Polished
 from vctune.design.rounding import rounded
 from vctune.design.shape import Shape, WorkingSet, places, shape_of
+from vctune.design.start import Start
 from vctune.design.units import physical
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Coupling, Gains

@@ -41,9 +41,9 @@ PARTS: Parts = {
     ),
     SCAN: (
         "vctune.design.scan:scan",
-        "vctune.design.scan:rescan",
-        "vctune.design.scan:elsewhere",
-        "vctune.design.scan:drained",
+        "vctune.design.scan:start_at",
+        "vctune.design.scan:better_start_near",
+        "vctune.design.scan:in_same_basin",
     ),
     "checks between NLPs": ("vctune.design.exchange:polish",),
     "compiling": ("vctune.design.nlp:compiled", "vctune.simulation.step:build"),

@@ -13,9 +13,9 @@ from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.judge import Status
 from vctune.design.rounding import rounded
 from vctune.design.scan import ScanResult, scan
+from vctune.design.start import Start
 from vctune.design.units import dimensionless, physical
 from vctune.design.variables import design_of
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.report.benchmarks import Panel, Series
 

@@ -19,8 +19,8 @@ from vctune.design.judge import Status
 from vctune.design.optimum import WORTH_POLISHING
 from vctune.design.scan import ScanResult, scan
 from vctune.design.solve import solve
+from vctune.design.start import Start
 from vctune.design.units import dimensionless
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.benchmarks import Panel, Series

@@ -20,13 +20,14 @@ from vctune.design.ipopt import NEAR_SIDE, posed, solve
 from vctune.design.result import Polished, Round, Solution
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
+from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.violations import Violations, least_resistance, near_peak, violations
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 from vctune.model.quantities import Device, Gains
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+from vctune.proof.poles import prove_model_poles
+from vctune.proof.sampled_loop import prove_sampled_poles
 
 TIGHTENING = 1e-6
 ROUNDS = 40

@@ -1,38 +1,39 @@
-"""The error and the demands over a grid of designs, the coupling in closed form (DESIGN 1.9).
+"""The demands and the error over a grid of designs, the coupling in closed form.
 
 For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
 
     b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
 
-and the error grows with b_c: designs are points (K_v, corner, tau_c, b_0), with corner = K_p/(b + K_v). Everything here
-is dimensionless (Z_0 = T = 1), on a fixed set of frequencies, and an estimate.
+and the error grows with b_c: designs are points (K_v, corner, tau_c, b_0), with corner = K_p/(b + K_v), the frequency
+below which the integral action outweighs the rest. Everything here is dimensionless (Z_0 = T = 1), on a fixed set of
+frequencies, and an estimate.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import inf, prod
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import closes_stable
 from vctune.design.cases import counted_of
+from vctune.design.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
 from vctune.design.samples import Samples, samples_of
+from vctune.design.start import Missed
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 PER_DECADE = 3.5
-"""Least number of corners of the integral action in a decade."""
-INADMISSIBLE = 1e6
-SENSITIVE, NEGATIVE, UNSTABLE = 1e3, 2e3, 3e3
-"""Ranks of violations: |S| too great, Re G_hh < 0, sampled loop unstable."""
-TIE = 1e-10
+"""Least number of corners, and of time constants, in a decade."""
 LOOPS_AT_ONCE = 160
 """Loops whose arrays are small enough to stay in the processor's cache."""
 
@@ -52,35 +53,52 @@ class Axes:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """What loops are worth by themselves.
+class Scores:
+    """What designs are worth, in lexicographic order: what they miss, by how much, their error, their coupling.
+
+    Arrays of one shape; on a grid its axes are K_v, corner, tau_c, b_0.
 
     Attributes
     ----------
-    deficit : how negative Re(D + Z_h) gets on the stability band, relative; 0 for sound loops
-    sensitivity : greatest |S| up to Nyquist
-    rank : 0 for loops in order, else the rank of what is wrong plus how much; the weaker an unstable loop, the less
+    missed : gravest demand that is missed
+    violation : by how much, 0 where nothing is
+    error : transparency error where nothing is missed, else inf
+    damping : least b_c within the bounds, which decides between equals where the coupling costs nothing
     """
 
-    deficit: Floats
-    sensitivity: Floats
-    rank: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """A scored grid over (K_v, corner, tau_c, b_0).
-
-    Attributes
-    ----------
-    score : transparency error, or `INADMISSIBLE` times 1 plus the rank and the size of the violation
-    damping : least b_c within the bounds
-    order : of the loops behind it
-    """
-
-    score: Floats
+    missed: Kinds
+    violation: Floats
+    error: Floats
     damping: Floats
-    order: Order
+
+    def __getitem__(self, index: Any) -> Scores:
+        """Return the scores of a part of the designs."""
+        return Scores(self.missed[index], self.violation[index], self.error[index], self.damping[index])
+
+    def rank(self, at: tuple[int, ...]) -> tuple[int, float, float]:
+        """Return what one design is compared by, except for its coupling."""
+        return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
+
+    def lowest(self) -> tuple[NDArray[np.intp], ...]:
+        """Return where the best design of each entry of the first axis stands, an array of indices for each axis."""
+        shape = len(self.error), prod(self.error.shape[1:])
+        missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
+        among = missed == missed.min(axis=1, keepdims=True)
+        for values in others:
+            left = np.where(among, values, inf)
+            among &= left == left.min(axis=1, keepdims=True)
+        return np.arange(len(missed)), *np.unravel_index(among.argmax(axis=1), self.error.shape[1:])
+
+    def ranks(self) -> Floats:
+        """Return one number for each design: its error, or where nothing is admissible its place in the order."""
+        if np.isfinite(self.error).any():
+            return self.error
+        missed, violation = self.missed.ravel(), self.violation.ravel()
+        order = np.lexsort((violation, missed))
+        rises = (np.diff(missed[order]) > 0) | (np.diff(violation[order]) > 0)
+        places = np.empty(order.size)
+        places[order] = np.concatenate(([0], np.cumsum(rises)))[: order.size]
+        return places.reshape(self.error.shape)
 
 
 @lru_cache(maxsize=4)
@@ -94,15 +112,20 @@ def axes(problem: Problem, *, integral: bool) -> Axes:
         corner = np.array([1 / device.lag])
     elif integral:
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.lag
-        count = max(COUNTS["position"], int(PER_DECADE * np.log10(fastest / slowest)))
-        corner = np.geomspace(slowest, fastest, count)
+        corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
     shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
     longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
-    tau_c = np.geomspace(shortest, longest, COUNTS["time_constant"]) if longest > shortest else np.array([shortest])
+    tau_c = np.array([shortest])
+    if longest > shortest:
+        tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if bounds.mass.fixed and bounds.damping.fixed:
         tau_c = np.array([bounds.mass.min / bounds.damping.min])
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
+
+
+def _count(name: str, low: float, high: float) -> int:
+    return max(COUNTS[name], int(PER_DECADE * np.log10(high / low)))
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
@@ -121,32 +144,28 @@ def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
     return np.where(corner > 0, K_p, 0.0)
 
 
-def scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
-    """Score every design of a grid, or of several grids along leading axes."""
-    rows = max(1, LOOPS_AT_ONCE // at.corner.size)
+def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
+    """Score every design of a grid, or of several grids along leading axes, and the loops behind them."""
+    rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
     if at.velocity.ndim > 1 or at.velocity.size <= rows:
-        return _scored(problem, samples, at)
+        return _evaluated(problem, samples, at)
     starts = range(0, at.velocity.size, rows)
-    parts = [_scored(problem, samples, replace(at, velocity=at.velocity[i : i + rows])) for i in starts]
-    return Grid(
-        np.concatenate([part.score for part in parts]),
-        np.concatenate([part.damping for part in parts]),
-        Order(*(np.concatenate([getattr(part.order, name) for part in parts]) for name in Order.__slots__)),
-    )
+    parts = [_evaluated(problem, samples, replace(at, velocity=at.velocity[i : i + rows])) for i in starts]
+    scores, loops = zip(*parts, strict=True)
+    return Scores(*_joined(scores)), LoopFeasibility(*_joined(loops))
 
 
-def _scored(problem: Problem, samples: Samples, at: Axes) -> Grid:
+def _joined(parts: tuple[Any, ...]) -> list[Any]:
+    """Return the arrays of parts of a grid, each as one along the first axis."""
+    return [np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__slots__]
+
+
+def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
     K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
     gains = Gains(K_v, position_gain(problem, K_v, corner))
     bands = responses(samples, gains)
-    order = order_of(problem, samples, gains, bands)
-    damping, excess = _least_damping(problem, samples, bands, at)
-    rank = order.rank[..., None, None]
-    violation = np.where(rank > 0, rank, excess)
-    error = _error(problem, samples, gains, damping, at)
-    if problem.transparency.weights.coupling == 0:  # prefer the least coupling among equals
-        error = error * (1 + TIE * np.log(damping / problem.bounds.damping.min))
-    return Grid(np.where(violation > 0, INADMISSIBLE * (1 + violation), error), damping, order)
+    loops = loop_feasibility(problem, samples, gains, bands)
+    return _scores(problem, samples, gains, bands, loops, at), loops
 
 
 def least_errors(problem: Problem, gains: Gains) -> Floats:
@@ -159,49 +178,27 @@ def least_errors(problem: Problem, gains: Gains) -> Floats:
     """
     samples = samples_of(problem, integrator=bool(np.any(gains.position)))
     at, bands = axes(problem, integral=samples.integrator), responses(samples, gains)
+    loops = loop_feasibility(problem, samples, gains, bands)
+    least: Floats = _scores(problem, samples, gains, bands, loops, at).error.min(axis=(2, 3))
+    return least
+
+
+def _scores(
+    problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], loops: LoopFeasibility, at: Axes
+) -> Scores:
     damping, excess = _least_damping(problem, samples, bands, at)
-    admissible = (order_of(problem, samples, gains, bands).rank == 0)[..., None, None] & (excess == 0)
-    return np.where(admissible, _error(problem, samples, gains, damping, at), np.inf).min(axis=(2, 3))
+    loop_missed = loops.missed[..., None, None]
+    missed = np.where((loop_missed == Missed.NOTHING) & (excess > 0), np.int8(Missed.COUPLING), loop_missed)
+    violation = np.where(loop_missed > Missed.NOTHING, loops.violation[..., None, None], excess)
+    error = np.where(missed == Missed.NOTHING, _error(problem, samples, gains, damping, at), inf)
+    return Scores(missed, violation, error, damping)
 
 
 def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
     """Return the response of loops at the samples of the stability band, on each device."""
     return [
-        there.band.response(there.device, _spread(gains), integrator=there.integrator) for there in samples.everywhere
+        there.band.response(there.device, spread(gains), integrator=there.integrator) for there in samples.everywhere
     ]
-
-
-def order_of(problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse]) -> Order:
-    """Return what loops are worth on the devices on which that is least.
-
-    Parameters
-    ----------
-    problem : dimensionless
-    samples : where to look
-    gains : arrays that fit each other
-    bands : their `responses`
-    """
-    orders = [_order(problem, there, gains, band) for there, band in zip(samples.everywhere, bands, strict=True)]
-    return Order(*(np.maximum.reduce([getattr(order, name) for order in orders]) for name in Order.__slots__))
-
-
-def _order(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> Order:
-    device, integrator = samples.device, samples.integrator
-    scale = device.damping + gains.velocity + gains.position * device.lag
-    deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    below_nyquist = samples.below_nyquist.response(device, _spread(gains), integrator=integrator)
-    sensitivity = np.sqrt(sensitivity_abs2(below_nyquist).max(axis=-1))
-    strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    closed = [closes_stable(circle, _spread(gains), integrator=integrator) for circle in samples.circles]
-    too_sensitive = np.log(np.maximum(sensitivity / problem.stability.max_sensitivity, 1.0))
-    rank = np.where(too_sensitive > 0, SENSITIVE + too_sensitive, 0.0)
-    rank = np.where(deficit > 0, NEGATIVE + deficit, rank)
-    return Order(deficit, sensitivity, np.where(np.all(closed, axis=0), rank, UNSTABLE + strength))
-
-
-def _spread(gains: Gains) -> Gains:
-    """Return gains that can be met with frequencies along a last axis."""
-    return Gains(gains.velocity[..., None], gains.position[..., None])
 
 
 def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
@@ -227,8 +224,8 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: len(counted_of(problem))]
-    loops = [there.nodes.response(there.device, _spread(gains), integrator=there.integrator) for there in counted]
-    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop) for loop in loops]
+    loops = [there.nodes.response(there.device, spread(gains), integrator=there.integrator) for there in counted]
+    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
     weight = weights.coupling**2

@@ -14,12 +14,12 @@ from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.judge import Judgement, Status, judge
 from vctune.design.result import Polished
 from vctune.design.rounding import DIGITS, rounded
-from vctune.design.scan import ScanResult, drained, elsewhere, rescan, scan
+from vctune.design.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
 from vctune.design.shape import Place, WorkingSet
+from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.units import dimensionless, own, physical, unit_of_error
 from vctune.design.variables import design_of, point
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
@@ -101,7 +101,7 @@ def attainable(problem: Problem) -> bool:
     scaled = dimensionless(problem)
     seen = scan(scaled)
     for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
-        hopeful = start.workable and start.shortfall < NEARLY
+        hopeful = start.workable and start.violation < NEARLY
         optimum = polish(scaled, start, seen) if hopeful else None
         judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
         if judgement is not None and _meets_demands(problem, judgement):
@@ -114,7 +114,7 @@ def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | No
     """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
     scaled = dimensionless(problem)
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    start = rescan(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
+    start = start_at(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
     target = incumbent / unit_of_error(problem)
     if start is None or start.error >= target:
         return None
@@ -140,10 +140,10 @@ def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float 
         if polished is not None:
             optima.append(polished)
             left = [each for each in seen.starts[number:] if each.error <= worth * polished.error]
-            done += drained(scaled, left, design_of(polished.values)[0])
+            done += in_same_basin(scaled, left, design_of(polished.values)[0])
     optima.sort(key=lambda optimum: optimum.error)
     if optima:
-        nearby = elsewhere(scaled, *design_of(optima[0].values))
+        nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress("polishing once more")
             better = polish(scaled, nearby, seen, incumbent=optima[0].error)

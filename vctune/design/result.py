@@ -10,8 +10,8 @@ from vctune.design.infeasible import Infeasibility
 from vctune.design.judge import Judgement, Status
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Shape, WorkingSet
+from vctune.design.start import Start
 from vctune.design.variables import Point
-from vctune.design.zoom import Start
 from vctune.document.problem import Problem
 
 if TYPE_CHECKING:

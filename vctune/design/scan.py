@@ -7,12 +7,12 @@ from math import inf, isclose
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats
-from vctune.design.edge import Edge, edge_of
-from vctune.design.grid import INADMISSIBLE, NEGATIVE, Axes, axes, least_errors, position_gain, scored
+from vctune.design.gain_limit import GainLimits, gain_limits
+from vctune.design.grid import Axes, Scores, axes, evaluated, least_errors, position_gain
+from vctune.design.refine import Index, between_neighbours, lowest, minima_of, refined
 from vctune.design.samples import Samples, samples_of
+from vctune.design.start import Missed, Start
 from vctune.design.variables import point
-from vctune.design.zoom import Start, around, lowest, minima_of, zoomed
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
@@ -52,34 +52,43 @@ def scan(problem: Problem) -> ScanResult:
     peak = 0.0
     for integral in faces:
         coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
-        grid = scored(problem, samples, coarse)
-        sound = grid.order.rank < NEGATIVE
-        peak = max(peak, float(grid.order.sensitivity[sound].max(initial=0.0)))
-        edge = edge_of(problem, samples, coarse, grid.order)
-        least = min(float(grid.score.min()), float(edge.score.min(initial=inf)), *(start.error for start in found))
+        scores, loops = evaluated(problem, samples, coarse)
+        workable = loops.missed < Missed.RESISTANCE
+        peak = max(peak, float(loops.peak_sensitivity[workable].max(initial=0.0)))
+        limits = gain_limits(problem, samples, coarse, loops)
+        errors = float(scores.error.min()), float(limits.scores.error.min(initial=inf)), *(s.error for s in found)
         left_out = 0 if integral and False in faces else None
-        found += zoomed(problem, samples, _promising(problem, coarse, grid.score, edge, PROMISING * least, left_out))
-    found.sort(key=lambda start: start.error)
+        found += refined(
+            problem, samples, _promising(problem, coarse, scores, limits, PROMISING * min(errors), left_out)
+        )
+    found.sort(key=lambda start: start.rank)
     return ScanResult(_distinct(found)[:STARTS], peak)
 
 
-def _promising(problem: Problem, coarse: Axes, score: Floats, edge: Edge, most: float, left_out: int | None) -> Axes:
-    """Return the best local minima of the grid and of the edge of its loops, between their neighbours.
+def _promising(
+    problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
+) -> Axes:
+    """Return the best local minima of the grid and of its gain limits, between their neighbours.
 
-    Minima of the grid on its last step before the edge are the edge's business where the edge is better.
+    A minimum of the grid on its last step below a limit gives way to a better design on that limit.
 
     Parameters
     ----------
-    most : greatest error of interest
+    most : greatest error of interest; inf where nothing is admissible
     left_out : corner whose minima are not looked at
     """
-    beaten = np.full(score.shape[:2], inf)
-    beaten[edge.row, edge.column] = edge.score.min(axis=(1, 2, 3))
-    inner = [at for at in minima_of(problem, score) if score[at] < beaten[at[:2]] and at[1] != left_out][:STARTS]
-    outer = [at for at in minima_of(problem, edge.score) if edge.column[at[0]] != left_out][:STARTS]
-    within = around(coarse, [at for at in inner if score[at] <= most])
-    outside = edge.places(problem, coarse, [at for at in outer if edge.score[at] <= most])
-    return Axes(*(np.concatenate(pair) for pair in zip(within.each(), outside.each(), strict=True)))
+    best = limits.scores[limits.scores.lowest()]
+    loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
+    on_limit: dict[Index, tuple[int, float, float]] = {loop: best.rank((k,)) for k, loop in enumerate(loops)}
+
+    def beaten(at: Index) -> bool:
+        return at[:2] in on_limit and on_limit[at[:2]] <= scores.rank(at)
+
+    inner = [at for at in minima_of(problem, scores) if at[1] != left_out and not beaten(at)][:STARTS]
+    outer = [at for at in minima_of(problem, limits.scores) if limits.corner[at[0]] != left_out][:STARTS]
+    within = between_neighbours(coarse, [at for at in inner if scores.error[at] <= most])
+    at_limits = limits.places(problem, coarse, [at for at in outer if limits.scores.error[at] <= most])
+    return Axes(*(np.concatenate(pair) for pair in zip(within.each(), at_limits.each(), strict=True)))
 
 
 def _faces(problem: Problem) -> list[bool]:
@@ -93,15 +102,15 @@ def _faces(problem: Problem) -> list[bool]:
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 
 
-def rescan(problem: Problem, gains: Gains) -> Start | None:
-    """Scan around given gains, with every coupling."""
+def start_at(problem: Problem, gains: Gains) -> Start | None:
+    """Return the best start around given gains, with any coupling; None if none is admissible."""
     samples, fine = _surroundings(problem, gains)
-    grid = scored(problem, samples, fine)
-    at = lowest(grid.score)
-    return zoomed(problem, samples, around(fine, [at]))[0] if grid.score[at] < INADMISSIBLE else None
+    scores, _ = evaluated(problem, samples, fine)
+    at = lowest(scores)
+    return refined(problem, samples, between_neighbours(fine, [at]))[0] if scores.error[at] < inf else None
 
 
-def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | None:
+def better_start_near(problem: Problem, gains: Gains, coupling: Coupling) -> Start | None:
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
     What is better is judged on the scan's few frequencies, the design itself too.
@@ -109,13 +118,13 @@ def elsewhere(problem: Problem, gains: Gains, coupling: Coupling) -> Start | Non
     samples, fine = _surroundings(problem, gains)
     tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
     fine = replace(fine, time_constant=tau_c, drag=np.sort(np.append(fine.drag, coupling.drag)))
-    grid, place = scored(problem, samples, fine), _place(problem, gains, coupling)
+    (scores, _), place = evaluated(problem, samples, fine), _place(problem, gains, coupling)
     here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
-    at = lowest(grid.score)
-    better = grid.score[at] < WORTH_ANOTHER * min(grid.score[here], INADMISSIBLE)
+    at = lowest(scores)
+    better = scores.error[at] < WORTH_ANOTHER * scores.error[here]
     if not better or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
         return None
-    return zoomed(problem, samples, around(fine, [at]))[0]
+    return refined(problem, samples, between_neighbours(fine, [at]))[0]
 
 
 def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
@@ -136,7 +145,7 @@ def _place(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, f
     return gains.velocity, _corner(problem, gains), coupling.mass / coupling.damping, coupling.drag
 
 
-def drained(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
+def in_same_basin(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
     """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
     At every pair of gains on the way the coupling is the best one of the scan's.
