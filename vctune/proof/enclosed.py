@@ -22,6 +22,7 @@ from vctune.proof.claims import (
     across_position,
     along_hold,
     conditions_margin,
+    gain_margin,
     high_margin,
     low_margin,
     sensitivity_floor,
@@ -64,6 +65,8 @@ class Claims:
     floor : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
+    gain, quiet_gain : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is positive, however many
+        whole samples of delay there are
     """
 
     conditions: Margin
@@ -77,6 +80,8 @@ class Claims:
     sampled_poles: Curve
     model_floor: Margin
     sampled_floor: Margin
+    gain: Margin
+    quiet_gain: Margin
 
 
 def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
@@ -119,6 +124,8 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         sampled_curve,
         lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS),
         lambda theta, v: across_position(plant(v), Gains(*v[:2]), theta, OPS)[0],
+        lambda theta, v: gain_margin(plant(v), Gains(*v[:2]), theta, Enclosure(1.0), OPS, integrator=integrator),
+        lambda theta, v: gain_margin(plant(v), Gains(*v[:2]), theta, 1 - 1 / limit, OPS, integrator=integrator),
     )
 
 

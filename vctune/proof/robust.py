@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 from math import floor, inf, pi
 
 import numpy as np
 
+from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device
-from vctune.proof.batch import STEP, stiffest
+from vctune.proof.batch import NEAR, STEP, stiffest
 from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks, together
-from vctune.proof.cells import Cells, all_pairs
+from vctune.proof.cells import Cells, Margin, Values, all_pairs
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosed import Claims, Demands, claims_of
@@ -20,6 +22,12 @@ from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
 
+DESIGN = 5
+"""Numbers of a design, before the uncertain ones among a claim's values."""
+FEW_SAMPLES = 4
+"""Whole samples of a box's delays that are looked at one by one anyway."""
+ANGLES, LEAST_ANGLE = 400, 1e-6
+"""Angles at which the size of a loop is estimated, and the least of them."""
 MOST, MOST_OF_CURVES = 400_000, 40_000
 """Blocks looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
 
@@ -84,13 +92,42 @@ def conditions_over(family: Family, alone: Alone) -> Outcome:
 
 
 def _conditions(family: Family, low: float, high: float, most: int) -> list[Found]:
-    claims = family.claims()
+    claims, turning = family.claims(), _turning(family)
     beyond = max(1 / family.box.nominal.sample_time, low)
     look = positive(claims.conditions, family.values, claims.low if low == 0 else None)
-    parts = [_part(family, look, low, beyond if high == inf else high, most)]
+    parts, finite = [], beyond if high == inf else high
+    if low < turning:
+        parts.append(_part(family, look, low, min(turning, finite), most))
+    if turning < finite:
+        parts.append(_whatever_phase(family, claims.conditions, max(low, turning), finite, most))
     if high == inf:
         parts.append(_part(family, positive(claims.high, family.values), 0.0, 1 / beyond, most))
     return parts
+
+
+def _turning(family: Family) -> float:
+    """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
+    range_ = family.box.high.delay - family.box.low.delay
+    return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
+
+
+def _whatever_phase(family: Family, margin: Margin, low: float, high: float, most: int) -> Found:
+    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    (least, greatest), row = family.ends(), family.box.moving.index("delay")
+
+    def of_phase(omega: Number, values: Values) -> Number:
+        numbers = [*values]
+        numbers[DESIGN + row] = values[DESIGN + row] / omega
+        return margin(omega, numbers)
+
+    shortest = least[row]
+    least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
+    blocks = over_band(all_pairs(1, low, high, STEP), least, greatest)
+    found = prove_blocks(positive(of_phase, family.values), blocks, most)
+    if found.point is not None:
+        omega = found.point[0]
+        found.point[1 + row] = shortest + np.mod(found.point[1 + row] / omega - shortest, 2 * pi / omega)
+    return found
 
 
 def widest_band_over(family: Family) -> tuple[float, float]:
@@ -109,15 +146,45 @@ def widest_band_over(family: Family) -> tuple[float, float]:
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop for every device."""
-    look = positive(family.claims().sensitivity, family.values)
-    return _outcome(family, [_around_circle(family, look, MOST)], alone)
+    claims = family.claims()
+    look = positive(claims.sensitivity, family.values)
+    return _outcome(family, _around_circle(family, look, claims.quiet_gain, MOST), alone)
 
 
-def _around_circle(family: Family, look: Look, most: int) -> Found:
-    """Look at all of theta = omega T; `most` for each of the whole samples that delays of the box have."""
-    pairs = all_pairs(1, 0.0, HALF_TURN, STEP)
-    parts = [over_band(pairs, low, high, whole) for whole, low, high in _whole_samples(family)]
-    return prove_blocks(look, together(parts), most * len(parts))
+def _around_circle(family: Family, look: Look, gain: Margin, most: int) -> list[Found]:
+    """Look at all of theta = omega T, at the whole samples that delays of the box have one by one.
+
+    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    """
+    samples, small, parts = _whole_samples(family), HALF_TURN, []
+    if len(samples) > FEW_SAMPLES:
+        small = _small_from(family, gain)
+    if small < HALF_TURN:
+        blocks = over_band(all_pairs(1, small, HALF_TURN, STEP), *_within_a_sample(family))
+        parts = [prove_blocks(positive(gain, family.values), blocks, most)]
+        if parts[0].verdict is not Verdict.PROVED:
+            small, parts = HALF_TURN, []
+    if small > 0:
+        pairs = all_pairs(1, 0.0, small, STEP)
+        blocks = together([over_band(pairs, low, high, whole) for whole, low, high in samples])
+        parts.append(prove_blocks(look, blocks, most * len(samples)))
+    return parts
+
+
+def _within_a_sample(family: Family) -> tuple[Floats, Floats]:
+    """Return the ends of the box without the whole samples of its delays."""
+    (low, high), row = family.ends(), family.box.moving.index("delay")
+    low[row], high[row] = 0.0, family.box.nominal.sample_time
+    return low, high
+
+
+def _small_from(family: Family, gain: Margin) -> float:
+    """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
+    theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
+    corners = product(*zip(*_within_a_sample(family), strict=True))
+    margins = [gain(Enclosure(theta), [*family.values, *map(Enclosure, corner), 0]).mid for corner in corners]
+    large = np.flatnonzero(np.min(margins, axis=0) <= 0)
+    return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
 
 
 def model_poles_over(family: Family, alone: Alone) -> Outcome:
@@ -140,7 +207,7 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     for loop in family.loops():
         claims = loop.claims()
         look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-        parts.append(_around_circle(loop, look, MOST_OF_CURVES))
+        parts += _around_circle(loop, look, claims.gain, MOST_OF_CURVES)
     return _outcome(family, parts, alone)
 
 
