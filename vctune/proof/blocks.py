@@ -23,6 +23,8 @@ from vctune.proof.jets import variables
 
 GENERATIONS = 80
 """How often a block is halved at most."""
+NARROW = 1.02
+"""Ratio of a block's frequencies below which it should be another margin that needs it narrower."""
 FROM_ZERO = 0.1
 """As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
 
@@ -132,7 +134,7 @@ def _in_chunks(look: Look, blocks: Blocks) -> Looked:
     return Looked(*joined)
 
 
-def positive(margin: Margin, design: Values, at_zero: Margin | None = None) -> Look:
+def positive(margin: Margin, design: Values, at_zero: Margin | None = None, below: float = 0.0) -> Look:
     """Return the look that proves a margin positive.
 
     Parameters
@@ -140,6 +142,7 @@ def positive(margin: Margin, design: Values, at_zero: Margin | None = None) -> L
     margin : of a frequency and of values: those of the design, the uncertain numbers, the whole samples of the delay
     design : the five numbers enclosed
     at_zero : another margin that proves as much and is regular at frequency 0; the same one if it is
+    below : frequency below which that is looked at too, as what vanishes towards 0 may hardly vary relative to itself
     """
 
     def look(blocks: Blocks) -> Looked:
@@ -152,7 +155,14 @@ def positive(margin: Margin, design: Values, at_zero: Margin | None = None) -> L
             return replace(seen, fails=np.zeros_like(seen.fails))
         if _wide(blocks):
             return _halved_in_frequency(blocks, of(margin)(rows).positive() | near(rows).positive())
-        return _by_slopes(of(margin), rows)
+        seen = _by_slopes(of(margin), rows)
+        narrow = blocks.high[0] < np.minimum(blocks.low[0] * NARROW, below)
+        left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
+        if len(left):
+            other = _by_slopes(near, blocks.taken(left).rows())
+            seen.proved[left] = other.proved
+            seen.axis[left] = np.where(other.fails, seen.axis[left], other.axis)
+        return seen
 
     return partial(_kind_by_kind, look)
 

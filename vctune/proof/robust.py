@@ -24,6 +24,8 @@ from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
 
 DESIGN = 5
 """Numbers of a design, before the uncertain ones among a claim's values."""
+LITTLE_PHASE = 0.5
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad."""
 FEW_SAMPLES = 4
 """Whole samples of a box's delays that are looked at one by one anyway."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
@@ -94,7 +96,7 @@ def conditions_over(family: Family, alone: Alone) -> Outcome:
 def _conditions(family: Family, low: float, high: float, most: int) -> list[Found]:
     claims, turning = family.claims(), _turning(family)
     beyond = max(1 / family.box.nominal.sample_time, low)
-    look = positive(claims.conditions, family.values, claims.low if low == 0 else None)
+    look = positive(claims.conditions, family.values, claims.low, LITTLE_PHASE / family.box.high.lag)
     parts, finite = [], beyond if high == inf else high
     if low < turning:
         parts.append(_part(family, look, low, min(turning, finite), most))
