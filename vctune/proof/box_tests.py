@@ -21,6 +21,8 @@ from vctune.proof.enclosures import SWELL, UNIT, Enclosure, Flags, Floats
 from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
 
+NARROW = 1.02
+"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower."""
 FROM_ZERO = 0.1
 """As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
 
@@ -32,7 +34,7 @@ Rows = Sequence[Number]
 OfRows = Callable[[Rows], Number]
 
 
-def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None) -> Test:
+def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
     """Return the test that a margin is positive.
 
     Parameters
@@ -40,6 +42,8 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None) ->
     margin : of a frequency and of values
     fixed : the values that are not among a box's rows
     sufficient : another margin that proves as much and is regular at frequency 0, tried there and on wide intervals
+    below : frequency below which it is tried on narrow ones too: what vanishes towards 0 may hardly vary relative to
+        itself
     """
 
     def test(boxes: Boxes) -> Tested:
@@ -51,7 +55,15 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None) ->
             return _without_failures(_by_slopes(near, boxes, rows).tested)
         if _wide(boxes):
             return _to_halve_in_frequency(boxes, of(margin)(rows).positive() | near(rows).positive())
-        return _by_slopes(of(margin), boxes, rows).tested
+        seen = _by_slopes(of(margin), boxes, rows).tested
+        narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
+        left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
+        if left.size:
+            part = boxes.taken(left)
+            other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
+            seen.proved[left] = other.tested.proved
+            seen.cost[:, left] = np.where(other.tested.fails, seen.cost[:, left], other.tested.cost)
+        return seen
 
     return partial(_kind_by_kind, test)
 

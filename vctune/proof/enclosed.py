@@ -23,6 +23,7 @@ from vctune.proof.claims import (
     across_position,
     along_hold,
     conditions_margin,
+    gain_margin,
     high_margin,
     low_margin,
     sensitivity_floor,
@@ -64,6 +65,8 @@ class Claims:
     floor : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
+    gain, quiet_gain : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is positive, however many
+        whole samples of delay there are
     """
 
     conditions: Margin
@@ -77,6 +80,8 @@ class Claims:
     sampled_poles: Curve
     model_floor: Margin
     sampled_floor: Margin
+    gain: Margin
+    quiet_gain: Margin
 
 
 def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
@@ -118,6 +123,8 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         sampled_curve,
         lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
         lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS, integrator=integrator),
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS, integrator=integrator),
     )
 
 

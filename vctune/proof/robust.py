@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
+from itertools import product
 from math import floor, inf, pi
 
 import numpy as np
 
+from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device
-from vctune.proof.box_tests import missing, positive
-from vctune.proof.boxes import DESIGN, Boxes, Cells, Values, band_of, joined, over_band
+from vctune.proof.box_tests import Margin, missing, positive
+from vctune.proof.boxes import DESIGN, WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.branching import Proofs, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosed import Claims, Demands, claims_of
-from vctune.proof.enclosures import Floats, decimal
+from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
-from vctune.proof.many_designs import STEP, stiffest
+from vctune.proof.many_designs import NEAR, STEP, stiffest
 
+LITTLE_PHASE = 0.5
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad."""
+FEW_SAMPLES = 4
+"""Whole samples of a box's delays that are looked at one by one anyway."""
+ANGLES, LEAST_ANGLE = 400, 1e-6
+"""Angles at which the size of a loop is estimated, and the least of them."""
 MOST, MOST_OF_CURVES = 400_000, 40_000
 """Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
 GENERATIONS = 80
@@ -90,13 +98,39 @@ def conditions_over(family: Family, alone: Alone) -> Outcome:
 
 
 def _conditions(family: Family, low: float, high: float, most: int) -> list[Proofs]:
-    claims = family.claims()
+    claims, turning = family.claims(), _turning(family)
     beyond = max(1 / family.box.nominal.sample_time, low)
-    test = positive(claims.conditions, family.values, claims.low if low == 0 else None)
-    parts = [_part(family, test, low, beyond if high == inf else high, most)]
+    test = positive(claims.conditions, family.values, claims.low, LITTLE_PHASE / family.box.high.lag)
+    parts, finite = [], beyond if high == inf else high
+    if low < turning:
+        parts.append(_part(family, test, low, min(turning, finite), most))
+    if turning < finite:
+        parts.append(_whatever_phase(family, claims.conditions, max(low, turning), finite, most))
     if high == inf:
         parts.append(_part(family, positive(claims.high, family.values), 0.0, 1 / beyond, most))
     return parts
+
+
+def _turning(family: Family) -> float:
+    """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
+    range_ = family.box.high.delay - family.box.low.delay
+    return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
+
+
+def _whatever_phase(family: Family, margin: Margin, low: float, high: float, most: int) -> Proofs:
+    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    (least, greatest), row, name = family.ends(), family.box.moving.index("delay"), "device.delay"
+
+    def of_phase(omega: Number, values: Values) -> Number:
+        return margin(omega, {**values, name: values[name] / omega})
+
+    shortest = least[row, 0]
+    least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
+    boxes = over_band(family.names, least, greatest, band_of(low, high, STEP))
+    found = _proved(positive(of_phase, family.values), boxes, most)
+    for point in (found.failing, found.open):
+        point[1 + row] = shortest + np.mod(point[1 + row] / point[0] - shortest, 2 * pi / point[0])
+    return found
 
 
 def widest_band_over(family: Family) -> tuple[float, float]:
@@ -115,15 +149,48 @@ def widest_band_over(family: Family) -> tuple[float, float]:
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop for every device."""
-    test = positive(family.claims().sensitivity, family.values)
-    return _outcome(family, [_around_circle(family, test, MOST)], alone)
+    claims = family.claims()
+    test = positive(claims.sensitivity, family.values)
+    return _outcome(family, _around_circle(family, test, claims.quiet_gain, MOST), alone)
 
 
-def _around_circle(family: Family, test: Test, most: int) -> Proofs:
-    """Test all of theta = omega T; `most` for each of the whole samples that delays of the box have."""
-    circle = band_of(0.0, HALF_TURN, STEP)
-    parts = [over_band(family.names, low, high, circle, whole) for whole, low, high in _whole_samples(family)]
-    return _proved(test, joined(*parts), most * len(parts))
+def _around_circle(family: Family, test: Test, gain: Margin, most: int) -> list[Proofs]:
+    """Test all of theta = omega T, the whole samples that delays of the box have one by one.
+
+    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    """
+    samples, small, parts = _whole_samples(family), HALF_TURN, []
+    if len(samples) > FEW_SAMPLES:
+        small = _small_from(family, gain)
+    if small < HALF_TURN:
+        boxes = over_band(family.names, *_within_a_sample(family), band_of(small, HALF_TURN, STEP))
+        parts = [_proved(positive(gain, family.values), boxes, most)]
+        if not parts[0].proved[0]:
+            small, parts = HALF_TURN, []
+    if small > 0:
+        circle = band_of(0.0, small, STEP)
+        boxes = joined(*(over_band(family.names, low, high, circle, whole) for whole, low, high in samples))
+        parts.append(_proved(test, boxes, most * len(samples)))
+    return parts
+
+
+def _within_a_sample(family: Family) -> tuple[Floats, Floats]:
+    """Return the ends of the box without the whole samples of its delays."""
+    (low, high), row = family.ends(), family.box.moving.index("delay")
+    low[row], high[row] = 0.0, family.box.nominal.sample_time
+    return low, high
+
+
+def _small_from(family: Family, gain: Margin) -> float:
+    """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
+    theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
+    ends = np.hstack(_within_a_sample(family))
+    margins = []
+    for corner in product(*ends):
+        numbers = dict(zip(family.names, map(Enclosure, corner), strict=True))
+        margins.append(gain(Enclosure(theta), {**family.values, **numbers, WHOLE_SAMPLES: 0}).mid)
+    large = np.flatnonzero(np.min(margins, axis=0) <= 0)
+    return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
 
 
 def model_poles_over(family: Family, alone: Alone) -> Outcome:
@@ -146,7 +213,7 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     for loop in family.loops():
         claims = loop.claims()
         test = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-        parts.append(_around_circle(loop, test, MOST_OF_CURVES))
+        parts += _around_circle(loop, test, claims.gain, MOST_OF_CURVES)
     return _outcome(family, parts, alone)
 
 
