@@ -26,11 +26,11 @@ from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
-from vctune.proof.batch import prove
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
+from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
 
 FRICTION_WHEEL = (

@@ -18,14 +18,14 @@ from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof import exact
 from vctune.proof.balls import BALLS, PRECISION, design_ball
-from vctune.proof.batch import prove
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design, conditions_margin
 from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict, prove_boxes, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.low_end import low_end_verdict, prove_low_end
+from vctune.proof.many_designs import prove
 from vctune.proof.sampled_loop import prove_sensitivity
 from vctune.proof.winding import turned_angle
 

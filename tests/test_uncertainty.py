@@ -32,8 +32,9 @@ from vctune.design.variables import coordinates
 from vctune.document.problem import Uncertainty
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.blocks import over_band, positive, prove_blocks
-from vctune.proof.cells import all_pairs
+from vctune.proof.box_tests import positive
+from vctune.proof.boxes import band_of, over_band
+from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
 from vctune.proof.devices import device_box
@@ -148,20 +149,21 @@ def test_derivatives_of_the_decays_are_enclosed(x, share):
 
 
 @given(st.floats(-1, 1), st.floats(0.5, 3), st.floats(-1, 1), st.sampled_from([1e-5, 1e-2, -1e-5, -1e-2]))
-def test_blocks_find_a_least_value_at_a_vertex_or_inside(tilt, centre, slope, spare):
+def test_boxes_find_a_least_value_at_a_vertex_or_inside(tilt, centre, slope, spare):
     """tilt (w - 2) + slope m + (m - centre)^2 on 1 <= w <= 4, 1 <= m <= 2, its least value shifted to `spare`."""
     inside = min(max(centre - slope / 2, 1.0), 2.0)
     least = min(tilt * (w - 2) for w in (1.0, 4.0)) + slope * inside + (inside - centre) ** 2
 
     def margin(omega, values):
-        m = values[0]
+        m = values["device.mass"]
         return tilt * (omega - 2.0) + slope * m + (m - centre) * (m - centre) + (spare - least)
 
-    blocks = over_band(all_pairs(1, 1.0, 4.0, 1.4), np.array([1.0]), np.array([2.0]))
-    found = prove_blocks(positive(margin, []), blocks, 100_000)
-    assert found.verdict is (Verdict.PROVED if spare > 0 else Verdict.REFUTED)
+    boxes = over_band(["device.mass"], np.array([[1.0]]), np.array([[2.0]]), band_of(1.0, 4.0, 1.4))
+    found = prove_boxes(positive(margin, {}), boxes, 1, halved=[True, True], generations=80, most=100_000)
+    assert found.proved[0] == (spare > 0)
     if spare < 0:
-        assert float(margin(Enclosure(found.point[0]), [Enclosure(found.point[1]), 0]).mid) < 0
+        omega, mass = found.failing[:, 0]
+        assert float(margin(Enclosure(omega), {"device.mass": Enclosure(mass)}).mid) < 0
 
 
 @pytest.mark.parametrize(("name", "tables"), CASES, ids=IDS)

@@ -11,10 +11,10 @@ from vctune.design.cases import cases_of
 from vctune.design.judge import demands_of
 from vctune.design.variables import coordinates
 from vctune.document.problem import Problem
-from vctune.proof.batch import by_integrator, encirclements
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
+from vctune.proof.many_designs import by_integrator, encirclements
 from vctune.proof.quadratics import Boxes
 
 

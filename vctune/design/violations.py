@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import log
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.design.cases import counted_of
 from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
+from vctune.design.worst import worst_inside
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
@@ -53,6 +55,8 @@ def violations(problem: Problem, cases: list[Problem], values: Point, tightening
     gains, coupling = design_of(values)
     peaks = [sensitivity_maxima(case, gains) for case in cases]
     parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]
+    if problem.uncertainty is not None:
+        parts.append(_inside(problem, gains, coupling, tightening))
     counted = counted_of(problem) if problem.transparency.norm == "peak" else ()
     return Violations(
         ratio=[place for part in parts for place in part.ratio],
@@ -75,6 +79,18 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
     found.sensitivity = places(device, peaks.omega[over > tightening / 2])
     found.greatest = max(max(float(short[0]), float(over[0]), 0.0) - tightening / 2, 0.0)
+    return found
+
+
+def _inside(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+    """Find where the ratio fails on devices that are not among the vertices of their box."""
+    found, least = Violations(), log(problem.stability.safety_factor) + tightening
+    for ratio, place in worst_inside(problem, gains, coupling):
+        short = least - log(max(ratio, 1e-300))
+        if short > tightening / 2:
+            found.ratio.append(place)
+        found.greatest = max(found.greatest, short - tightening / 2)
+        found.positive = found.positive and ratio > 0
     return found
 
 

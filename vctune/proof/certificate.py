@@ -13,13 +13,13 @@ from flint import ctx
 
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import PRECISION
-from vctune.proof.batch import prove
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import prove_conditions, widest_band
+from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.robust import (
     Alone,

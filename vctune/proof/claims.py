@@ -91,6 +91,18 @@ def sensitivity_margin(
     return limit * limit * parts.closed(gains, integrator=integrator).abs2() - parts.open.abs2()
 
 
+def gain_margin(
+    plant: SampledPlant, gains: Gains, theta: Number, share: Number, ops: Arithmetic, *, integrator: bool
+) -> Number:
+    """Return share^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < share and |S| < 1/(1 - share), whatever the phase.
+
+    Whole samples of delay turn F - F_0 and do not change its size.
+    """
+    parts = return_difference(plant, theta, ops, integrator=integrator)
+    loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
+    return share * share * parts.open.abs2() - loop.abs2()
+
+
 def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Number:
     """Return Re(D conj H), which does not depend on K_p; regular at omega = 0.
 
