@@ -42,9 +42,9 @@ def _study(study: Path, folder: Path) -> str:
 
 
 def _row(folder: Path, picture: str, verdict: str, error: str, source: Path) -> str:
-    thumbnail = f"{folder.name}/{picture}.png"
+    thumbnail = f"{folder.name}/{picture}.svg"
     shown = f'[<img src="{thumbnail}" width="160" alt="{picture}">]({folder.name})'
-    shown = shown if (folder / f"{picture}.png").exists() else ""
+    shown = shown if (folder / f"{picture}.svg").exists() else ""
     return f"| {shown} | [{folder.name}]({folder.name}) | {verdict} | {error} | {_first_sentence(source)} |"
 
 

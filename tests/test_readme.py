@@ -50,6 +50,6 @@ def test_first_page_is_short():
 
 
 def test_every_folder_has_a_page():
-    folders = [path.parent for path in (ROOT / "vctune").rglob("__init__.py") if path.parent.name != "bench"]
+    folders = [path.parent for path in (ROOT / "vctune").rglob("__init__.py")]
     for folder in [ROOT, *folders, ROOT / "problems", ROOT / "results", ROOT / "tests"]:
         assert (folder / "README.md").exists(), folder

@@ -54,3 +54,16 @@ def test_nothing_refers_to_a_document_that_is_not_here():
         if path != Path(__file__):
             found = ELSEWHERE.search(path.read_text())
             assert found is None, f"{path}: {found[0]}"
+
+
+def test_names_in_the_glossary_are_in_the_code():
+    code = "\n".join(path.read_text() for path in (ROOT / "vctune").rglob("*.py"))
+    glossary = (ROOT / "vctune/README.md").read_text().partition("## Glossary")[2]
+    for row in re.findall(r"^\|.*\|$", glossary, re.MULTILINE):
+        for name in re.findall(r"`([^`]+)`", row.rsplit("|", 2)[1]):
+            if name.endswith(".py"):
+                found = list((ROOT / "vctune").rglob(f"*{Path(name).name}"))
+                assert any(str(path).endswith(f"/{name}") for path in found), name
+            else:
+                last = name.strip("[]=").rsplit(".", 1)[-1]
+                assert re.search(rf"\b{last}\b", code), name
