@@ -344,7 +344,7 @@ def test_a_bad_folder_is_said(tmp_path):
 
 
 def test_readme_shows_the_csv():
-    shown = re.search(r"<!-- bench -->\n(.*?)<!-- /bench -->", (ROOT / "README.md").read_text(), re.DOTALL)[1]
+    shown = re.search(r"<!-- bench -->\n(.*?)<!-- /bench -->", (ROOT / "results/README.md").read_text(), re.DOTALL)[1]
     assert shown == summary(ROOT / "results/bench")
 
 

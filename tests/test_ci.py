@@ -1,4 +1,4 @@
-"""README's snippets for continuous integration: valid by the services' own schemas, and run as far as they run here."""
+"""The snippets of the commands' guide for CI: valid by the services' own schemas, and run as far as they run here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 import yaml
 from conftest import DEVICE, FIXED, ROOT
 
-SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL))
+SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "vctune/cli/README.md").read_text(), re.DOTALL))
 WORKFLOW, HOOKS = SNIPPETS[".github/workflows/gains.yml"], SNIPPETS[".pre-commit-config.yaml"]
 
 
@@ -40,7 +40,7 @@ def region(tmp_path_factory):
 
 @pytest.fixture
 def repository(tmp_path, region):
-    """A user's repository with a device, its gains and region, and README's snippets."""
+    """A user's repository with a device, its gains and region, and the snippets."""
     (tmp_path / "device.toml").write_text(DEVICE)
     (tmp_path / "results/device").mkdir(parents=True)
     (tmp_path / "results/device/region.json").write_text(region)
