@@ -6,7 +6,7 @@ stable, because the demands on single frequencies are also met by unstable loops
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 from time import perf_counter
 
@@ -17,7 +17,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.cases import cases_of, error_of, with_device
 from vctune.design.ipopt import NEAR_SIDE, posed, solve
-from vctune.design.result import Polished, Round, Solution
+from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.start import Start
@@ -40,7 +40,7 @@ STABILITY_MARGIN = 1e-4
 MAX_CUTS = 24
 PANELS = 4
 MAX_PANELS = 256
-QUADRATURE_TOLERANCE = 1e-7
+OBJECTIVE_TOLERANCE = 1e-7
 
 
 def polish(
@@ -133,23 +133,28 @@ def _step(problem: Problem, search: _Search) -> None:
     asked = frequencies.copy()
     _follow(frequencies, demands.near_peak)
     search.warm = search.reference
-    admissible = demands.positive and demands.greatest == 0
+    joined, admissible = _join(frequencies, demands), demands.positive and demands.greatest == 0
     if admissible:
-        found = Polished(search.start, values, inf, shape, asked, solution, search.rounds)
-        _keep(problem, search, found, settled=settled)
-    progress = _join(frequencies, demands) or (admissible and solution.converged)
+        error = error_of(problem, *design_of(values))
+        found = Polished(search.start, values, error, shape, asked, solution, search.rounds)
+        search.best = min(search.best or found, found, key=lambda design: design.error)
+        search.finished = settled and not _sharper_objective(problem, search, found, joined=joined)
+    progress = joined or (admissible and solution.converged)
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
-def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) -> None:
-    """Keep an admissible design if it is the best so far; finish if it is a local optimum."""
-    error = error_of(problem, *design_of(found.values))
-    if search.best is None or error < search.best.error:
-        search.best = replace(found, error=error)
-    if settled and _rough(problem, found.solution, error, search.panels):
-        search.panels *= 2
-    elif settled:
-        search.finished = True
+def _sharper_objective(problem: Problem, search: _Search, found: Polished, *, joined: bool) -> bool:
+    """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
+
+    Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
+    was new: an NLP that knows none of them understates the error, and its optimum is none.
+    """
+    if abs(found.solution.error - found.error) <= OBJECTIVE_TOLERANCE * found.error:
+        return False
+    if problem.transparency.norm == "peak":
+        return joined
+    search.panels *= 2
+    return search.panels <= MAX_PANELS
 
 
 def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
@@ -166,12 +171,6 @@ def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | 
                 return point(gains, start.coupling)
             stable = stable or point(gains, start.coupling)
     return stable
-
-
-def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
-    """Return whether the NLP's quadrature is too coarse for its own answer."""
-    coarse = abs(solution.error - error) > QUADRATURE_TOLERANCE * error
-    return problem.transparency.norm == "rms" and coarse and panels < MAX_PANELS
 
 
 def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> WorkingSet:
