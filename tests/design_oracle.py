@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from oracles import Case, sampled_radius
+from oracles import Case, sampled_radius, sampled_sensitivity
 
 from vctune.document.problem import Problem
 
@@ -30,6 +30,12 @@ def loops(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> tuple[np.
     return problem.device.mass * s + problem.device.damping, (designs[0][:, None] + designs[1][:, None] / s) * hold(
         problem, s
     )
+
+
+def sensitivities(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return |S| of the sampled loop, shape (n, frequencies)."""
+    device, (K_v, K_p) = problem.device, designs[:2, :, None]
+    return sampled_sensitivity(device.mass, device.damping, device.sample_time, device.delay, K_v, K_p, omega)
 
 
 def couplings(designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
@@ -108,8 +114,7 @@ def meet_demands(problem: Problem, designs: np.ndarray, frequencies: int = DENSE
     demand = problem.stability.safety_factor * resistances(problem, designs, omega)
     holds = (couplings(designs, omega).real >= demand).all(axis=1)
     upto = np.geomspace(problem.nyquist * 1e-6, problem.nyquist, frequencies)
-    Z_d, C = loops(problem, designs, upto)
-    quiet = (np.abs(Z_d / (Z_d + C)) <= problem.stability.max_sensitivity).all(axis=1)
+    quiet = (sensitivities(problem, designs, upto) <= problem.stability.max_sensitivity).all(axis=1)
     return holds & quiet & meet_limit(problem, designs)
 
 

@@ -6,6 +6,7 @@ Devices are arrays of shape (3, n): mass, damping, delay. A problem is only read
 from __future__ import annotations
 
 import numpy as np
+from oracles import sampled_sensitivity
 
 from vctune.document.problem import Problem
 
@@ -156,12 +157,13 @@ def violations(problem: Problem, design: np.ndarray, devices: np.ndarray, points
     parts = []
     for i in range(0, devices.shape[1], CHUNK):
         part = devices[:, i : i + CHUNK]
-        Z_d, C = loops(problem, design, part, upto)
+        m, b, delay = part[:, :, None]
+        S = sampled_sensitivity(m, b, problem.device.sample_time, delay, *design[:2], upto)
         both = [part] if problem.device.operator is None else [part, held(problem, part)]
         parts.append(
             [
                 1 - least_ratio(problem, design, part, omega) / stability.safety_factor,
-                np.abs(Z_d / (Z_d + C)).max(axis=1) / stability.max_sensitivity - 1,
+                S.max(axis=1) / stability.max_sensitivity - 1,
                 np.max([spectral_radii(problem, design, there) - 1 for there in both], axis=0),
                 np.max([np.abs(model_turns(problem, design, there, points)) - 0.5 for there in both], axis=0),
             ]

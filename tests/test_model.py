@@ -18,7 +18,7 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, hold_response, loop_response, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, hold_response, loop_response, tracking_abs2
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import log_quadrature
 from vctune.proof.balls import BALLS, device_ball, gains_ball
@@ -176,7 +176,7 @@ def test_all_three_arithmetics_agree(case, place):
         at = arb(omega)
         in_balls = loop_response(exact, law, at, hold_response(exact, at, BALLS))
         assert float(G_hh_abs2(in_balls)) == pytest.approx(float(G_hh_abs2(in_floats)), rel=1e-6)
-        assert float(sensitivity_abs2(in_balls)) == pytest.approx(float(sensitivity_abs2(in_floats)), rel=1e-6)
+        assert float(tracking_abs2(in_balls)) == pytest.approx(float(tracking_abs2(in_floats)), rel=1e-6)
 
 
 @settings(max_examples=200, deadline=None)
@@ -189,7 +189,7 @@ def test_sensitivity_and_transfer_add_up_to_one(case, corner):
     Z_d, C = loop(case, 1j * omega)
     assume(abs(Z_d + C) > 1e-4 * (abs(Z_d) + abs(C)))
     assert G_hh_abs2(ours) == pytest.approx(abs(1 / (Z_d + C)) ** 2, rel=1e-6)
-    assert sensitivity_abs2(ours) == pytest.approx(abs(1 - C / (Z_d + C)) ** 2, rel=1e-4, abs=1e-22)
+    assert tracking_abs2(ours) == pytest.approx(abs(1 - C / (Z_d + C)) ** 2, rel=1e-4, abs=1e-22)
 
 
 @given(logs(1e-3, 1e3), logs(1e-3, 1e3), st.floats(0, 10), logs(1e-3, 1e3))

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import degrees, pi
 
 import control
 import numpy as np
 import pytest
 import skrf
-from oracles import Case, coupling, loop
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from oracles import Case, coupling, exact_sampled_sensitivity, loop, sampled_sensitivity
+from test_model import cases
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
-from vctune.analysis.margins import encirclements, loop_margins
+from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.analysis.sampled_loop import sensitivity
+from vctune.bench.evaluator import loop_matrix
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles
+from vctune.proof.sampled_loop import spectral_radius
 
 LOOPS = [
     Case(0.4, 2.0, 1e-3, 0.0, "lag", 150.0, 6000.0),
@@ -30,26 +35,50 @@ def quantities(case):
     return Device(case.mass, case.damping, case.sample_time, case.delay, case.hold), Gains(case.K_v, case.K_p)
 
 
-@pytest.mark.parametrize("case", LOOPS[:3])
-def test_margins_agree_with_python_control_on_a_rational_loop(case):
-    s = control.tf("s")
-    L = (case.K_v + case.K_p / s) * 2 / (2 + s * case.sample_time) / (case.mass * s + case.damping)
-    gain, phase, _, _, crossing, _ = control.stability_margins(L)
-    ours = loop_margins(*quantities(case))
-    assert ours.gain == pytest.approx(gain, rel=1e-6)
-    assert degrees(ours.phase) == pytest.approx(phase, rel=1e-6)
-    assert ours.delay == pytest.approx(np.radians(phase % 360) / crossing, rel=1e-6)
+def pulse_transfer(case):
+    """L of the sampled loop by python-control: a plant held over whole samples, the delay as powers of z."""
+    plant = control.ss([[-case.damping / case.mass, 0], [1, 0]], [[1 / case.mass], [0]], [[case.K_v, case.K_p]], 0)
+    whole = round(case.delay / case.sample_time)
+    held = control.sample_system(plant, case.sample_time, "zoh")
+    return held * control.tf([1.0], [1.0, *[0.0] * whole], case.sample_time) if whole else held
 
 
-@pytest.mark.parametrize("case", LOOPS[3:])
-def test_margins_agree_with_python_control_on_frequency_data(case):
-    ours = loop_margins(*quantities(case))
-    omega = np.geomspace(1e-2, 1.9 * pi / case.sample_time, 400_001)
-    Z_d, C = np.array([loop(case, 1j * w) for w in omega[::40]]).T
-    gain, phase, _, _, crossing, _ = control.stability_margins(control.FRD(C / Z_d, omega[::40], smooth=True))
-    assert ours.gain == pytest.approx(gain, rel=1e-5)
-    assert degrees(ours.phase) == pytest.approx(phase, abs=1e-3)
-    assert ours.delay == pytest.approx(np.radians(phase % 360) / crossing, rel=1e-4)
+@pytest.mark.parametrize("case", [case for case in LOOPS if case.delay % case.sample_time == 0 and case.K_p < 1e5])
+def test_margins_agree_with_python_control(case):
+    L, ours = pulse_transfer(case), loop_margins(*quantities(case))
+    _, phase, *_ = control.stability_margins(L)  # its gain margin leaves z = -1 out
+    assert degrees(ours.phase) == pytest.approx(phase, rel=1e-5)
+
+
+@pytest.mark.parametrize("case", [case for case in LOOPS if case.K_p < 1e5])
+def test_at_its_margins_the_sampled_loop_is_on_the_verge_of_instability(case):
+    device, gains = quantities(case)
+    margins = loop_margins(device, gains)
+    louder = Gains(gains.velocity * margins.gain, gains.position * margins.gain)
+    assert spectral_radius(device, louder) == pytest.approx(1.0, abs=1e-9)
+    for share in (0.999, 1.0, 1.001):
+        radius = spectral_radius(replace(device, delay=device.delay + share * margins.delay), gains)
+        assert radius == pytest.approx(1.0, abs=1e-9) if share == 1 else (radius < 1) == (share < 1)
+
+
+def test_the_loop_that_runs_rings_where_the_frequency_model_does_not():
+    """A velocity loop near its limit: |S| of the sampled loop at 1 to 500 Hz, and 1 dB of gain margin."""
+    device, gains = Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(714.08906, 19575.807)
+    S = [0.00100550271, 0.032717941, 0.179000391, 0.368029577, 3.2695241, 9.31269179]
+    found = sensitivity(device, gains, 2 * pi * np.array([1.0, 10.0, 50.0, 100.0, 400.0, 500.0]))
+    assert found == pytest.approx(S, rel=5e-9)
+    assert 20 * np.log10(loop_margins(device, gains).gain) == pytest.approx(0.98667, abs=1e-5)
+
+
+@settings(max_examples=100, deadline=None)
+@given(cases(), st.floats(1e-4, 1.0))
+def test_sampled_sensitivity_against_50_digits(case, place):
+    omega = place * pi / case.sample_time
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
+    true = float(exact_sampled_sensitivity(case, omega))
+    assert float(sensitivity(device, gains, np.array(omega))) == pytest.approx(true, rel=1e-9)
+    m, b, T, delay = case.mass, case.damping, case.sample_time, case.delay
+    assert sampled_sensitivity(m, b, T, delay, case.K_v, case.K_p, omega) == pytest.approx(true, rel=1e-8)
 
 
 @pytest.mark.parametrize("case", LOOPS)
@@ -74,8 +103,7 @@ def test_rollett_factor_agrees_with_scikit_rf(case):
     "case", [*LOOPS, Case(0.4, 2.0, 1e-3, 0.0, "lag", 10.0, 5e4), Case(0.4, 0.0, 1e-3, 5e-3, "zoh", 300.0, 0.0)]
 )
 def test_encirclements_are_the_unstable_poles(case):
-    """Z = N + P with P = 0: N = 0 exactly where no pole of the frequency model lies to the right."""
+    """Z = N + P with P = 0: as many as the eigenvalues outside the unit circle."""
     device, gains = quantities(case)
-    stable = prove_model_poles(device, gains).verdict is Verdict.PROVED
-    assert (encirclements(device, gains) == 0) == stable
-    assert encirclements(device, gains) >= 0
+    poles = np.linalg.eigvals(loop_matrix(device, gains, 1 + (gains.position > 0)))
+    assert unstable_poles(device, gains) == np.count_nonzero(np.abs(poles) > 1)

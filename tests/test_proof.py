@@ -5,13 +5,12 @@ from __future__ import annotations
 from dataclasses import astuple
 from math import inf, pi
 
-import mpmath as mp
 import numpy as np
 import pytest
 from flint import arb, ctx
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import Case, exact_ratio
+from oracles import Case, exact_ratio, exact_sampled_sensitivity, sampled_sensitivity
 
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
@@ -21,12 +20,13 @@ from vctune.proof import exact
 from vctune.proof.balls import BALLS, PRECISION, design_ball
 from vctune.proof.batch import prove
 from vctune.proof.cells import Cells
-from vctune.proof.certificate import Claim, certify, prove_sensitivity
+from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design, conditions_margin
 from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict, prove_boxes, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.low_end import low_end_verdict, prove_low_end
+from vctune.proof.sampled_loop import prove_sensitivity
 from vctune.proof.winding import turned_angle
 
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
@@ -219,19 +219,17 @@ def test_sensitivity_is_decided_close_to_its_peak():
     design = Design(
         Device(0.8, 1.5, 1e-3, 1e-3, "zoh"), Gains(278.65418437695695, 46985.153617955424), Coupling(1.0, 1.0, 0.0)
     )
-    with mp.workdps(30):
-        peak = float(mp.mpf(max(float(_sensitivity(design, w)) for w in np.linspace(520, 540, 2001))))
+    device, gains = design.device, design.gains
+    case = Case(device.mass, device.damping, device.sample_time, device.delay, "zoh", gains.velocity, gains.position)
+    omega = np.linspace(400, 700, 300_001)
+    m, b, T, delay = case.mass, case.damping, case.sample_time, case.delay
+    highest = omega[np.argmax(sampled_sensitivity(m, b, T, delay, case.K_v, case.K_p, omega))]
+    peak = float(exact_sampled_sensitivity(case, highest))
     with ctx.workprec(PRECISION):
         assert prove_sensitivity(design, peak * (1 + 1e-6)).verdict is Verdict.PROVED
         refuted = prove_sensitivity(design, peak * (1 - 1e-6))
     assert refuted.verdict is Verdict.REFUTED
-    assert _sensitivity(design, refuted.witness) > peak * (1 - 1e-6)
-
-
-def _sensitivity(design, omega):
-    d, g, s = design.device, design.gains, 1j * omega
-    C = (g.velocity + g.position / s) * (1 - np.exp(-s * d.sample_time)) / (s * d.sample_time) * np.exp(-s * d.delay)
-    return abs((d.mass * s + d.damping) / (d.mass * s + d.damping + C))
+    assert exact_sampled_sensitivity(case, refuted.witness) > peak * (1 - 1e-6)
 
 
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():

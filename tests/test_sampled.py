@@ -8,12 +8,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from oracles import Case, sampled_radius
 
-from vctune.analysis.stability import clearly_stable, closes_stable, unit_circle
+from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
 from vctune.model.arithmetic import FLOATS
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, whole_samples
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles, prove_sampled_poles, spectral_radius
+from vctune.proof.poles import prove_model_poles
+from vctune.proof.sampled_loop import prove_sampled_poles, spectral_radius
 
 
 @st.composite
@@ -49,8 +50,8 @@ def test_crossings_of_the_negative_axis_count_the_turns(case):
     device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
     gains, integrator = Gains(np.array([case.K_v]), np.array([case.K_p])), case.K_p > 0
     circle = unit_circle(device, integrator=integrator)
-    stable = bool(closes_stable(circle, gains, integrator=integrator))
     F = circle.closed(gains, integrator=integrator)
+    stable = bool(makes_no_turn(F))
     turns = np.unwrap(np.arctan2(F.im, F.re))
     assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
     radius = sampled_radius(case)
@@ -79,7 +80,7 @@ def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
 def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree(case, theta):
     device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
     whole, fraction = whole_samples(case.delay, case.sample_time)
-    plant = sampled_plant(device, whole, fraction * case.sample_time, fraction > 0, FLOATS)
+    plant = sampled_plant(device, whole, FLOATS, fractional=fraction > 0)
     gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
     F = return_difference(plant, theta, FLOATS, integrator=integrator).closed(gains, integrator=integrator)
     polynomial = [float(c) for c in characteristic_polynomial(plant, gains, integrator=integrator)]

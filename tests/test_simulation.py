@@ -305,7 +305,7 @@ def test_least_virtual_mass_is_the_edge_of_stability():
 
 def test_sampled_loop_without_a_hand_is_the_designs():
     """With a hand that hardly holds, the fastest mode is the larger of the loop's and the free coupling's."""
-    from vctune.proof.poles import spectral_radius
+    from vctune.proof.sampled_loop import spectral_radius
 
     ghost = replace(HAND, mass=0.0, damping=1e-9, stiffness=1e-9)
     scene = designed_scene(DEVICE, GAINS, Coupling(1e6, 1e-6, 1e3), experiment(NOTHING, ghost))

@@ -10,7 +10,7 @@ from math import inf, pi
 import numpy as np
 import pytest
 from conftest import PROBLEM_FILES, ROOT
-from oracles import Case, coupling, loop, sampled_radius
+from oracles import Case, coupling, loop, sampled_radius, sampled_sensitivity
 
 from vctune.design import optimum as solving
 from vctune.design.ipopt import posed
@@ -25,7 +25,7 @@ from vctune.design.solve import solve
 from vctune.design.variables import coordinates, design_of, point
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.model.quantities import LeastOperator
-from vctune.proof.poles import spectral_radius
+from vctune.proof.sampled_loop import spectral_radius
 
 REFERENCE = json.loads((ROOT / "tests/reference/expected.json").read_text())
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
@@ -67,9 +67,8 @@ def recomputed(problem, gains, virtual):
     excess = np.where(q.real > 0, im_q**2 / (abs(q) + q.real), abs(q) - q.real)
     R = excess / (2 * h11.real) - (Z_h * C * h11).real
     ratio = np.where(R > 0, Z_c.real / R, inf)
-    nyquist = np.linspace(1e-6, 1, GRID) * pi / case.sample_time
-    Z_d, C, _ = at(nyquist)
-    S = np.abs(Z_d / (Z_d + C)).max()
+    upto = np.linspace(1e-6, 1, GRID) * pi / case.sample_time
+    S = sampled_sensitivity(case.mass, case.damping, case.sample_time, case.delay, case.K_v, case.K_p, upto).max()
     band, Z_0, w = problem.transparency.band, problem.transparency.reference_impedance, problem.transparency.weights
     Z_d, C, Z_c = at(np.geomspace(band.min, band.max, GRID))
     e2 = (
@@ -297,8 +296,8 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     z = np.array([c.to_z(values[c.index]) for c in free])
     solution = ipopt(shape, posed(problem, shape, free, values, (z - 1, z + 1), frequencies, 0.0))
     assert solution.converged
-    from vctune.analysis.demands import error_terms, response, stability_ratio, transparency_error, weighted_square
-    from vctune.model.loop import sensitivity_abs2
+    from vctune.analysis.demands import error_terms, stability_ratio, transparency_error, weighted_square
+    from vctune.analysis.sampled_loop import sensitivity
 
     def design(z):
         filled = list(values)
@@ -310,7 +309,7 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
         gains, virtual = design(z)
         parts = [
             np.log(stability_ratio(problem.device, gains, virtual, stacked(frequencies.ratio)[1])),
-            -np.log(sensitivity_abs2(response(problem.device, gains, stacked(frequencies.sensitivity)[1]))) / 2,
+            -np.log(sensitivity(problem.device, gains, stacked(frequencies.sensitivity)[1])),
         ]
         if norm == "peak":
             e2 = weighted_square(

@@ -8,11 +8,12 @@ from math import inf, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
+from vctune.analysis.sampled_loop import sensitivity
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import demanded, rollett_factor
-from vctune.model.loop import LoopResponse, hold_response, loop_response, sensitivity_abs2
+from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
 
@@ -90,12 +91,11 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
 
 
 def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |S| up to the Nyquist frequency as minima of -|S|, highest |S| first."""
+    """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first."""
+    device = problem.device
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
-    return local_minima(
-        lambda omega: -np.sqrt(sensitivity_abs2(response(problem.device, gains, omega))),
-        demand_grid(problem.device, low, problem.nyquist),
-    )
+    grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.lag))
+    return local_minima(lambda omega: -sensitivity(device, gains, omega), grid)
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:

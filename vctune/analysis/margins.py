@@ -1,20 +1,26 @@
-"""Gain, phase and delay margins of the velocity loop L = C/Z_d (frequency model, double precision)."""
+"""Gain, phase and delay margins of the exact sampled loop L = K_v G_v + K_p G_x, in double precision."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np
 
-from vctune.analysis.demands import response
-from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.model.pair import re_conj_product
+from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
+from vctune.analysis.stability import makes_no_turn, unit_circle
+from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
 
 BISECTIONS = 40
 MARGIN_POINTS_PER_DECADE = 100
+DECADES_BELOW_NYQUIST = 7
+"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate."""
+STEPS, FARTHEST = 16, 32
+"""Steps in which the delay grows to its estimated margin, and how many times as far it is followed."""
+NEWTON_STEPS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +31,7 @@ class Margins:
     ----------
     gain : factor on L that makes it unstable, the one nearest to 1
     phase : rad, the one nearest to 0
-    delay : s, the least additional delay that makes the loop unstable
+    delay : s, the least additional delay of the device that makes the sampled loop unstable
     """
 
     gain: float
@@ -34,61 +40,87 @@ class Margins:
 
 
 def loop_margins(device: Device, gains: Gains) -> Margins:
-    """Return the margins of the velocity loop.
-
-    Crossings are looked for up to the sampling rate (hold "zoh"), where the hold's gain vanishes, or far beyond every
-    corner (hold "lag").
-    """
+    """Return the margins of a stable loop, read off L on the upper half of the unit circle."""
     if gains.velocity == 0 and gains.position == 0:
         return Margins(inf, inf, inf)
-    grid = _grid(device, gains)
-    turned = _roots(lambda omega: response(device, gains, omega).turn, grid)
-    loop = response(device, gains, turned)
-    against = re_conj_product(loop.C, loop.Z_d) < 0
-    factors = np.sqrt(loop.Z_d.abs2() / loop.C.abs2())[against]
-    crossing = _roots(lambda omega: _log_gain(device, gains, omega), grid)
-    loop = response(device, gains, crossing)
-    angle = np.arctan2(_cross(loop.C.im, loop.C.re, loop.Z_d.im, loop.Z_d.re), re_conj_product(loop.C, loop.Z_d))
+    grid, nyquist = _grid(device), pi / device.sample_time
+
+    def L(omega: Floats) -> Complex:
+        return loop_gain(device, gains, omega)
+
+    real = L(np.append(_roots(lambda omega: L(omega).imag, grid), nyquist)).real
+    factors = -1 / real[real < 0]
+    crossing = _roots(lambda omega: np.log(np.abs(L(omega))), grid)
+    angle = np.angle(L(crossing))
     phases = np.where(angle > 0, angle - pi, angle + pi)
     return Margins(
         gain=float(factors[np.argmin(np.abs(np.log(factors)))]) if factors.size else inf,
         phase=float(phases[np.argmin(np.abs(phases))]) if phases.size else inf,
-        delay=float(np.min(np.mod(phases, 2 * pi) / crossing)) if phases.size else inf,
+        delay=_delay_margin(device, gains, float(np.min(np.mod(phases, 2 * pi) / crossing))) if phases.size else inf,
     )
 
 
-def encirclements(device: Device, gains: Gains) -> int:
-    """Return N, how often L goes clockwise around -1, the path indented to the right of poles at s = 0.
+def unstable_poles(device: Device, gains: Gains) -> int:
+    """Return how many poles of the closed sampled loop lie outside the unit circle, from the turns of F around 0."""
+    F = _circle(device, gains)
+    turns = np.unwrap(np.arctan2(F.im, F.re))
+    return -round(float(turns[-1]) / pi)
 
-    The argument of 1 + L turns by a quarter for each such pole when nothing is encircled.
+
+def _grid(device: Device) -> Floats:
+    nyquist = pi / device.sample_time
+    return frequency_grid(nyquist * 10.0**-DECADES_BELOW_NYQUIST, nyquist, MARGIN_POINTS_PER_DECADE)
+
+
+def _circle(device: Device, gains: Gains) -> Pair:
+    """Return F on the upper half of the unit circle."""
+    integrator = gains.position > 0
+    return unit_circle(device, integrator=integrator).closed(gains, integrator=integrator)
+
+
+def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
+    """Return the least delay with which F passes through 0, inf where none is found.
+
+    The estimate, phase over frequency, is good far below Nyquist only: part of a sample of delay even eases a loop
+    that rings at Nyquist, where the held force acts on two samples.
     """
-    if gains.velocity == 0 and gains.position == 0:
-        return 0
-    loop = response(device, gains, _grid(device, gains))
-    real = 1 + re_conj_product(loop.C, loop.Z_d) / loop.Z_d.abs2()
-    turns = np.unwrap(np.arctan2(_cross(loop.C.im, loop.C.re, loop.Z_d.im, loop.Z_d.re) / loop.Z_d.abs2(), real))
-    poles_at_zero = int(gains.position > 0) + int(device.damping == 0)
-    return -round(float(turns[-1] - turns[0] - poles_at_zero * pi / 2) / pi)
+
+    def stable(delay: float) -> bool:
+        return bool(makes_no_turn(_circle(replace(device, delay=device.delay + delay), gains)))
+
+    step = estimate / STEPS
+    first = next((k for k in range(STEPS * FARTHEST) if not stable(k * step)), None)
+    if not first:
+        return 0.0 if first == 0 else inf
+    low, high = (first - 1) * step, first * step
+    for _ in range(BISECTIONS // 4):
+        middle = (low + high) / 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return _at_zero(device, gains, (low + high) / 2)
 
 
-def _grid(device: Device, gains: Gains) -> Floats:
-    rate = 1 / device.sample_time
-    stiff = device.damping + gains.velocity
-    corners = [rate, stiff / device.mass, device.damping / device.mass, (gains.position / device.mass) ** 0.5]
-    corners += [gains.position / loss for loss in (stiff, device.damping) if loss > 0]
-    low = min(corner for corner in corners if corner > 0)
-    high = 2 * pi * rate * (1 - 1e-9) if device.hold == "zoh" else max(corners) * 1e3
-    return frequency_grid(min(low * 1e-3, high * 1e-3), high, MARGIN_POINTS_PER_DECADE)
+def _at_zero(device: Device, gains: Gains, delay: float) -> float:
+    """Return the delay with which F = 0 somewhere on the circle, by Newton's method in (log omega, delay)."""
+    integrator, unit = gains.position > 0, device.sample_time
 
+    def F(at: Floats) -> Floats:
+        later = replace(device, delay=device.delay + float(at[1]) * unit)
+        parts = return_difference_at(later, np.exp(at[:1]), integrator=integrator)
+        closed, openness = parts.closed(gains, integrator=integrator), np.sqrt(parts.open.abs2())
+        return np.array([closed.re[0], closed.im[0]]) / openness[0]
 
-def _log_gain(device: Device, gains: Gains, omega: Floats) -> Floats:
-    loop = response(device, gains, omega)
-    return np.log(loop.C.abs2() / loop.Z_d.abs2())
+    def size(omega: Floats) -> Floats:
+        later = replace(device, delay=device.delay + delay)
+        parts = return_difference_at(later, omega, integrator=integrator)
+        return np.asarray(parts.closed(gains, integrator=integrator).abs2() / parts.open.abs2())
 
-
-def _cross(a_im: Floats, a_re: Floats, b_im: Floats, b_re: Floats) -> Floats:
-    """Return Im(a conj b)."""
-    return a_im * b_re - a_re * b_im
+    at = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
+    for _ in range(NEWTON_STEPS):
+        here = F(at)
+        slopes = [(F(at + step) - F(at - step)) / 2e-6 for step in 1e-6 * np.eye(2)]
+        at = at - np.linalg.solve(np.array(slopes).T, here)
+    found = float(at[1]) * unit
+    return found if np.isfinite(found) and abs(found - delay) <= 0.05 * delay else delay
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:

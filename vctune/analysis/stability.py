@@ -10,24 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats, local_minima
+from vctune.analysis.sampled_loop import Complex, plant_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
+from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
-from vctune.model.sampled import ReturnDifference, return_difference, sampled_plant, whole_samples
+from vctune.model.sampled import ReturnDifference, return_difference
 
-ANGLES = 192
+FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
 TOO_CLOSE = 0.03
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
 
-Complex = NDArray[np.complex128]
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
 
 
 def sampled_curve(device: Device, *, integrator: bool) -> Curve:
     """Return the return difference of the sampled loop over that of the open loop."""
-    whole, fraction = whole_samples(device.delay, device.sample_time)
-    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
+    plant = plant_of(device)
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         parts = return_difference(plant, theta, FLOATS, integrator=integrator)
@@ -50,34 +50,26 @@ def model_curve(device: Device) -> Curve:
 
 
 @cache
-def angles() -> Floats:
+def angles(first: float = FIRST_ANGLE) -> Floats:
     """Return the grid on which the turns of a curve are counted: dense near 0 and near the Nyquist frequency."""
-    below, above = np.geomspace(1e-4, np.pi / 2, ANGLES), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES // 4)
+    count = int(np.ceil(ANGLES_PER_DECADE * np.log10(np.pi / 2 / first)))
+    below, above = np.geomspace(first, np.pi / 2, count), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES_PER_DECADE)
     found = np.concatenate((below, above[1:], [np.pi]))
     found.setflags(write=False)
     return found
 
 
-def unit_circle(device: Device, *, integrator: bool) -> ReturnDifference:
+def unit_circle(device: Device, first: float = FIRST_ANGLE, *, integrator: bool) -> ReturnDifference:
     """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
-    whole, fraction = whole_samples(device.delay, device.sample_time)
-    plant = sampled_plant(device, whole, fraction * device.sample_time, fraction > 0, FLOATS)
-    return return_difference(plant, angles(), FLOATS, integrator=integrator)
+    return return_difference(plant_of(device), angles(first), FLOATS, integrator=integrator)
 
 
-def closes_stable(circle: ReturnDifference, gains: Gains, *, integrator: bool) -> NDArray[np.bool_]:
-    """Return whether the loop closed with the given gains makes no turn around 0.
+def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
+    """Return whether a closed loop's return difference on `unit_circle`, the last axis, makes no turn around 0.
 
     The turn from the first angle to the last, where F is real, is that of the first to the positive real axis plus a
     whole turn for each crossing of the negative real axis, which chords between neighbouring angles show.
-
-    Parameters
-    ----------
-    circle : from `unit_circle`
-    gains : arrays that end in an axis of length 1
-    integrator : whether the law has its K_p/s term
     """
-    F = circle.closed(gains, integrator=integrator)
     up = F.im >= 0
     cross = F.re[..., :-1] * F.im[..., 1:] - F.re[..., 1:] * F.im[..., :-1]
     clockwise, back = up[..., 1:] & ~up[..., :-1] & (cross < 0), up[..., :-1] & ~up[..., 1:] & (cross > 0)

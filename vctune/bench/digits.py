@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +17,11 @@ GUARD = 60
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """What the definitions give at a frequency: Re Z_c / R, Re G_hh, |S|, |G_hh|, |Z_c|."""
+    """What the definitions give at a frequency: Re Z_c / R, Re G_hh, |1 - G_he|, |S|, |G_hh|, |Z_c|."""
 
     ratio: Any
     conductance: Any
+    tracking: Any
     sensitivity: Any
     admittance: Any
     coupling: Any
@@ -36,7 +38,9 @@ def exact(device: Device, gains: Gains, coupling: Coupling, omega: float) -> Exa
         needed = (abs(q) - mp.re(q)) / (2 * mp.re(G_hh))
         Z_c = b_0 + b_c * m_c * s / (b_c + m_c * s)
         ratio = mp.re(Z_c) / needed if needed else mp.inf
-        return Exact(ratio, mp.re(G_hh), abs(1 - q), abs(G_hh), abs(Z_c))
+        z = mp.exp(s * T)
+        opened, closed = (mp.polyval(characteristic(device, gains, law), z) for law in ((0, 0), (K_v, K_p)))
+        return Exact(ratio, mp.re(G_hh), abs(1 - q), abs(opened / closed), abs(G_hh), abs(Z_c))
 
 
 def _decimals(device: Device, gains: Gains, coupling: Coupling) -> list[Any]:
@@ -47,7 +51,7 @@ def _decimals(device: Device, gains: Gains, coupling: Coupling) -> list[Any]:
 def stable(device: Device, gains: Gains) -> bool:
     """Return whether the sampled loop is stable (DESIGN 1.7), by Jury's recursion on its characteristic polynomial."""
     with mp.workdps(DIGITS + GUARD + characteristic_order(device)):
-        return _all_inside(characteristic(device, gains))
+        return _all_inside(characteristic(device, gains, _decimals(device, gains, Coupling(1.0, 1.0, 0.0))[4:6]))
 
 
 def characteristic_order(device: Device) -> int:
@@ -55,9 +59,10 @@ def characteristic_order(device: Device) -> int:
     return int(device.delay / device.sample_time) + 4
 
 
-def characteristic(device: Device, gains: Gains) -> list[Any]:
-    """Return the characteristic polynomial, highest power first: plant, hold and delay as a transfer function."""
-    m, b, T, delay, K_v, K_p, *_ = _decimals(device, gains, Coupling(1.0, 1.0, 0.0))
+def characteristic(device: Device, gains: Gains, law: Sequence[Any]) -> list[Any]:
+    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that gains have."""
+    m, b, T, delay, *_ = _decimals(device, gains, Coupling(1.0, 1.0, 0.0))
+    K_v, K_p = law
     whole = int(mp.floor(delay / T + mp.mpf("1e-12")))
     late = max(delay - whole * T, mp.mpf(0))
     late = mp.mpf(0) if late < mp.mpf("1e-12") * T else late

@@ -98,8 +98,7 @@ def violation(problem: Problem, gains: Gains, coupling: Coupling, extra: Sequenc
     bottom = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
     nearby = ringing * np.geomspace(0.25, 1.0, POINTS), np.minimum(ringing * np.geomspace(1.0, 4.0, POINTS), nyquist)
     omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), *nearby, noted[noted <= nyquist]))
-    Z_d, C = impedances(device, gains.velocity, gains.position, omega)
-    loud = float(np.max(np.abs(Z_d / (Z_d + C)))) / stability.max_sensitivity
+    loud = float(np.max(sensitivity(device, gains, omega))) / stability.max_sensitivity
     return float(np.log(max(short, loud, 1.0)))
 
 
@@ -121,10 +120,26 @@ def error(problem: Problem, gains: Gains, coupling: Coupling) -> float:
 
 def spectral_radius(device: Device, gains: Gains) -> float:
     """Return the spectral radius of the sampled loop (DESIGN 1.7) from its companion matrix."""
-    return float(np.abs(np.linalg.eigvals(loop_matrix(device, gains))).max())
+    return float(np.abs(np.linalg.eigvals(loop_matrix(device, gains, order_of(gains)))).max())
 
 
-def loop_matrix(device: Device, gains: Gains) -> Floats:
+def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
+    """Return |S| of the sampled loop at omega > 0: product of z less each pole with the loop open over those closed."""
+    z = np.exp(1j * omega * device.sample_time)
+    unit = Gains(0.0, 0.0), gains
+    opened, closed = (np.linalg.eigvals(loop_matrix(device, law, order_of(gains))) for law in unit)
+    S = np.ones(z.shape)
+    for free, bound in zip(opened, closed, strict=True):
+        S *= np.abs((z - free) / (z - bound))
+    return S
+
+
+def order_of(gains: Gains) -> int:
+    """Return how many of v and x are in the loop."""
+    return 2 if gains.position > 0 else 1
+
+
+def loop_matrix(device: Device, gains: Gains, order: int) -> Floats:
     """Return the matrix that takes v, x and the forces on their way from one sample to the next.
 
     A force that is told at a sample acts `whole` samples and `late` seconds afterwards. Without K_p there is no x.
@@ -132,7 +147,6 @@ def loop_matrix(device: Device, gains: Gains) -> Floats:
     T, delay = device.sample_time, device.delay
     whole = floor(delay / T + 1e-9)
     late = max(delay - whole * T, 0.0)
-    order = 2 if gains.position > 0 else 1
     A, held = _sampled(device, T, order)
     _, newest = _sampled(device, T - late, order)
     size = order + whole + 1

@@ -132,7 +132,7 @@ def shapes_without(whole: Shape) -> dict[str, Shape]:
         "free K_p": replace(whole, free=freed(1), integrator=False),
         "free b_0": replace(whole, free=freed(4)),
         "free m_c": replace(whole, free=freed(3)),
-        "delay": replace(whole, delayed=False, counted=5),
+        "delay": replace(whole, counted=5),
         "operator": replace(whole, held=False),
         "uncertainty": replace(whole, uncertain=False, counted=1),
         "worst error": replace(whole, counted=1),
@@ -140,8 +140,8 @@ def shapes_without(whole: Shape) -> dict[str, Shape]:
     for term in whole.terms:
         found[f"{term} term"] = replace(whole, terms=tuple(other for other in whole.terms if other != term))
     ratio, *_, peak = whole.slots
-    found["followed peak of |S|"] = replace(whole, moving=0, hold="zoh", delayed=False)
-    found["demand on |S|"] = replace(whole, moving=0, hold="zoh", delayed=False, slots=(ratio, 0, 0, peak))
+    found["followed peak of |S|"] = replace(whole, moving=0)
+    found["demand on |S|"] = replace(whole, moving=0, slots=(ratio, 0, 0, peak))
     return found
 
 

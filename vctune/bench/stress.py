@@ -18,7 +18,7 @@ import numpy as np
 from vctune.analysis.demands import error_terms, sampled_span, stability_ratio
 from vctune.bench.benchmark import Measured, Size, Tick
 from vctune.bench.devices import device
-from vctune.bench.evaluator import coupling_impedance, impedances, opinion, required, spectral_radius
+from vctune.bench.evaluator import coupling_impedance, impedances, opinion, required, sensitivity, spectral_radius
 from vctune.bench.peers import need
 from vctune.design.judge import Judgement
 from vctune.design.solve import solve
@@ -134,7 +134,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
         at = np.array([omega])
         terms = error_terms(problem, gains, coupling, at)
         floats = [(float(np.sqrt(terms.admittance[0])) / impedance, true.admittance)]
-        floats += [(float(np.sqrt(terms.tracking[0])), true.sensitivity)]
+        floats += [(float(np.sqrt(terms.tracking[0])), true.tracking)]
         floats += [(float(np.sqrt(terms.coupling[0])) * impedance, true.coupling)]
         if omega in inside and true.conductance > 0:
             floats.append((float(stability_ratio(device, gains, coupling, at)[0]), true.ratio))
@@ -160,8 +160,7 @@ def feasible(problem: Problem) -> str | None:
     couplings = [Coupling(b_c, m_c, b_0) for b_c in _spread(bounds.damping, SCAN_DAMPING)]
     offered = np.array([coupling_impedance(coupling, omega).real for coupling in couplings])
     for gains in _loops(problem):
-        Z_d, C = impedances(device, gains.velocity, gains.position, below)
-        if np.abs(Z_d / (Z_d + C)).max() > stability.max_sensitivity:
+        if sensitivity(device, gains, below).max() > stability.max_sensitivity:
             continue
         needed = stability.safety_factor * required(*impedances(device, gains.velocity, gains.position, omega))
         enough = (offered >= needed).all(axis=1)

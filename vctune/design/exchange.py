@@ -26,7 +26,8 @@ from vctune.design.violations import Violations, least_resistance, near_peak, vi
 from vctune.document.problem import Problem
 from vctune.model.quantities import Device, Gains
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+from vctune.proof.poles import prove_model_poles
+from vctune.proof.sampled_loop import prove_sampled_poles
 
 TIGHTENING = 1e-6
 ROUNDS = 40

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import closes_stable
+from vctune.analysis.stability import makes_no_turn
 from vctune.design.samples import Samples
 from vctune.design.start import Missed
 from vctune.document.problem import Problem
-from vctune.model.loop import LoopResponse, sensitivity_abs2
+from vctune.model.loop import LoopResponse
 from vctune.model.quantities import Gains
 
 Kinds = NDArray[np.int8]
@@ -65,13 +65,6 @@ def loop_feasibility(problem: Problem, samples: Samples, gains: Gains, bands: li
     return worst
 
 
-def peak_sensitivity(samples: Samples, gains: Gains) -> Floats:
-    """Return the greatest |S| up to Nyquist on the samples' device."""
-    loop = samples.below_nyquist.response(samples.device, spread(gains), integrator=samples.integrator)
-    greatest: Floats = np.sqrt(sensitivity_abs2(loop).max(axis=-1))
-    return greatest
-
-
 def spread(gains: Gains) -> Gains:
     """Return gains that can be met with frequencies along a last axis."""
     return Gains(gains.velocity[..., None], gains.position[..., None])
@@ -81,11 +74,12 @@ def _on_one_device(problem: Problem, samples: Samples, gains: Gains, band: LoopR
     device, integrator = samples.device, samples.integrator
     scale = device.damping + gains.velocity + gains.position * device.lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
-    greatest = peak_sensitivity(samples, gains)
+    closed = [circle.closed(spread(gains), integrator=integrator) for circle in samples.circles]
+    greatest = np.sqrt((samples.circles[0].open.abs2() / closed[0].abs2()).max(axis=-1))
     strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
-    closed = [closes_stable(circle, spread(gains), integrator=integrator) for circle in samples.circles]
+    stable = np.all([makes_no_turn(F) for F in closed], axis=0)
     too_sensitive = np.log(np.maximum(greatest / problem.stability.max_sensitivity, 1.0))
-    tests = (~np.all(closed, axis=0), deficit > 0, too_sensitive > 0)  # gravest first: `select` takes the first
+    tests = (~stable, deficit > 0, too_sensitive > 0)  # gravest first: `select` takes the first
     missed = np.select(tests, (Missed.STABILITY, Missed.RESISTANCE, Missed.SENSITIVITY), Missed.NOTHING)
     violation = np.select(tests, (strength, deficit, too_sensitive), 0.0)
     return LoopFeasibility(missed.astype(np.int8), violation, greatest)

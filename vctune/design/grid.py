@@ -28,7 +28,7 @@ from vctune.design.start import Missed
 from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
@@ -225,7 +225,7 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: len(counted_of(problem))]
     loops = [there.nodes.response(there.device, spread(gains), integrator=there.integrator) for there in counted]
-    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * sensitivity_abs2(loop) for loop in loops]
+    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
     weight = weights.coupling**2

@@ -12,7 +12,7 @@ from vctune.analysis.extrema import local_minima
 from vctune.design.scan import ScanResult
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.poles import spectral_radius
+from vctune.proof.sampled_loop import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
 """How the reason begins, by whether it is proved."""

@@ -9,8 +9,9 @@ from math import inf, log, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.cases import counted_of
-from vctune.design.nlp import COLUMN, compiled
+from vctune.design.nlp import COLUMN, PULSE, compiled
 from vctune.design.result import Solution
 from vctune.design.shape import TERMS, Place, Shape, WorkingSet, stacked
 from vctune.design.variables import Coordinate, Point
@@ -99,7 +100,7 @@ def _parameters(
     scales = np.zeros(5)
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale
-    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS), device.delay]
+    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS)]
     if shape.held and device.operator is not None:
         common += [device.operator.damping, problem.stability.safety_factor]
     parts = [np.array(common)]
@@ -114,7 +115,7 @@ def _parameters(
         shape.slots,
         (
             _at_places(shape, frequencies.ratio),
-            _at_places(shape, frequencies.sensitivity),
+            _pulses(frequencies.sensitivity, integrator=shape.integrator),
             cuts,
             _at_places(shape, frequencies.peak),
         ),
@@ -123,14 +124,24 @@ def _parameters(
         last = columns[:, -1:] if columns.shape[1] else np.zeros((columns.shape[0], 1))
         filling = np.repeat(last, count - columns.shape[1], axis=1)
         parts.append(np.hstack((columns, filling)).ravel(order="F"))
-    if shape.uncertain:
-        followed = [place.device for place in frequencies.moving]
-        parts.append(np.array([(there.mass, there.damping, there.delay) for there in followed]).ravel())
+    parts += [_plant(place.device) for place in frequencies.moving]
     return np.concatenate(parts)
 
 
 def _at_places(shape: Shape, places: Sequence[Place]) -> Floats:
     return _columns(shape, *stacked(places)) if places else np.zeros((COLUMN[shape.uncertain], 0))
+
+
+def _pulses(places: Sequence[Place], *, integrator: bool) -> Floats:
+    if not places:
+        return np.zeros((PULSE, 0))
+    G_v, G_x = pulse_transfer(*stacked(places), integrator=integrator)
+    return np.vstack((G_v.real, G_v.imag, G_x.real, G_x.imag))
+
+
+def _plant(device: Device) -> Floats:
+    plant = plant_of(device)
+    return np.array([plant.pole, plant.slack, plant.drift, *plant.velocity, *plant.position, plant.whole])
 
 
 def _columns(shape: Shape, device: Device, omega: Floats) -> Floats:

@@ -20,8 +20,10 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
-from vctune.model.loop import HoldResponse, hold_response, loop_response, sensitivity_abs2
+from vctune.model.loop import HoldResponse, loop_response
+from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
+from vctune.model.sampled import SampledPlant, return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
 OPTIONS: dict[str, Any] = {
@@ -44,11 +46,12 @@ OPTIONS: dict[str, Any] = {
     "ipopt.max_refinement_steps": 1,
 }
 """The last six are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
-COMMON = {False: 16, True: 18}
+COMMON = {False: 15, True: 17}
 """Numbers common to all frequencies; two more where an operator eases the conditions: its damping, the factor."""
-COLUMN, FOLLOWED = {False: 3, True: 5}, {False: 0, True: 3}
-"""Numbers of a place: omega and the hold; of a peak that is followed: none. Of an uncertain device its mass, damping
-and, for the latter, delay."""
+COLUMN = {False: 3, True: 5}
+"""Numbers of a place: omega and the hold; of an uncertain device its mass and damping, too."""
+PULSE, PLANT = 4, 8
+"""Numbers of a place of |S|: G_v and G_x there; of a peak of |S| that is followed: the sampled plant."""
 
 
 class _SymbolArithmetic:
@@ -114,8 +117,8 @@ class _AtOneFrequency:
 
 def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", COMMON[shape.held]), ca.SX.sym("t")
-    operator = LeastOperator(0.0, common[16]) if shape.held else None
-    device = Device(common[0], common[1], 1.0, common[15] if shape.delayed else 0.0, shape.hold, operator)
+    operator = LeastOperator(0.0, common[15]) if shape.held else None
+    device = Device(common[0], common[1], 1.0, 0.0, "zoh", operator)
     scale, fixed, weights = common[2:7], common[7:12], dict(zip(TERMS, ca.vertsplit(common[12:15]), strict=True))
     values = ca.vertsplit(fixed)
     for k, (index, from_zero) in enumerate(shape.free):
@@ -131,13 +134,14 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * Z_c.re
     if loop.relief is not None:  # R may be negative and has no logarithm then
-        offered += common[17] * loop.relief
-    y, numbers = ca.SX.sym("y"), ca.SX.sym("numbers", FOLLOWED[shape.uncertain])
-    omega = ca.exp(y)
-    if shape.uncertain:
-        here = replace(device, mass=numbers[0], damping=numbers[1], delay=numbers[2] if shape.delayed else 0.0)
-    followed = loop_response(here, gains, omega, hold_response(here, omega, SYMBOLS), integrator=shape.integrator)
-    log_peak = ca.log(sensitivity_abs2(followed)) / 2
+        offered += common[16] * loop.relief
+    pulse, y, plant = ca.SX.sym("pulse", PULSE), ca.SX.sym("y"), ca.SX.sym("plant", PLANT)
+    inverse_S = Pair(1 + gains.velocity * pulse[0], gains.velocity * pulse[1])
+    if shape.integrator:
+        inverse_S += Pair(pulse[2], pulse[3]).scaled(gains.position)
+    sampled = SampledPlant(plant[0], plant[1], plant[2], (plant[3], plant[4]), (plant[5], plant[6]), plant[7], True)
+    followed = return_difference(sampled, ca.exp(y), SYMBOLS, integrator=shape.integrator)
+    log_peak = ca.log(sensitivity_abs2(followed, gains, integrator=shape.integrator)) / 2
     return _AtOneFrequency(
         z,
         common,
@@ -145,15 +149,15 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
         inputs={
             "node": ca.vertcat(column, weight),
             "ratio": column,
-            "sensitivity": column,
+            "sensitivity": pulse,
             "stability": cut,
             "peak": column,
-            "moving": ca.vertcat(y, numbers),
+            "moving": ca.vertcat(y, plant),
         },
         values={
             "node": weight * error2,
             "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
-            "sensitivity": -ca.log(sensitivity_abs2(loop)) / 2,
+            "sensitivity": ca.log(inverse_S.abs2()) / 2,
             "stability": cut[0] + gains.velocity * cut[1] + gains.position * cut[2],
             "peak": epigraph - ca.log(error2) / 2,
             "moving": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
@@ -189,7 +193,7 @@ def assembled(shape: Shape) -> dict[str, ca.MX]:
     demands = [at_each(kind, count) for kind, count in zip(DEMANDS, shape.slots, strict=True) if count]
     if shape.moving:
         follow = ca.Function("moving", [one.z, one.common, one.inputs["moving"]], [one.values["moving"]])
-        places = ca.vertcat(y.T, columns("numbers", FOLLOWED[shape.uncertain], shape.moving))
+        places = ca.vertcat(y.T, columns("plants", PLANT, shape.moving))
         demands.append(ca.vec(follow.map(shape.moving)(z, common, places)))
     if shape.epigraph:
         unknowns, objective = ca.vertcat(z, y, epigraph), epigraph

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
-from vctune.analysis.margins import encirclements, loop_margins
+from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
 from vctune.design.repair import CUT_SHORT, LONGEST
@@ -26,7 +26,7 @@ from vctune.document.strict import finite
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import spectral_radius
+from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
 if TYPE_CHECKING:
@@ -190,9 +190,9 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "phase_margin_deg": degrees(margins.phase),
         "delay_margin_s": margins.delay,
         "nyquist": {
-            "N": encirclements(device, gains),
+            "N": unstable_poles(device, gains),
             "P": 0,
-            "Z": 0 if poles[0] is Verdict.PROVED else None,
+            "Z": 0 if poles[1] is Verdict.PROVED else None,
         },
     }
 

@@ -18,7 +18,8 @@ from vctune.document.problem import Problem
 from vctune.document.reading import pose
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+from vctune.proof.poles import prove_model_poles
+from vctune.proof.sampled_loop import prove_sampled_poles
 
 SHARE = 0.9
 """The share of a repair that must not suffice."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.analysis.demands import sampled_span, slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import unit_circle
+from vctune.analysis.stability import FIRST_ANGLE, unit_circle
 from vctune.design.cases import cases_of
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
@@ -43,16 +43,14 @@ class Samples:
     device : the one whose loops are looked at
     integrator : whether the law has its K_p/s term
     band : of stability
-    below_nyquist : for |S|
     nodes, averages : of the transparency band's quadrature
-    circles : the return differences of the sampled loops on the unit circle
+    circles : the return differences of the sampled loops on the unit circle, first the device's let go
     others : the other devices at which the demands are posed, with the same frequencies
     """
 
     device: Device
     integrator: bool
     band: Spectrum
-    below_nyquist: Spectrum
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
@@ -67,20 +65,18 @@ class Samples:
 @lru_cache(maxsize=4)
 def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
-    nyquist, band = problem.nyquist, problem.transparency.band
+    band = problem.transparency.band
     low, high = sampled_span(problem)
-    slowest = slowest_resonance(problem, problem.bounds.velocity.min)
-    sharpness = min(max(problem.stability.max_sensitivity / 2, 1.0), 4.0)
-    count = int(FREQUENCIES * sharpness * np.log10(nyquist / slowest) / 3)
+    first = min(FIRST_ANGLE, slowest_resonance(problem, problem.bounds.velocity.min))
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
-    within, below_nyquist = np.append(towards_zero(problem), across), np.geomspace(slowest, nyquist, count)
+    within = np.append(towards_zero(problem), across)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
     if problem.transparency.norm == "peak":  # the greatest error is often at an end of the band
         nodes = np.geomspace(band.min, band.max, nodes.size)
 
     def samples(device: Device, others: list[Samples]) -> Samples:
-        band, upto, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, below_nyquist, nodes))
-        circles = [unit_circle(loop, integrator=integrator) for loop in device.loops]
-        return Samples(device, integrator, band, upto, seen, averages, circles, others)
+        band, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
+        circles = [unit_circle(loop, first, integrator=integrator) for loop in device.loops]
+        return Samples(device, integrator, band, seen, averages, circles, others)
 
     return samples(problem.device, [samples(case.device, []) for case in cases_of(problem)[1:]])

@@ -12,7 +12,7 @@ from vctune.analysis.stability import Cut
 from vctune.design.cases import counted_of
 from vctune.design.variables import Coordinate
 from vctune.document.problem import Norm, Problem
-from vctune.model.quantities import Device, Hold
+from vctune.model.quantities import Device
 from vctune.proof.devices import UNCERTAIN
 
 TERMS = ("admittance", "tracking", "coupling")
@@ -82,7 +82,6 @@ class Shape:
     panels : panels of the quadrature, 0 for "peak"
     slots : numbers of ratio, sensitivity, stability and peak constraints
     moving : number of peaks of |S| that are followed
-    hold, delayed : what the response at a variable frequency is made of; only looked at when a peak is followed
     held : whether the damping of an operator eases the conditions
     uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
     counted : number of devices the greatest of whose errors is the objective, for "rms"
@@ -95,8 +94,6 @@ class Shape:
     panels: int
     slots: tuple[int, int, int, int]
     moving: int
-    hold: Hold
-    delayed: bool
     held: bool
     uncertain: bool
     counted: int
@@ -128,8 +125,6 @@ def shape_of(
         panels=panels if problem.transparency.norm == "rms" else 0,
         slots=(slots[0], slots[1], slots[2], slots[3]),
         moving=len(frequencies.moving),
-        hold=problem.device.hold if frequencies.moving else "zoh",
-        delayed=problem.device.delay > 0 if frequencies.moving else False,
         held=problem.device.held.damping > problem.device.damping,
         uncertain=problem.uncertainty is not None,
         counted=len(counted_of(problem)) if problem.transparency.norm == "rms" else 1,

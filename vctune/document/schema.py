@@ -109,7 +109,7 @@ class TransparencyTable(Table):
 
 
 class StabilityTable(Table):
-    """The demands: Llewellyn's conditions on a band, and a bound on the sensitivity up to Nyquist."""
+    """The demands: Llewellyn's conditions on a band, and a bound on the sampled loop's sensitivity."""
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
@@ -117,7 +117,10 @@ class StabilityTable(Table):
         'lower edge may be 0, the upper inf with hold "lag" and no delay.',
     )
     safety_factor: Positive = Field(1.05, description="Least Re Z_c / R, at least 1.")
-    max_sensitivity: Positive = Field(2.0, description="Greatest |S| = |1 - G_he| up to the Nyquist frequency.")
+    max_sensitivity: Positive = Field(
+        2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
+    )
+    criterion: Literal["passive"] = Field("passive", description="The hands: any passive one, on band_hz.")
 
 
 class UncertaintyTable(Table):

@@ -113,6 +113,6 @@ def G_hh_abs2(loop: LoopResponse) -> Number:
     return loop.scale2 / loop.D.abs2()
 
 
-def sensitivity_abs2(loop: LoopResponse) -> Number:
-    """Return |S|^2 = |Z_d/D|^2 = |1 - G_he|^2 (DESIGN 1.2)."""
+def tracking_abs2(loop: LoopResponse) -> Number:
+    """Return |1 - G_he|^2 = |Z_d/D|^2 (DESIGN 1.2): by how much the device misses the velocity that it is told."""
     return loop.Z_d.abs2() / loop.D.abs2()

@@ -6,13 +6,16 @@ delay = (N + delta) T. With z = e^{j theta} the loop's return difference is
     F(z) = (1 - a/z)(1 - 1/z) + K_v z^-1 B (1 - 1/z) + K_p z^-2 (m phi B + G (z - a)),
     B = beta_0 z^-N + beta_1 z^-(N+1),   G = gamma_0 z^-N + gamma_1 z^-(N+1),
 
-or F = (1 - a/z) + K_v z^-1 B when K_p = 0: the position is then not in the loop.
+or F = (1 - a/z) + K_v z^-1 B when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
+loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x), G_v and G_x being the pulse transfer functions from the
+held force to velocity and position; they are affine in the gains with complex constants that only the device knows.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import floor
+
+import numpy as np
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.pair import Pair
@@ -43,28 +46,31 @@ class SampledPlant:
     fractional: bool
 
 
-def whole_samples(delay: float, sample_time: float) -> tuple[int, float]:
-    """Split a delay into whole samples and the fraction of one that remains, rounding noise snapped."""
+def whole_samples(delay: Number, sample_time: Number) -> tuple[Number, Number]:
+    """Split a delay, or an array of them, into whole samples and the fraction of one that remains.
+
+    What differs from a whole sample by rounding noise counts as one.
+    """
     samples = delay / sample_time
-    nearest = round(samples)
-    if abs(samples - nearest) <= 1e-12 * max(1.0, samples):
-        return nearest, 0.0
-    return floor(samples), samples - floor(samples)
+    nearest = np.round(samples)
+    snapped = np.abs(samples - nearest) <= 1e-12 * np.maximum(1.0, samples)
+    whole = np.where(snapped, nearest, np.floor(samples)).astype(int)
+    fraction = np.where(snapped, 0.0, samples - whole)
+    return (whole, fraction) if whole.ndim else (int(whole), float(fraction))
 
 
-def sampled_plant(device: Device, whole: Number, remainder: Number, fractional: bool, ops: Arithmetic) -> SampledPlant:
+def sampled_plant(device: Device, whole: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
     """Sample the plant exactly.
 
     Parameters
     ----------
     device : Device
-    whole : whole samples of delay, N
-    remainder : delta T, s; not looked at unless `fractional`
-    fractional : whether delta > 0
+    whole : whole samples of its delay, N
     ops : arithmetic of the device's numbers
+    fractional : whether a part of a sample remains, delta > 0
     """
     m, T = device.mass, device.sample_time
-    rate = device.damping / m
+    rate, remainder = device.damping / m, device.delay - whole * T
 
     def velocity_step(t: Number) -> Number:
         return t / m * ops.decay_mean(rate * t)
@@ -113,18 +119,26 @@ def return_difference(
     def delayed(steps: int) -> Pair:
         return Pair(ops.cos(theta * steps), -ops.sin(theta * steps))
 
-    def input_path(taps: tuple[Number, Number], steps: int) -> Pair:
-        path = delayed(plant.whole + steps).scaled(taps[0])
-        return path + delayed(plant.whole + steps + 1).scaled(taps[1]) if plant.fractional else path
+    first = delayed(plant.whole + 1)
+    second = delayed(plant.whole + 2) if plant.fractional else None
+
+    def input_path(taps: tuple[Number, Number]) -> Pair:
+        path = first.scaled(taps[0])
+        return path if second is None else path + second.scaled(taps[1])
 
     half_sine = ops.sin(theta / 2)
     difference = Pair(2 * half_sine * half_sine, ops.sin(theta))
     decay = Pair(plant.slack + plant.pole * difference.re, plant.pole * difference.im)
-    velocity = input_path(plant.velocity, 1)
+    velocity = input_path(plant.velocity)
     if not integrator:
         return ReturnDifference(decay, velocity, Pair(0.0, 0.0))
-    position = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position, 1) * decay
+    position = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position) * decay
     return ReturnDifference(decay * difference, velocity * difference, position)
+
+
+def sensitivity_abs2(parts: ReturnDifference, gains: Gains, *, integrator: bool) -> Number:
+    """Return |S|^2 of the sampled loop at one point of the unit circle."""
+    return parts.open.abs2() / parts.closed(gains, integrator=integrator).abs2()
 
 
 def difference_slope(theta: Number, ops: Arithmetic) -> Pair:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
-from vctune.model.loop import G_hh_abs2, LoopResponse, sensitivity_abs2
+from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.pair import Pair
 
 PANEL_NODES = 8
@@ -27,7 +27,7 @@ class Terms:
 def squared_terms(loop: LoopResponse, Z_c: Pair, reference_impedance: float) -> Terms:
     """Return the squares of the three dimensionless terms at a frequency."""
     Z_0 = reference_impedance
-    return Terms(G_hh_abs2(loop) * Z_0**2, sensitivity_abs2(loop), Z_c.abs2() / Z_0**2)
+    return Terms(G_hh_abs2(loop) * Z_0**2, tracking_abs2(loop), Z_c.abs2() / Z_0**2)
 
 
 @cache

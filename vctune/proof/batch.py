@@ -77,7 +77,7 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
         return proved, boxes
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
-        pairs = all_pairs(len(cells), 0.0, pi / device.sample_time * (1 + NEAR), STEP)
+        pairs = all_pairs(len(cells), 0.0, HALF_TURN, STEP)
         sifted = sift(claims.sensitivity, cells, pairs, rounds, claims.floor)
         return sifted.open.count(len(cells)) == 0, sifted.boxes
 
@@ -95,7 +95,7 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Proofs:
     return Proofs(proved, boxes)
 
 
-def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> Flags:
+def refuted(demands: Demands, cells: Cells, omega: Floats, theta_S: Floats) -> Flags:
     """Return the cells none of whose designs meets all demands.
 
     Parameters
@@ -103,14 +103,14 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, omega_S: Floats) -> F
     demands : what is to be met
     cells : as for `prove`
     omega : rad/s, for each cell a frequency of the band at which Llewellyn's conditions may fail throughout
-    omega_S : rad/s, for each cell a frequency up to Nyquist at which |S| may be too great throughout
+    theta_S : rad, for each cell an angle omega T at which |S| may be too great throughout
     """
     fails = np.zeros(len(cells), bool)
     for integrator, at in by_integrator(cells):
         claims, part = claims_of(demands, integrator=integrator), cells.taken(at)
         lost = image_at(claims.conditions, part, omega[at]).negative()
         lost |= image_at(claims.damped, part, omega[at]).negative()
-        lost |= image_at(claims.sensitivity, part, omega_S[at]).negative()
+        lost |= image_at(claims.sensitivity, part, theta_S[at]).negative()
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.taken(left), integrator=integrator).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)

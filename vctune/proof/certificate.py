@@ -6,22 +6,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from functools import partial
-from math import inf, pi
+from math import inf
 
 import numpy as np
-from flint import arb, ctx
+from flint import ctx
 
-from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device, Gains
-from vctune.proof.balls import BALLS, PRECISION, ball, design_ball, design_series, lifted
+from vctune.proof.balls import PRECISION
 from vctune.proof.batch import prove
 from vctune.proof.cells import Cells
-from vctune.proof.claims import Design, sensitivity_margin
+from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosed import Demands
-from vctune.proof.interval import Outcome, Verdict, prove_positive
+from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import prove_conditions, widest_band
-from vctune.proof.poles import prove_model_poles, prove_sampled_poles
+from vctune.proof.poles import prove_model_poles
 from vctune.proof.robust import (
     Alone,
     Family,
@@ -31,13 +30,14 @@ from vctune.proof.robust import (
     sensitivity_over,
     widest_band_over,
 )
+from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity
 
 
 class Claim(StrEnum):
     """What a certificate claims."""
 
     CONDITIONS = "Re G_hh > 0 and Re Z_c >= R on the band"
-    SENSITIVITY = "|S| <= max_sensitivity up to Nyquist"
+    SENSITIVITY = "|S| <= max_sensitivity of the sampled loop up to Nyquist"
     MODEL_POLES = "no pole of the frequency model in the closed right half plane"
     SAMPLED_POLES = "spectral radius of the sampled loop below 1"
 
@@ -173,15 +173,3 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
         certificate or certify(design, demands.band, factors, limit, box)
         for design, certificate in zip(designs, found, strict=True)
     ]
-
-
-def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
-    """Prove |S| < max_sensitivity from 0 to the Nyquist frequency, as M^2 |D|^2 > |Z_d|^2."""
-    exact, limit, integrator = design_ball(design), ball(max_sensitivity), design.gains.position > 0
-    series, in_series = design_series(exact), lifted(limit)
-
-    def margin(omega: Number) -> Number:
-        given, most = (exact, limit) if isinstance(omega, arb) else (series, in_series)
-        return sensitivity_margin(given.device, given.gains, omega, most, BALLS, integrator=integrator)
-
-    return prove_positive(margin, 0.0, pi / design.device.sample_time * (1 + 1e-15))

@@ -11,6 +11,7 @@ from vctune.model.llewellyn import demanded
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.sampled import SampledPlant, difference_slope, return_difference
 
 HALF_TURN = nextafter(pi, inf)
 """theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
@@ -83,29 +84,40 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
 
 
 def sensitivity_margin(
-    device: Device, gains: Gains, omega: Number, limit: Number, ops: Arithmetic, *, integrator: bool
+    plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic, *, integrator: bool
 ) -> Number:
-    """Return limit^2 |D|^2 - |Z_d|^2 times the loop's scale squared, positive where |S| < limit."""
-    loop = loop_response(device, gains, omega, hold_response(device, omega, ops), integrator=integrator)
-    return limit * limit * loop.D.abs2() - loop.Z_d.abs2()
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit."""
+    parts = return_difference(plant, theta, ops, integrator=integrator)
+    return limit * limit * parts.closed(gains, integrator=integrator).abs2() - parts.open.abs2()
 
 
-def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return Re(D conj H) and |H|^2, neither of which depends on K_p; regular at omega = 0.
+def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Number:
+    """Return Re(D conj H), which does not depend on K_p; regular at omega = 0.
 
     The integrator's K_p H/(j omega) is at right angles to H. Where Re(D conj H) > 0, D is not 0 for any K_p.
     """
     hold = hold_response(device, omega, ops)
     lagging = omega * hold.im
     H2 = hold.re * hold.re + lagging * lagging
-    return device.damping * hold.re - device.mass * omega * lagging + gains.velocity * H2, H2
+    return device.damping * hold.re - device.mass * omega * lagging + gains.velocity * H2
 
 
-def sensitivity_floor(device: Device, gains: Gains, omega: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit Re(D conj H) - |Z_d||H|, positive only where |S| < limit for every K_p >= 0."""
-    along, H2 = along_hold(device, gains, omega, ops)
-    reactance = device.mass * omega
-    return limit * along - ops.sqrt((device.damping * device.damping + reactance * reactance) * H2)
+def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
+
+    Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
+    Where the former is not 0, F is not 0 for any K_p.
+    """
+    velocity_loop = return_difference(plant, theta, ops, integrator=False)
+    P, slope = return_difference(plant, theta, ops, integrator=True).position, difference_slope(theta, ops)
+    turning = velocity_loop.closed(gains, integrator=False) * slope
+    return turning.im * P.re - turning.re * P.im, (velocity_loop.open * slope).abs2() * P.abs2()
+
+
+def sensitivity_floor(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+    """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is."""
+    across, product2 = across_position(plant, gains, theta, ops)
+    return limit * across - ops.sqrt(product2)
 
 
 def outwards(band: tuple[float, float]) -> tuple[float, float]:

@@ -11,9 +11,7 @@ from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import (
-    ReturnDifference,
     SampledPlant,
-    difference_slope,
     return_difference,
     sampled_plant,
     whole_samples,
@@ -21,6 +19,7 @@ from vctune.model.sampled import (
 from vctune.proof.cells import Margin, Values
 from vctune.proof.claims import (
     Design,
+    across_position,
     along_hold,
     conditions_margin,
     high_margin,
@@ -42,7 +41,7 @@ class Demands:
     device : the device
     band : rad/s, of Llewellyn's conditions; may be (0, inf)
     factor : least Re Z_c / R
-    max_sensitivity : greatest |S| up to the Nyquist frequency
+    max_sensitivity : greatest |S| of the sampled loop
     """
 
     device: Device
@@ -57,12 +56,12 @@ class Claims:
 
     Attributes
     ----------
-    conditions, sensitivity : margins that must be positive
+    conditions, sensitivity : margins that must be positive; the latter of theta = omega T
     low : proves as much as `conditions`, next to omega = 0
     high : `conditions` at omega = 1/v, of v; hold "lag" without delay
     damped : Re(D + Z_h), which must be positive too, whatever the coupling
     required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout; elsewhere nothing is known of it
-    floor : proves as much as `sensitivity`, next to omega = 0 for every K_p >= 0
+    floor : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
     """
@@ -101,17 +100,9 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         D = loop(omega, v).D
         return Pair(-D.im, D.re) if integrator else D
 
-    def returned(theta: Enclosure, v: Values, *, integrator: bool) -> ReturnDifference:
-        return return_difference(plant(v), theta, OPS, integrator=integrator)
-
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
-        return returned(theta, v, integrator=integrator).closed(Gains(*v[:2]), integrator=integrator)
-
-    def sampled_floor(theta: Enclosure, v: Values) -> Enclosure:
-        velocity_loop = returned(theta, v, integrator=False).closed(Gains(*v[:2]), integrator=False)
-        turning = velocity_loop * difference_slope(theta, OPS)
-        position = returned(theta, v, integrator=True).position
-        return turning.im * position.re - turning.re * position.im
+        parts = return_difference(plant(v), theta, OPS, integrator=integrator)
+        return parts.closed(Gains(*v[:2]), integrator=integrator)
 
     def design(v: Values) -> Design:
         return Design(device(v), Gains(*v[:2]), Coupling(*v[2:5]))
@@ -120,14 +111,14 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda omega, v: sensitivity_margin(device(v), Gains(*v[:2]), omega, limit, OPS, integrator=integrator),
+        lambda theta, v: sensitivity_margin(plant(v), Gains(*v[:2]), theta, limit, OPS, integrator=integrator),
         lambda omega, v: loop(omega, v).resistance,
         lambda omega, v: required_resistance(loop(omega, v), OPS),
-        lambda omega, v: sensitivity_floor(device(v), Gains(*v[:2]), omega, limit, OPS),
+        lambda theta, v: sensitivity_floor(plant(v), Gains(*v[:2]), theta, limit, OPS),
         model_curve,
         sampled_curve,
-        lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS)[0],
-        sampled_floor,
+        lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS),
+        lambda theta, v: across_position(plant(v), Gains(*v[:2]), theta, OPS)[0],
     )
 
 
@@ -139,7 +130,7 @@ def _devices(
     whole, fraction = whole_samples(given.delay, given.sample_time)
 
     def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
-        return sampled_plant(device, whole, device.delay - whole * device.sample_time, fractional, OPS)
+        return sampled_plant(device, whole, OPS, fractional=fractional)
 
     if not uncertain:
         known = sampled(named, whole, fractional=fraction > 0)

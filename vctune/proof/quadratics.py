@@ -12,28 +12,38 @@ from vctune.proof.enclosures import Flags, Floats
 
 @dataclass(frozen=True, slots=True)
 class Quadratic:
-    """constant + linear . K + square . K^2 at several places, each coefficient rounded up, or each rounded down.
+    """constant + linear . K + square . K^2 + cross K_v K_p at several places, each coefficient rounded the same way.
 
     Attributes
     ----------
     constant : shape (places,)
     linear, square : of K_v and of K_p, each of that shape; no square is negative
+    cross : of that shape; None where the contributions of K_v and K_p are at right angles to each other
     """
 
     constant: Floats
     linear: tuple[Floats, Floats]
     square: tuple[Floats, Floats]
+    cross: Floats | None = None
 
     def greatest(self, boxes: Boxes) -> Floats:
-        """Return the greatest value over each box of gains, shape (boxes, places): it lies at a vertex."""
-        total = self.constant
-        for axis in (0, 1):
-            ends = [edge[axis][:, None] for edge in (boxes.low, boxes.high)]
-            total = total + np.maximum(*(self._part(axis, end) for end in ends))
-        return total
+        """Return the greatest value over each box of gains, at a vertex because it is convex; shape (boxes, places)."""
+        if self.cross is None:
+            return self.constant + self._greatest_part(0, boxes) + self._greatest_part(1, boxes)
+        vertices = ((K_v[:, None], K_p[:, None]) for K_v in self._ends(0, boxes) for K_p in self._ends(1, boxes))
+        values = (self._part(0, K_v) + self._part(1, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
+        return self.constant + np.maximum.reduce(list(values))
+
+    def _greatest_part(self, axis: int, boxes: Boxes) -> Floats:
+        low, high = self._ends(axis, boxes)
+        return np.maximum(self._part(axis, low[:, None]), self._part(axis, high[:, None]))
+
+    @staticmethod
+    def _ends(axis: int, boxes: Boxes) -> tuple[Floats, Floats]:
+        return boxes.low[axis], boxes.high[axis]
 
     def least(self, boxes: Boxes) -> Floats:
-        """Return the least value over each box of gains, shape (boxes, places)."""
+        """Return the least value over each box of gains without a cross term, shape (boxes, places)."""
         total = self.constant
         for axis in (0, 1):
             low, high = (edge[axis][:, None] for edge in (boxes.low, boxes.high))

@@ -24,6 +24,7 @@ from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Device, Gains
+from vctune.model.sampled import return_difference, sampled_plant, whole_samples
 from vctune.proof.balls import BALLS, ball, device_ball
 from vctune.proof.devices import UNCERTAIN, device_box
 from vctune.proof.enclosures import Enclosure, Floats, decimal
@@ -98,11 +99,11 @@ class Demand:
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A term numerator / |D|^2 of the squared error, for each of several places.
+    """A quotient of quadratics in the gains for each of several places: a term of the squared error, or |S|^2.
 
     Attributes
     ----------
-    numerator : lower bounds
+    numerator : lower bounds, of what does not depend on the gains
     D2 : upper bounds, weighted like the numerator
     """
 
@@ -118,8 +119,8 @@ class Relaxation:
     ----------
     problem : the problem
     demand : on the coupling
-    omega_S, sensitivity : rad/s, |S|^2 at some frequencies up to Nyquist; for an uncertain device the demands are posed
-        at each vertex of its box too
+    omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
+        are posed at each vertex of its box too
     admittance, tracking : shares of the squared error
     omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
     counted : number of devices the greatest of whose errors is the objective; their shares follow one another
@@ -223,8 +224,17 @@ def _demand(device: Device, omega: Floats) -> Demand:
 
 
 def _sensitivity(device: Device, omega: Floats) -> Share:
-    at = _enclosed(device, omega)
-    return Share(_bottom(at.Z2), _squared(at))
+    """Return |F_0|^2/|F|^2 of the sampled loop; F is affine in the gains, so that |F|^2 is convex in them."""
+    whole, fraction = whole_samples(device.delay, device.sample_time)
+    exact = device.bare.over(decimal)
+    plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
+    F = return_difference(plant, exact.sample_time * omega, ENCLOSURES)
+    along = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
+    squares = F.velocity.abs2(), F.position.abs2()
+    cross = 2 * _top(re_conj_product(F.velocity, F.position))
+    linear = 2 * _top(along[0]), 2 * _top(along[1])
+    openness = F.open.abs2()
+    return Share(np.maximum(_bottom(openness), 0.0), Quadratic(_top(openness), linear, _tops(squares), cross))
 
 
 def _enclosed(device: Device, omega: Floats) -> Coefficients:

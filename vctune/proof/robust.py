@@ -9,7 +9,7 @@ from math import floor, inf, pi
 import numpy as np
 
 from vctune.model.quantities import Device
-from vctune.proof.batch import NEAR, STEP, stiffest
+from vctune.proof.batch import STEP, stiffest
 from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks, together
 from vctune.proof.cells import Cells, all_pairs
 from vctune.proof.claims import HALF_TURN, Design, outwards
@@ -108,10 +108,16 @@ def widest_band_over(family: Family) -> tuple[float, float]:
 
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
-    """Prove |S| < max_sensitivity up to the Nyquist frequency for every device."""
-    claims = family.claims()
-    look = positive(claims.sensitivity, family.values)
-    return _outcome(family, [_part(family, look, 0.0, pi / family.box.nominal.sample_time * (1 + NEAR))], alone)
+    """Prove |S| < max_sensitivity of the sampled loop for every device."""
+    look = positive(family.claims().sensitivity, family.values)
+    return _outcome(family, [_around_circle(family, look, MOST)], alone)
+
+
+def _around_circle(family: Family, look: Look, most: int) -> Found:
+    """Look at all of theta = omega T; `most` for each of the whole samples that delays of the box have."""
+    pairs = all_pairs(1, 0.0, HALF_TURN, STEP)
+    parts = [over_band(pairs, low, high, whole) for whole, low, high in _whole_samples(family)]
+    return prove_blocks(look, together(parts), most * len(parts))
 
 
 def model_poles_over(family: Family, alone: Alone) -> Outcome:
@@ -132,10 +138,9 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     """
     parts = []
     for loop in family.loops():
-        claims, pairs = loop.claims(), all_pairs(1, 0.0, HALF_TURN, STEP)
+        claims = loop.claims()
         look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-        divided = [over_band(pairs, low, high, whole) for whole, low, high in _whole_samples(loop)]
-        parts.append(prove_blocks(look, together(divided), MOST_OF_CURVES * len(divided)))
+        parts.append(_around_circle(loop, look, MOST_OF_CURVES))
     return _outcome(family, parts, alone)
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
 from vctune.analysis.extrema import Floats
+from vctune.analysis.sampled_loop import loop_gain
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -37,7 +38,7 @@ class Llewellyn:
 
 @dataclass(frozen=True, slots=True)
 class Nyquist:
-    """The velocity loop L = C/Z_d over hz up to the Nyquist frequency."""
+    """The sampled loop L = K_v G_v + K_p G_x over hz up to the Nyquist frequency."""
 
     hz: Floats
     L: Complex
@@ -80,8 +81,7 @@ def nyquist(problem: Problem, gains: Gains) -> Nyquist:
     """Return L on a fine logarithmic axis."""
     top = problem.nyquist / (2 * pi)
     hz = np.geomspace(top * 1e-5, top, 4 * POINTS)
-    loop = response(problem.device, gains, 2 * pi * hz)
-    return Nyquist(hz, _complex(loop.C) / _complex(loop.Z_d))
+    return Nyquist(hz, loop_gain(problem.device, gains, 2 * pi * hz))
 
 
 def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transparency:

@@ -140,7 +140,7 @@ def _nyquist(design: Design) -> Figure:
     margins = loop_margins(problem.device, design.gains)
     figure = Figure(figsize=(6.2, 5.6), layout="constrained")
     axes = figure.subplots()
-    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L = C/Z_d up to Nyquist")
+    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L of the sampled loop up to Nyquist")
     angle = np.linspace(0, 2 * pi, 361)
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
     axes.plot(-1 + np.cos(angle) / limit, np.sin(angle) / limit, color=RED, linewidth=1, label=f"|S| = {limit:g}")

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
+from vctune.analysis.sampled_loop import sensitivity
 from vctune.design.judge import demands_of
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import sensitivity_abs2
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.batch import prove, refuted
 from vctune.proof.cells import Cells
@@ -137,7 +137,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     -------
     damping : a b_c with which the centre meets Llewellyn's conditions; nan if there seems to be none
     worst : rad/s, where the conditions are hardest to meet, shape (3, n)
-    worst_S : rad/s, where |S| is greatest, shape (n,)
+    worst_S : rad, where |S| is greatest on the unit circle, shape (n,)
     """
     device, stability = problem.device, problem.stability
     K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
@@ -157,7 +157,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
-    sensitivity = sensitivity_abs2(response(device, Gains(K_v, K_p), below))
-    damping[sensitivity.max(axis=1) > stability.max_sensitivity**2] = np.nan
+    S = sensitivity(device, Gains(K_v, K_p), below)
+    damping[S.max(axis=1) > stability.max_sensitivity] = np.nan
     worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
-    return damping, worst, below[np.argmax(sensitivity, axis=1)]
+    return damping, worst, below[np.argmax(S, axis=1)] * device.sample_time

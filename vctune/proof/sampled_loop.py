@@ -1,0 +1,85 @@
+"""The exact sampled loop: its poles inside the unit circle, its |S| below a limit (DESIGN 1.7)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+from flint import acb_poly, arb, ctx
+
+from vctune.model.arithmetic import Number
+from vctune.model.pair import Pair
+from vctune.model.quantities import Device, Gains
+from vctune.model.sampled import (
+    SampledPlant,
+    characteristic_polynomial,
+    return_difference,
+    sampled_plant,
+    whole_samples,
+)
+from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin
+from vctune.proof.interval import Outcome, Verdict, prove_positive
+from vctune.proof.winding import turned_angle
+
+ISOLATED_DEGREE = 40
+ROOT_TOLERANCE = 1e-16
+"""Radius of the enclosures of poles; without it they are only kept apart."""
+
+
+def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
+    """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s."""
+    plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
+    integrator = design.gains.position > 0
+
+    def margin(theta: Number) -> Number:
+        return sensitivity_margin(plant, gains, theta, limit, BALLS, integrator=integrator)
+
+    return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN), design.device)
+
+
+def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
+    """Prove that the exact sampled loop has its spectral radius below 1.
+
+    z^-n times the characteristic polynomial of degree n is followed along the upper half of the unit circle: real at
+    both ends, it must come back without a turn. The witness is in rad/s.
+    """
+    law, integrator, plant = gains_ball(gains), gains.position > 0, exact_plant(device)
+
+    def curve(theta: arb) -> Pair:
+        return return_difference(plant, theta, BALLS, integrator=integrator).closed(law, integrator=integrator)
+
+    outcome, angle = turned_angle(curve, 0.0, HALF_TURN)
+    if outcome.verdict is not Verdict.PROVED:
+        return in_rad_per_s(outcome, device)
+    start, stop = curve(arb(0)).re, curve(arb.pi()).re
+    if abs(angle) < pi / 2 and start > 0 and stop > 0:
+        return outcome
+    return Outcome(Verdict.REFUTED, outcome.boxes)
+
+
+def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
+    """Return an outcome found over theta = omega T with its witness in rad/s."""
+    witness = outcome.witness / device.sample_time if outcome.witness is not None else None
+    return replace(outcome, witness=witness)
+
+
+def exact_plant(device: Device) -> SampledPlant:
+    """Return the sampled plant with the device's decimals enclosed."""
+    exact = device_ball(device)
+    whole, fraction = whole_samples(device.delay, device.sample_time)
+    return sampled_plant(exact, whole, BALLS, fractional=fraction > 0)
+
+
+def spectral_radius(device: Device, gains: Gains) -> float:
+    """Return the greatest modulus of the sampled loop's poles, from enclosures wherever they can be isolated."""
+    law, integrator = gains_ball(gains), gains.position > 0
+    with ctx.workprec(PRECISION):
+        coefficients = characteristic_polynomial(exact_plant(device), law, integrator=integrator)
+        if len(coefficients) <= ISOLATED_DEGREE:
+            try:
+                return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))
+            except ValueError:  # a multiple pole cannot be isolated
+                pass
+        return float(np.abs(np.roots([float(c) for c in coefficients])).max())
