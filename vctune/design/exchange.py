@@ -6,7 +6,7 @@ stable, because the demands on single frequencies are also met by unstable loops
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import inf
 from time import perf_counter
 
@@ -17,7 +17,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.cases import cases_of, error_of, with_device
 from vctune.design.ipopt import NEAR_SIDE, posed, solve
-from vctune.design.result import Polished, Round, Solution
+from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.start import Start
@@ -41,7 +41,11 @@ STABILITY_MARGIN = 1e-4
 MAX_CUTS = 24
 PANELS = 4
 MAX_PANELS = 256
-QUADRATURE_TOLERANCE = 1e-7
+OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-5}
+"""By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
+three or four, since the greatest error moves to another frequency whenever the gains do."""
+UPHILL = 1e-4
+"""By what share an answer must be worse than a known design to count as one of another basin."""
 
 
 def polish(
@@ -90,6 +94,7 @@ class _Search:
     reference : the last point with sound loops, centre of the box
     warm : where IPOPT starts
     radius : half the box's width in log coordinates
+    start_error : of the start, inf if that is not admissible; None as long as nobody had to know
     """
 
     start: Start
@@ -104,12 +109,14 @@ class _Search:
     panels: int = PANELS
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
+    start_error: float | None = None
     finished: bool = False
 
 
 def _step(problem: Problem, search: _Search) -> None:
     """Solve one NLP, see what its answer is worth, and prepare the next."""
     frequencies, integrator = search.frequencies, search.start.gains.position > 0
+    tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
     free = coordinates(problem, integrator=integrator)
     shape = shape_of(problem, free, frequencies, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
@@ -118,7 +125,7 @@ def _step(problem: Problem, search: _Search) -> None:
     gains = design_of(values)[0]
     unstable = next((case for case in search.cases if not _stable(case, gains)), None)
     settled = solution.converged and solution.followed and not _at_box(free, solution.z, box)
-    search.finished = unstable is None and settled and solution.error > search.incumbent
+    search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
     demands = violations(problem, search.cases, values, search.tightening)
@@ -129,28 +136,51 @@ def _step(problem: Problem, search: _Search) -> None:
             search.radius /= 2
         search.warm = search.reference
         return
-    if demands.positive:
-        search.reference = values
     asked = frequencies.copy()
     _follow(frequencies, demands.near_peak)
-    search.warm = search.reference
-    admissible = demands.positive and demands.greatest == 0
+    joined, admissible = _join(frequencies, demands), demands.positive and demands.greatest == 0
+    uphill = False
     if admissible:
-        found = Polished(search.start, values, inf, shape, asked, solution, search.rounds)
-        _keep(problem, search, found, settled=settled)
-    progress = _join(frequencies, demands) or (admissible and solution.converged)
+        error = error_of(problem, *design_of(values))
+        uphill = error > (1 + UPHILL) * _known_error(problem, search, error)
+        found = Polished(search.start, values, error, shape, asked, solution, search.rounds)
+        search.best = min(search.best or found, found, key=lambda design: design.error)
+        search.finished = settled and not uphill and not _sharper_objective(problem, search, found, joined=joined)
+    if demands.positive and not uphill:
+        search.reference = values
+    search.warm = search.reference
+    progress = not uphill and (joined or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
-def _keep(problem: Problem, search: _Search, found: Polished, *, settled: bool) -> None:
-    """Keep an admissible design if it is the best so far; finish if it is a local optimum."""
-    error = error_of(problem, *design_of(found.values))
-    if search.best is None or error < search.best.error:
-        search.best = replace(found, error=error)
-    if settled and _rough(problem, found.solution, error, search.panels):
-        search.panels *= 2
-    elif settled:
-        search.finished = True
+def _known_error(problem: Problem, search: _Search, error: float) -> float:
+    """Return the error of the best admissible design that is known: an answer, or the start if that is admissible.
+
+    IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
+    The start is only looked at where its scanned error is below that of an answer.
+    """
+    best = search.best.error if search.best is not None else inf
+    if search.start.error < min(best, error) and search.start_error is None:
+        at = violations(problem, search.cases, search.reference, search.tightening)
+        admissible = at.positive and at.greatest <= UPHILL
+        search.start_error = error_of(problem, *design_of(search.reference)) if admissible else inf
+    return best if search.start_error is None else min(best, search.start_error)
+
+
+def _sharper_objective(problem: Problem, search: _Search, found: Polished, *, joined: bool) -> bool:
+    """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
+
+    Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
+    was new: an NLP that knows none of them understates the error, and its optimum is none.
+    """
+    norm = problem.transparency.norm
+    error = min(found.error, search.best.error) if norm == "peak" and search.best else found.error
+    if abs(found.solution.error - error) <= OBJECTIVE_TOLERANCE[norm] * error:
+        return False
+    if norm == "peak":
+        return joined
+    search.panels *= 2
+    return search.panels <= MAX_PANELS
 
 
 def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
@@ -167,12 +197,6 @@ def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | 
                 return point(gains, start.coupling)
             stable = stable or point(gains, start.coupling)
     return stable
-
-
-def _rough(problem: Problem, solution: Solution, error: float, panels: int) -> bool:
-    """Return whether the NLP's quadrature is too coarse for its own answer."""
-    coarse = abs(solution.error - error) > QUADRATURE_TOLERANCE * error
-    return problem.transparency.norm == "rms" and coarse and panels < MAX_PANELS
 
 
 def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> WorkingSet:

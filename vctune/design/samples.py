@@ -71,6 +71,8 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
     within = np.append(towards_zero(problem), across)
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
+    if problem.transparency.norm == "peak":  # the greatest error is often at an end of the band
+        nodes = np.geomspace(band.min, band.max, nodes.size)
 
     def samples(device: Device, others: list[Samples]) -> Samples:
         band, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
