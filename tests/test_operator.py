@@ -83,7 +83,7 @@ def test_required_resistance_is_that_of_the_two_port_that_has_absorbed_the_opera
         K = (2 * mp.re(h11) * mp.re(Z_c + h22) - mp.re(h12 * h21)) / abs(h12 * h21)
         relief = 2 * device.operator.damping * abs(mp.re(C)) / (2 * abs(mp.re(C + W)))
     at = np.array([omega])
-    response = loop_response(device, gains, at, hold_response(device, at, FLOATS), integrator=gains.position > 0)
+    response = loop_response(device, gains, at, hold_response(device, at, FLOATS), FLOATS)
     assert abs(float(required_resistance(response, FLOATS)[0]) - R) < 1e-10 * (abs(R) + relief)
     assert rollett_factor_at(device, gains, virtual, omega) == pytest.approx(float(K), rel=1e-9, abs=1e-9)
     ratio = float(stability_ratio(device, gains, virtual, at)[0])
@@ -110,7 +110,7 @@ def test_limits_at_both_ends(seed):
     virtual, integrator = replace(virtual, drag=0.1), gains.position > 0
     with mp.workdps(80):
         for limit, omega in (
-            (low_frequency_limit(device, gains, virtual, integrator=integrator), mp.mpf(10) ** -14),
+            (low_frequency_limit(device, gains, virtual), mp.mpf(10) ** -14),
             (high_frequency_limit(device, gains, virtual), mp.mpf(10) ** 16),
         ):
             C, D, Z_h, W = exact(device, gains, omega)

@@ -186,7 +186,7 @@ def test_polynomials_decide_as_balls_do(seed):
     with ctx.workprec(PRECISION):
         integrator, numbers = design.gains.position > 0, design_ball(design)
         balls = prove_positive(
-            lambda omega: conditions_margin(numbers, omega, arb(1), BALLS, integrator=integrator), *band
+            lambda omega: conditions_margin(numbers, omega, arb(1), BALLS), *band
         )
     assert outcome.verdict is balls.verdict is not Verdict.UNDECIDED
     if outcome.verdict is Verdict.REFUTED:
@@ -274,7 +274,7 @@ def test_turned_angle_counts_turns(turns, radius):
 def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
     with ctx.workprec(PRECISION):
-        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS, integrator=False)
+        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS)
         assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))
 
 

@@ -115,7 +115,7 @@ def _parameters(
         shape.slots,
         (
             _at_places(shape, frequencies.ratio),
-            _pulses(frequencies.sensitivity, integrator=shape.integrator),
+            _pulses(frequencies.sensitivity, position=shape.integrator),
             cuts,
             _at_places(shape, frequencies.peak),
         ),
@@ -132,10 +132,10 @@ def _at_places(shape: Shape, places: Sequence[Place]) -> Floats:
     return _columns(shape, *stacked(places)) if places else np.zeros((COLUMN[shape.uncertain], 0))
 
 
-def _pulses(places: Sequence[Place], *, integrator: bool) -> Floats:
+def _pulses(places: Sequence[Place], *, position: bool) -> Floats:
     if not places:
         return np.zeros((PULSE, 0))
-    G_v, G_x = pulse_transfer(*stacked(places), integrator=integrator)
+    G_v, G_x = pulse_transfer(*stacked(places), position=position)
     return np.vstack((G_v.real, G_v.imag, G_x.real, G_x.imag))
 
 

@@ -143,7 +143,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[flo
     minima = ratio_minima(problem, gains, coupling)
     candidates = [(float(minima.value[0]), float(minima.omega[0]))]
     if band.min == 0:
-        limit = low_frequency_limit(device, gains, coupling, integrator=gains.position > 0)
+        limit = low_frequency_limit(device, gains, coupling)
         candidates.append((_quotient(limit.coupling, limit.required), 0.0))
     if band.max == inf:
         limit = high_frequency_limit(device, gains, coupling)

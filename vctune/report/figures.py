@@ -126,7 +126,7 @@ def _asymptotes(design: Design, axes: Axes) -> None:
     """Draw 1.6's limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag"."""
     device, gains = design.problem.device, design.gains
     if gains.position > 0 and device.damping > 0:
-        limit = low_frequency_limit(device, gains, design.coupling, integrator=True).required
+        limit = low_frequency_limit(device, gains, design.coupling).required
         if 0 < limit < inf:
             axes.axhline(limit, color=ORANGE, linewidth=1, linestyle=":", label="R for ω → 0")
     if device.hold == "lag" and device.delay == 0 and device.damping > 0 and gains.velocity > 0:
