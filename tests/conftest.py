@@ -12,7 +12,7 @@ settings.load_profile("reproducible")
 
 ROOT = Path(__file__).parent.parent
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
+FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
 """A device, and gains for it that are certified with a coupling damping of 160 and violated with 60."""
 PROBLEM_FILES = sorted(
     path for path in (ROOT / "problems").rglob("*.toml") if path.parent != ROOT / "problems" / "studies"

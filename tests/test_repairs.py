@@ -38,7 +38,7 @@ LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000
 QUICK = {
     "narrow bounds": infeasible_texts(10)[9][1],
     "no damping, whole axis": LAG.format(0.0) + "[stability]\nband_hz = [0.0, inf]\n",
-    "undamped and late": DEVICE.replace("2.0", "0.0") + "delay = 5e-3\n",
+    "undamped and late": DEVICE.replace("2.0", "0.0") + "delay = 5e-3\n[stability]\nband_hz = [0.05, 100.0]\n",
     "gains too high": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 5000.0 }\n",
 }
 THEOREMS = {
@@ -60,7 +60,8 @@ REFUTED = {
     "b_c": DEVICE + FIXED.format(60.0),
     "K_v": DEVICE + FIXED.format(160.0).replace("150.0", "900.0"),
     "delay": DEVICE + "delay = 6e-3\n" + FIXED.format(160.0),
-    "from 0": LAG.format(2.0) + LOOP + "[stability]\nband_hz = [0.0, 10.0]\n",
+    "from 0": LAG.format(2.0) + LOOP + "[stability]\nband_hz = [0.0, 10.0]\nsafety_factor = 1.0\n",
+    "reserve": DEVICE + FIXED.format(160.0).replace("0.37", "0.35"),
 }
 
 
@@ -177,7 +178,7 @@ def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_pat
     apart = check([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
     pasted = check([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
-    assert "gains.velocity = 301 instead of 150 would pass; so would " in apart.message
+    assert "gains.velocity = 314.5 instead of 150 would pass; so would " in apart.message
     assert "stability.band_hz[1] = " in apart.message
     assert apart.finding.record()["repairs"] == pasted.finding.record()["repairs"]
     assert (apart.line, pasted.line) == (2, 6)
@@ -186,7 +187,8 @@ def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_pat
 def test_nothing_found_is_said(tmp_path):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
-    assert repairs(tomllib.loads(text), parsed(text)) == []
+    document = tomllib.loads(text)
+    assert repairs(document, levers(document, parsed(text))) == []
     assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
@@ -373,10 +375,10 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
 
 
 def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
-    from vctune.design import repair
+    from vctune.design import repaired
     from vctune.study.outcome import work
 
-    monkeypatch.setattr(repair, "levers", None)
+    monkeypatch.setattr(repaired, "levers", None)
     assert work(parsed(QUICK["gains too high"]))["status"] == "infeasible"
 
 

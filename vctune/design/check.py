@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
+from vctune.design.levers import levers
 from vctune.design.record import design_record, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, repairs
 from vctune.design.result import Solved
@@ -21,8 +22,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.interval import Verdict
+from vctune.model.quantities import Coupling, Gains
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,11 +169,11 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     judgements = judge_all(file.problem, [design for _, design, _ in given])
     proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
-    for (source, design, made_for), judgement in zip(given, judgements, strict=True):
+    for (source, _, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        mends = _repairs(file, *design) if judgement.status is Status.VIOLATED else None
+        mends = _mends(file, judgement)
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        found += warnings(file.problem, judgement)
+        found += warnings(file.problem, judgement, mends if judgement.status is Status.CERTIFIED else None)
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
         finding = DesignFinding(file, judgement, mends, found, proving + perf_counter() - began)
@@ -182,30 +182,28 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     return checks
 
 
-def _repairs(file: ProblemFile, gains: Gains, coupling: Coupling) -> list[Repair]:
-    """Return the repairs of a problem with a design pasted into it."""
-    pasted = {"gains": asdict(gains), "coupling": asdict(coupling)}
+def _mends(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others."""
+    if judgement.status is Status.CERTIFIED and judgement.idle:
+        from vctune.design.repaired import cures  # needs the optimiser, but for idle designs alone
+
+        return cures(file)
+    if judgement.status is not Status.VIOLATED:
+        return None
+    pasted = {"gains": asdict(judgement.gains), "coupling": asdict(judgement.coupling)}
     document = toml.parse(file.text, file.problem.name) | pasted
     problem, _ = pose(document, file.problem.name)
     assert problem is not None, "a valid problem with valid gains is one"
-    return repairs(document, problem)
+    return repairs(document, levers(document, problem))
 
 
 def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
     if judgement.status is Status.CERTIFIED:
-        return f"proved, least Re Z_c / R {judgement.min_ratio:.6g}"
-    failing = []
-    for claim, outcome in judgement.certificate.outcomes.items():
-        if outcome.verdict is not Verdict.PROVED:
-            place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
-            place += f" with {_device(outcome.device)}" if outcome.device else ""
-            failing.append(f"{outcome.verdict.value}{place}: {claim.value}")
+        demanded = judgement.certificate.demands.factor
+        return f"proved, least Re Z_c / R {judgement.min_ratio:.6g}, safety factor {demanded:g}"
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
-    return "; ".join([*failing, worst, *([_remedy(mends)] if mends is not None else [])])
-
-
-def _device(device: Device) -> str:
-    return f"mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
+    known = judgement.reserve_missed or worst
+    return "; ".join([*judgement.open_claims, known, *([_remedy(mends)] if mends is not None else [])])
 
 
 def _remedy(mends: list[Repair]) -> str:

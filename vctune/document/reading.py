@@ -101,9 +101,9 @@ def gains_file(text: str, path: Path) -> GainsFile:
 
 
 def _empty_default_band(problem: Problem) -> Fault:
-    low, high = problem.transparency.band.min / (2 * pi), 0.1 / problem.device.sample_time
+    low, high = problem.transparency.band.min / (2 * pi), problem.stability.band.max / (2 * pi)
     message = (
-        f"with the lower edge {low:g} Hz the default stability band, from there to a tenth of the sampling rate "
-        f"({high:g} Hz), is empty; set stability.band_hz"
+        f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
+        f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
     )
     return ("transparency", "band_hz"), message

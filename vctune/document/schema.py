@@ -113,10 +113,12 @@ class StabilityTable(Table):
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
-        description="Band, Hz. Default: the transparency band's lower edge to a tenth of the sampling rate. The "
-        'lower edge may be 0, the upper inf with hold "lag" and no delay.',
+        description="Band, Hz. Default: the transparency band's lower edge to 0.05/tau, a tenth of the sampling rate "
+        'without delay. The lower edge may be 0, the upper inf with hold "lag" and no delay.',
     )
-    safety_factor: Positive = Field(1.05, description="Least Re Z_c / R, at least 1.")
+    safety_factor: Positive = Field(
+        1.05, description="Least Re Z_c / R on the band, at least 1. Gains below it are refused; 1 asks for no reserve."
+    )
     max_sensitivity: Positive = Field(
         2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
     )
