@@ -267,6 +267,18 @@ def test_the_safety_factor_is_a_demand_of_fixed_gains():
     assert solved.reason.startswith("absolutely stable, but the least Re Z_c / R, 1.02986 at 0.5 Hz, is below")
 
 
+LATE = "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = {!r}\n"
+
+
+def test_a_delay_has_sensible_defaults_and_no_cliff():
+    """From none to three sample times: a loop in use, and an error that rises by a tenth a step at the most."""
+    judged = [solve(parse(LATE.format(k * 1e-4))).judgement for k in range(16)]
+    errors = np.array([judgement.error for judgement in judged])
+    assert all(judgement.status is Status.CERTIFIED for judgement in judged)
+    assert max(judgement.transparency.tracking for judgement in judged) < 0.1
+    assert np.all(np.abs(np.log(errors[1:] / errors[:-1])) < 0.1)
+
+
 def test_warnings_name_bounds_edges_and_idle_loops():
     solved = solve(read("at-bound"))
     text = "\n".join(warnings(solved.problem, solved.judgement))

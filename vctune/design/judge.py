@@ -87,8 +87,8 @@ class Judgement:
 
     @property
     def idle(self) -> bool:
-        """Whether the design hardly uses its velocity loop."""
-        return self.transparency.tracking > IDLE
+        """Whether the design is certified, and hardly uses its velocity loop."""
+        return self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
 
     @property
     def open_claims(self) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
-from vctune.design.judge import Judgement, Status, judge
+from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair
 from vctune.design.result import Solved
@@ -74,8 +74,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     if judgement is not None:
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
-        cures = solved.repairs if solved.status is Status.CERTIFIED else None
-        record["warnings"] += warnings(problem, judgement, cures)
+        record["warnings"] += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
             record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     checked: dict[str, Any] = finite(record)
@@ -114,7 +113,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : if it is idle, changes of the problem after which it is not, the smallest first; None if not looked for
+    cures : of an idle design, the changes after which it is not, the smallest first; None if not looked for
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from time import perf_counter
+from typing import Any
 
 from vctune.design.judge import Judgement, Status
 from vctune.design.levers import levers, levers_of_demands
@@ -37,21 +38,31 @@ def repaired(file: ProblemFile, solved: Solved, progress: Progress = lambda stag
     solved : what came of it
     progress : told the stage of the work
     """
-    judgement, began = solved.judgement, perf_counter()
-    if judgement is not None and judgement.status is Status.CERTIFIED and judgement.idle:
-        found = cures(file, progress)
-    elif judgement is None or solved.status is Status.VIOLATED:
-        document, trial = toml.parse(file.text, file.problem.name), JUDGED if file.problem.bounds.fixed else SOLVED
-        found = repairs(document, levers(document, file.problem), trial, progress)
-    else:
+    problem, judgement, began = file.problem, solved.judgement, perf_counter()
+    idle = judgement is not None and judgement.idle
+    if judgement is not None and solved.status is not Status.VIOLATED and not idle:
         return solved
+    document = toml.parse(file.text, problem.name)
+    if idle:
+        found = cures(document, problem, progress)
+    else:
+        found = repairs(document, levers(document, problem), JUDGED if problem.bounds.fixed else SOLVED, progress)
     return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": perf_counter() - began})
 
 
-def cures(file: ProblemFile, progress: Progress = lambda stage: None) -> list[Repair]:
-    """Return the least changes of one demand after which a problem's design uses its velocity loop."""
-    document, trial = (
-        toml.parse(file.text, file.problem.name),
-        JUDGED_IN_USE if file.problem.bounds.fixed else SOLVED_IN_USE,
-    )
-    return repairs(document, levers_of_demands(document, file.problem), trial, progress)
+def cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
+    """Return the least changes of one demand after which a problem has a design that uses its velocity loop.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states, whose own design does not
+    progress : told what is tried
+    """
+    trial = JUDGED_IN_USE if problem.bounds.fixed else SOLVED_IN_USE
+    return repairs(document, levers_of_demands(document, problem), trial, progress)
+
+
+def has_design_in_use(problem: Problem) -> bool:
+    """Return whether solving a problem finds a design that uses its velocity loop."""
+    return not problem.bounds.fixed and SOLVED_IN_USE.certified(problem) is not None

@@ -178,7 +178,11 @@ class GainsDocument(Table):
 
     gains: FixedGainsTable
     coupling: FixedCouplingTable
-    design: dict[str, Text] = Field(default_factory=dict)
+    design: dict[str, Text] = Field(
+        default_factory=dict,
+        description="Where the gains come from. sha256 is of what the problem means: resolved, without comments, name, "
+        "description and experiments.",
+    )
 
 
 def json_schema() -> dict[str, Any]:
