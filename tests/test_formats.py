@@ -244,7 +244,7 @@ def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
 def test_formats_in_any_locale(tmp_path, style):
     name = os.fsdecode(b"gr\xc3\xb6\xc3\x9fe \xff \x1b[31m.toml")
     (tmp_path / name).write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
+    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
     for env in ({"LC_ALL": "C"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"NO_COLOR": "1"}):
         done = run(".", "--format", style, cwd=tmp_path, **env)
         assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "")
