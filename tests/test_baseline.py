@@ -99,10 +99,53 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (PLAIN.replace("max = 4.0", "max = 5.0"), ExitCode.OK),
         (PLAIN + "[stability]\nmax_sensitivity = 2.5\n", ExitCode.OK),
         (PLAIN + "[stability]\nsafety_factor = 1.5\n", ExitCode.FAILED),
+        (PLAIN + "[stability]\nsafety_factor = 1.06\n", ExitCode.FAILED),
     ):
         (tmp_path / "device.toml").write_text(text)
         code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
         assert (code, "another version of the problem" in out) == (expected, True)
+
+
+def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path, capsys, monkeypatch):
+    """Its ratio is 1.05, which a factor of 1.06 refuses; what a later check has not lost is removed again."""
+    region_file = baseline / "results/device/region.json"
+    (tmp_path / "device.toml").write_text(PLAIN + "[stability]\nsafety_factor = 1.06\n")
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    assert code == ExitCode.FAILED and "lost their proof: 1 of 1 listed gain sets" in out
+    assert len(json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]) == 1
+    (tmp_path / "device.toml").write_text("# mended\n" + PLAIN)
+    (tmp_path / "results/device/gains.toml").write_text("of somebody else")
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    assert code == ExitCode.OK and "another version" not in out
+    assert err == "nothing is lost any more: removed lost.json, lost.svg, lost.png from results/device\n"
+    assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["gains.toml"]
+
+
+def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path, capsys, monkeypatch):
+    arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", "github")
+    for text, expected in (("# a remark\n" + PLAIN, ExitCode.OK), (PLAIN.replace("4.0", "5.0"), ExitCode.FAILED)):
+        (tmp_path / "device.toml").write_text(text)
+        assert vctune(capsys, monkeypatch, tmp_path, *arguments)[0] == ExitCode.OK
+        code, out, _ = vctune(capsys, monkeypatch, tmp_path, *arguments, "--strict")
+        assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
+
+
+def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, capsys, monkeypatch):
+    """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
+    from vctune.design import solve as solving
+
+    def region_at(factor):
+        (tmp_path / "device.toml").write_text(PLAIN + f"[stability]\nsafety_factor = {factor}\n")
+        code = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")[0]
+        record = record_of(tmp_path)
+        assert record["areas"]["feasible"] == 0 < record["areas"]["undecided"]
+        return code, len(record["designs"])
+
+    assert region_at(20.0) == (ExitCode.OK, 1)
+    assert region_at(1e4) == (ExitCode.FAILED, 0)
+    monkeypatch.setattr(solving, "EARLY_BOXES", -1)
+    monkeypatch.setattr(solving, "SEARCH_BOXES", -1)
+    assert region_at(1e4) == (ExitCode.UNDECIDED, 0)
 
 
 def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path, capsys, monkeypatch):

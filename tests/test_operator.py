@@ -29,6 +29,7 @@ from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
@@ -139,7 +140,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     worst = np.max(R / Z_c)
     if 0 < worst < inf:  # scale the coupling next to its limit
         virtual = Coupling(virtual.damping * worst * clear, virtual.mass * worst * clear, 0.0)
-    certificate = certify(Design(device, gains, virtual), band, (1.0,), 100.0)
+    certificate = certify(Design(device, gains, virtual), Demands(device, band, 1.0, 100.0))
     conditions = certificate.outcomes[Claim.CONDITIONS].verdict
     if worst == inf or (worst > 0 and clear < 1 - 1e-6):
         assert conditions is Verdict.REFUTED
@@ -159,7 +160,7 @@ def test_a_loop_that_a_heavy_hand_makes_unstable_is_refused():
     assert case == [Verdict.PROVED, Verdict.REFUTED]
     for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES):
         design = Design(heavy, gains, Coupling(10.0, 1.0, 0.0))
-        assert certify(design, (600.0, 700.0), (1.0,), 100.0).outcomes[claim].verdict is Verdict.REFUTED
+        assert certify(design, Demands(heavy, (600.0, 700.0), 1.0, 100.0)).outcomes[claim].verdict is Verdict.REFUTED
 
 
 WHOLE_AXIS = """

@@ -235,7 +235,7 @@ def test_sensitivity_is_decided_close_to_its_peak():
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
     """DESIGN 1.4 (i): far beyond the stability limit |S| is small all over the band."""
     design = Design(Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(3e4, 0.0), Coupling(1e5, 1.0, 0.0))
-    certificate = certify(design, (pi, 60 * pi), (1.0,), 2.0)
+    certificate = certify(design, Demands(design.device, (pi, 60 * pi), 1.0, 2.0))
     assert certificate.outcomes[Claim.SAMPLED_POLES].verdict is Verdict.REFUTED
     assert certificate.outcomes[Claim.MODEL_POLES].verdict is Verdict.REFUTED
     assert certificate.verdict is Verdict.REFUTED

@@ -23,7 +23,7 @@ from vctune.report.curves import handle_impedance, llewellyn, nyquist, transpare
 from vctune.report.report import write_report
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
+FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
 LAG = 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
 CHROMIUM = shutil.which("chromium")
 CASES = {

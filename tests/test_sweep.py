@@ -304,7 +304,8 @@ def test_a_point_that_breaks_its_worker_is_a_failed_row_until_it_is_mended(tmp_p
 
 def test_the_key_is_of_every_number_and_of_no_name():
     key = key_of(parse_problem(FREE, "x", "one"))
-    assert key_of(parse_problem('name = "other"\n' + FREE, "y", "two")) == key
+    other = 'name = "other"\n' + FREE + '[[experiment]]\nname = "e"\n'
+    assert key_of(parse_problem(other, "y", "two")) == key
     for old, new in (("0.4", "0.41"), ("2.0", "2.1"), ("1e-3", "1.1e-3"), ("[0.5", "[0.6"), ("100.0", "99.0")):
         assert key_of(parse_problem(FREE.replace(old, new), "x", "one")) != key
     assert key_of(parse_problem(FREE + "safety_factor = 1.06\n", "x", "one")) != key
@@ -341,6 +342,14 @@ def test_files_of_one_study_may_be_concatenated_torn_or_not(tmp_path_factory, fi
         assert len(rows.places) == 3
         assert rows.dropped == (whole[cut - 1 : cut] != b"\n")
         assert {row["point"]["device.damping"] for row in rows.read(rows.places)} == {1.0, 2.0, 3.0}
+
+
+def test_an_empty_file_is_begun(tmp_path):
+    """What a full disk leaves of a file of rows is one without any."""
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    (tmp_path / "rows.jsonl").write_bytes(b"")
+    assert len(swept(path, tmp_path).status) == 2
+    assert len(rows_in(tmp_path / "rows.jsonl")) == 2
 
 
 def test_restart_begins_anew(tmp_path):

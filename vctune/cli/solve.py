@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is renamed.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
+@click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
 @click.option(
     "--prove-gap",
     "gap",
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     metavar="GAP",
     help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
 )
-def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, gap: float | None) -> int:
+def solve(
+    problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, strict: bool, gap: float | None
+) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
     PROBLEM is a TOML file; only [device] mass, damping and sample_time are required in it.
@@ -71,6 +74,8 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
 
         with reader_may_leave():
             print_design(record, folder)
+    if strict and record["warnings"]:
+        return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
     return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]
 

@@ -125,9 +125,9 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+        """Why there is no design, with the smallest repair or what may be one; or by how little a given one fails."""
         if self.infeasibility is None:
-            return None
+            return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:
             return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
         return self.infeasibility.reason

@@ -125,6 +125,7 @@ class _Design(_Part):
     problem: _Problem
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
+    idle: bool = False
     repairs: list[_Repair] | None = None
     gains: FixedGainsTable | None
     coupling: FixedCouplingTable | None

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.document.digest import experiments_digest
 from vctune.document.experiment import Environment
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import SCHEMA
@@ -30,7 +31,11 @@ def simulation_record(
     """
     return {
         "schema": SCHEMA,
-        "problem": {"name": file.problem.name, "sha256": file.sha256},
+        "problem": {
+            "name": file.problem.name,
+            "sha256": file.sha256,
+            "experiments_sha256": experiments_digest(file.problem.experiments),
+        },
         "gains": asdict(gains),
         "coupling": asdict(coupling),
         "experiments": [_experiment(one) for one in simulated],
