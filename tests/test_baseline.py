@@ -51,7 +51,7 @@ def record_of(folder):
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
-    assert written == {"region.json", "region.svg", "region.png"}
+    assert written == {"region.json", "region.svg"}
     assert record["problem"]["text"] == PLAIN
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
@@ -64,6 +64,18 @@ def test_the_file_holds_the_region(baseline):
         assert (b_c is not None and 10 <= b_c <= 3000) == (verdict == "feasible")
     assert len(record["designs"]) == 1
     assert len(read_region(baseline / "results/device/region.json").cells) == len(record["cells"])
+
+
+@pytest.mark.parametrize(
+    ("gains", "expected"),
+    [("", ExitCode.OK), ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED)],
+    ids=["a design, no cell", "neither"],
+)
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, capsys, monkeypatch, gains, expected):
+    (tmp_path / "device.toml").write_text(DEVICE + gains)
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")
+    assert "feasible      0.00 %" in out
+    assert code == expected
 
 
 def test_the_same_problem_passes(baseline, capsys, monkeypatch):
@@ -81,13 +93,13 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, sty
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
     code, out, err = vctune(capsys, monkeypatch, tmp_path, *arguments)
     assert code == ExitCode.FAILED
-    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg, lost.png\n"
+    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg\n"
     assert ("device.toml" in out or style == "json") and "lost" in out
     lost = json.loads((tmp_path / "results/device/lost.json").read_text())
     assert lost["status"] == "lost" and len(lost["lost_designs"]) == 1
     assert lost["areas"]["kept"] + lost["areas"]["lost"] == pytest.approx(record_of(baseline)["areas"]["feasible"])
     assert all(a <= b and c <= d for a, b, c, d in lost["lost_cells"]) and lost["lost_cells"]
-    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg", "lost.png"}
+    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg"}
     if style == "json":
         assert json.loads(out) == lost
 
@@ -104,6 +116,8 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (tmp_path / "device.toml").write_text(text)
         code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
         assert (code, "another version of the problem" in out) == (expected, True)
+        left = {path.name for path in (tmp_path / "results").rglob("lost.*")}
+        assert left == (set() if code == ExitCode.OK else {"lost.json", "lost.svg"})
 
 
 def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path, capsys, monkeypatch):
@@ -240,7 +254,7 @@ def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, after):
     left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}
     assert "Traceback" not in err
     if process.returncode == ExitCode.OK:
-        assert left == {"region.json", "region.svg", "region.png"}
+        assert left == {"region.json", "region.svg"}
     else:
         assert (process.returncode, left) == (ExitCode.INTERRUPTED, set())
 

@@ -108,7 +108,7 @@ def test_a_vanishing_operator_gives_the_numbers_of_none():
 @pytest.mark.parametrize("seed", range(30))
 def test_limits_at_both_ends(seed):
     device, gains, virtual = random_case(np.random.default_rng(seed), hold="lag")
-    virtual, integrator = replace(virtual, drag=0.1), gains.position > 0
+    virtual = replace(virtual, drag=0.1)
     with mp.workdps(80):
         for limit, omega in (
             (low_frequency_limit(device, gains, virtual), mp.mpf(10) ** -14),

@@ -184,10 +184,8 @@ def test_polynomials_decide_as_balls_do(seed):
     found = exact.conditions(design, 1.0)
     outcome = exact.prove(found, *band)
     with ctx.workprec(PRECISION):
-        integrator, numbers = design.gains.position > 0, design_ball(design)
-        balls = prove_positive(
-            lambda omega: conditions_margin(numbers, omega, arb(1), BALLS), *band
-        )
+        numbers = design_ball(design)
+        balls = prove_positive(lambda omega: conditions_margin(numbers, omega, arb(1), BALLS), *band)
     assert outcome.verdict is balls.verdict is not Verdict.UNDECIDED
     if outcome.verdict is Verdict.REFUTED:
         assert band[0] < outcome.witness < band[1]

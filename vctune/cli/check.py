@@ -70,20 +70,20 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     if not again.lost:
         _forget_lost(folder)
     elif checked.finding:
-        from vctune.report.page import figure_files
+        from vctune.report.page import figure_file
         from vctune.report.region import lost_figure
 
         make_folder(folder)
         record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
-        pictures = figure_files(lost_figure(again), folder, "lost")
+        pictures = figure_file(lost_figure(again), folder, "lost")
         write_together({folder / "lost.json": record + "\n", **pictures})
-        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg, lost.png", err=True)
+        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg", err=True)
     return [checked, *(check_files(files) if gains else [])]
 
 
 def _forget_lost(folder: Path) -> None:
     """Remove what an earlier check had lost and this one has not."""
-    gone = [path for name in ("lost.json", "lost.svg", "lost.png") if (path := folder / name).exists()]
+    gone = [path for name in ("lost.json", "lost.svg") if (path := folder / name).exists()]
     for path in gone:
         path.unlink()
     if gone:

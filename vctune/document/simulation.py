@@ -25,10 +25,11 @@ def simulation_beside(folder: Path, design: dict[str, Any]) -> dict[str, Any] | 
         record = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return record if isinstance(record, dict) and _is_of(record, design) else None
+    return record if isinstance(record, dict) and is_of(record, design) else None
 
 
-def _is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+def is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+    """Whether the object of a simulation.json is of the very design and experiments of a design.json."""
     made_for, given = record.get("problem"), design["problem"]
     if record.get("schema") != SCHEMA or not isinstance(made_for, dict) or made_for.get("sha256") != given["sha256"]:
         return False
