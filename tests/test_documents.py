@@ -41,6 +41,9 @@ FAULTS = {
     "infinite": [("2", "device.mass", "is out of range")],
     "unknown-hold": [("5", "device.hold", '"foh" is not one of')],
     "long-delay": [("5", "device.delay", "2000 sample times")],
+    "long-uncertain-delay": [
+        ("8", "uncertainty.delay", "225 sample times; at most 200 are supported: write at most 0.333")
+    ],
     "bounds-swapped": [("6", "gains.velocity", "min = 5 is above max = 1")],
     "range-without-max": [("6", "gains.velocity.max", "is missing")],
     "free-damping-from-zero": [("6", "coupling.damping.min", "too small")],

@@ -33,7 +33,9 @@ LONG_SHOTS = 2
 """How many starts are polished when none is admissible."""
 NEARLY = 0.1
 """A start that misses a demand by more than this share is not polished where only an opinion is wanted."""
-SHARPENING = 10.0
+SHARPENING, DECIDABLE = 10.0, 1e-3
+"""By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
+the boxes that it takes grow with the inverse of what is left to spare."""
 
 Progress = Callable[[str], None]
 
@@ -168,7 +170,7 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is refuted, polish again with its witness, more sharply, to more digits."""
+    """Judge the rounded optimum; while it is not proved, polish again with its witness, more sharply, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
     for again in range(PROOF_ROUNDS):
@@ -181,7 +183,15 @@ def _attempts(
         _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], problem)
         _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], problem)
         tightening *= SHARPENING
+        if _undecided(judgement):
+            tightening = max(tightening, DECIDABLE)
         polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
+
+
+def _undecided(judgement: Judgement) -> bool:
+    certificate = judgement.certificate
+    outcomes = [*certificate.outcomes.values(), *([certificate.shortfall] if certificate.shortfall else [])]
+    return any(outcome.verdict is Verdict.UNDECIDED for outcome in outcomes)
 
 
 def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:

@@ -49,7 +49,9 @@ class DeviceTable(Table):
         "zoh", description="Hold: exact zero-order hold, or the paper's first-order lag 2/(2+sT)."
     )
     delay: NotNegative = Field(
-        0.0, description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times."
+        0.0,
+        description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, the longest of an "
+        "uncertain one too.",
     )
 
 
