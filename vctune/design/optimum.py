@@ -170,7 +170,7 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is not proved, polish again with its witness, more sharply, to more digits."""
+    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
     for again in range(PROOF_ROUNDS):
@@ -189,9 +189,7 @@ def _attempts(
 
 
 def _undecided(judgement: Judgement) -> bool:
-    certificate = judgement.certificate
-    outcomes = [*certificate.outcomes.values(), *([certificate.shortfall] if certificate.shortfall else [])]
-    return any(outcome.verdict is Verdict.UNDECIDED for outcome in outcomes)
+    return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
 def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
