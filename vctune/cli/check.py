@@ -62,16 +62,19 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
 
     problem, gains = files[0], files[1:]
     checked, again = guard(problem, baseline)
-    if again.lost and checked.finding:
-        from vctune.report.page import figure_files
+    folder = out / folder_name(checked.name)
+    if not again.lost:
+        for name in ("lost.svg", "lost.json"):
+            (folder / name).unlink(missing_ok=True)
+    elif checked.finding:
+        from vctune.report.page import figure_file
         from vctune.report.region import lost_figure
 
-        folder = out / folder_name(checked.name)
         make_folder(folder)
         record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
-        pictures = figure_files(lost_figure(again), folder, "lost")
+        pictures = figure_file(lost_figure(again), folder, "lost")
         write_together({folder / "lost.json": record + "\n", **pictures})
-        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg, lost.png", err=True)
+        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg", err=True)
     return [checked, *(check_files(files) if gains else [])]
 
 

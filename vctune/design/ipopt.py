@@ -77,7 +77,6 @@ def solve(shape: Shape, given: Posed) -> Solution:
         )
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
-        history = stats.get("iterations", {})
     gains = len(shape.free)
     peaks = slice(gains, gains + shape.moving)
     room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
@@ -88,8 +87,6 @@ def solve(shape: Shape, given: Posed) -> Solution:
         followed=bool(np.all(room > NEAR_SIDE)),
         iterations=int(stats["iter_count"]),
         multipliers=np.abs(multipliers[given.least > -inf]),
-        primal=[float(value) for value in history.get("inf_pr", [])],
-        dual=[float(value) for value in history.get("inf_du", [])],
     )
 
 

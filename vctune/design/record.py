@@ -67,7 +67,6 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "solver": solver_record(solved),
         "optimality": optimality_record(solved.optimality) if solved.optimality else None,
         "versions": dict(versions(ipopt)),
-        "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
     if solved.seconds.get("repairs", 0.0) > LONGEST:
         record["warnings"] = [CUT_SHORT]
@@ -208,9 +207,8 @@ def optimality_record(found: Optimality) -> dict[str, Any]:
             "gap": found.gap,
             "verdict": "proved" if found.proved else "open",
             "boxes": found.rest.boxes,
-            "seconds": found.rest.seconds,
             "history": [
-                {"seconds": at.seconds, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
+                {"boxes": at.boxes, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
                 for at in [*found.history[:-1:every], found.history[-1]]
             ],
             "open": [

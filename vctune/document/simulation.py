@@ -22,10 +22,11 @@ def simulation_beside(folder: Path, design: dict[str, Any]) -> dict[str, Any] | 
         record = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return record if isinstance(record, dict) and _is_of(record, design) else None
+    return record if isinstance(record, dict) and is_of(record, design) else None
 
 
-def _is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+def is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+    """Whether the object of a simulation.json is of the very design of a design.json."""
     same = all(record.get(key) == design[key] for key in ("gains", "coupling"))
     problem = record.get("problem")
     return (

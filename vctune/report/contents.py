@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-
-from vctune.document.files import set_aside
 
 REPORT = "report.html"
 READINGS = {
@@ -28,11 +25,6 @@ READINGS = {
         "Each full line should lie on its dashed ideal; between the lines for a free and for a rigid environment lies "
         "everything that the device can render (its Z-width).",
     ),
-    "convergence": (
-        "Convergence",
-        "Error against run time of this very solve: each round of IPOPT, on the left, poses the demands at more "
-        "frequencies, until, on the right, none is violated anywhere.",
-    ),
     "simulation": (
         "Experiments",
         "The force of the hand over position (springs) or velocity, first cycle apart: left a regular PID, right this "
@@ -48,21 +40,6 @@ READINGS = {
 """Title and reading of each figure, by name."""
 
 
-def set_report_aside(folder: Path) -> Path | None:
-    """Rename the report of an earlier design and remove the files of its figures, which that page has in it.
-
-    Returns the report's new path; None if there is no report.
-    """
-    report = folder / REPORT
-    if not report.exists():
-        return None
-    previous = set_aside(report)
-    remove_figures(folder, READINGS)
-    return previous
-
-
-def remove_figures(folder: Path, names: Iterable[str]) -> None:
-    """Remove the files of figures that do not show the folder's design."""
-    for name in names:
-        for suffix in ("svg", "png"):
-            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
+def report_paths(folder: Path) -> list[Path]:
+    """Return where a folder's report is, and the files of its figures."""
+    return [folder / REPORT, *(folder / f"{name}.svg" for name in READINGS)]

@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.report.figures import BLUE, GREY, RED, STYLE
+from vctune.report.style import BLUE, GREY, RED, STYLE, canvas
 from vctune.study.table import Table
 
 WIDE = 10.0
@@ -66,9 +66,7 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
         rows, j = np.unique(y, return_inverse=True)
         cells = np.full((rows.size, columns.size), np.nan)
         cells[j, i] = error
-        drawn: Any = axes.pcolormesh(
-            columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm, rasterized=True
-        )
+        drawn: Any = axes.pcolormesh(columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm)
     else:
         drawn = axes.scatter(x[certified], y[certified], c=error[certified], cmap=COLOURS, norm=norm, s=18)
     if certified.any():
@@ -112,7 +110,7 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
 
 
 def _frame() -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    figure = canvas(8, 5, right=0.3, top=0.45)
     return figure, figure.subplots()
 
 

@@ -100,12 +100,12 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
         If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
     """
     header = json.dumps({"schema": SCHEMA, "study": study.sha256, "axes": [axis.key for axis in study.axes]}) + "\n"
-    if restart and path.exists():
+    if not path.exists() or not path.stat().st_size:
+        write_together({path: header})
+    elif restart:
         with _opened(path) as handle:
             _index(path, handle, study)
             write_together({path: header})
-    elif not path.exists():
-        write_together({path: header})
     with _opened(path) as handle:
         yield _index(path, handle, study)
         os.fsync(handle)
