@@ -51,7 +51,7 @@ def record_of(folder):
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
-    assert written == {"region.json", "region.svg", "region.png"}
+    assert written == {"region.json", "region.svg"}
     assert record["problem"]["text"] == PLAIN
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
@@ -81,13 +81,13 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, sty
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
     code, out, err = vctune(capsys, monkeypatch, tmp_path, *arguments)
     assert code == ExitCode.FAILED
-    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg, lost.png\n"
+    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg\n"
     assert ("device.toml" in out or style == "json") and "lost" in out
     lost = json.loads((tmp_path / "results/device/lost.json").read_text())
     assert lost["status"] == "lost" and len(lost["lost_designs"]) == 1
     assert lost["areas"]["kept"] + lost["areas"]["lost"] == pytest.approx(record_of(baseline)["areas"]["feasible"])
     assert all(a <= b and c <= d for a, b, c, d in lost["lost_cells"]) and lost["lost_cells"]
-    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg", "lost.png"}
+    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg"}
     if style == "json":
         assert json.loads(out) == lost
 
@@ -197,7 +197,7 @@ def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, after):
     left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}
     assert "Traceback" not in err
     if process.returncode == ExitCode.OK:
-        assert left == {"region.json", "region.svg", "region.png"}
+        assert left == {"region.json", "region.svg"}
     else:
         assert (process.returncode, left) == (ExitCode.INTERRUPTED, set())
 

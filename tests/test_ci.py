@@ -95,7 +95,7 @@ def test_the_workflow_guards_the_region(repository):
     (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::")]
     assert annotation.startswith("::error file=device.toml,line=1,")
     assert "lost their proof" in annotation
-    assert (repository / "results/device/lost.png").exists()
+    assert (repository / "results/device/lost.svg").exists()
 
 
 @pytest.mark.slow

@@ -361,7 +361,7 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
     assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
     record = json.loads((tmp_path / "results/stuck/design.json").read_text())
     page = (tmp_path / "results/stuck/report.html").read_text()
-    assert record["proved"] and record["seconds"]["repairs"] > 0
+    assert record["proved"]
     for repair in record["repairs"]:
         assert repair["needs"] in done.stdout and repair["needs"] in page
     assert "any one of these alone would do:" in done.stdout

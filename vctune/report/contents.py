@@ -9,11 +9,13 @@ READINGS = {
     "llewellyn": (
         "Absolute stability",
         "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "
-        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved.",
+        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved. "
+        "The lower axis shows the ratios around 1 alone.",
     ),
     "nyquist": (
         "Velocity loop",
-        "The loop must pass -1 without encircling it and stay out of the circle around it: |S| then keeps its limit.",
+        "The loop must pass -1 without encircling it and stay out of the hatched circle around it: |S| then keeps its "
+        "limit.",
     ),
     "transparency": (
         "Transparency",
@@ -22,8 +24,9 @@ READINGS = {
     ),
     "impedance": (
         "What the hand feels",
-        "Each full line should lie on its dashed ideal; between the lines for a free and for a rigid environment lies "
-        "everything that the device can render (its Z-width).",
+        "In the transparency band each line with marks should lie on its thin ideal; outside the stability band "
+        "nothing is promised. Between the lines for a free and for a rigid environment lies everything that the device "
+        "can render (its Z-width).",
     ),
     "simulation": (
         "Experiments",
@@ -33,8 +36,8 @@ READINGS = {
     ),
     "optimality": (
         "How much better could any design be?",
-        "No design that meets the demands has an error below the blue line, proved by searching every box of gains and "
-        "couplings; what lies between it and the green line is all that could still be gained.",
+        "No design that meets the demands has an error below the full line, proved by searching every box of gains and "
+        "couplings; what lies between it and the dashed line is all that could still be gained.",
     ),
 }
 """Title and reading of each figure, by name."""

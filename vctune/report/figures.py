@@ -192,10 +192,10 @@ def _impedance(design: Design) -> Figure:
     figure = canvas(8, 5.2, top=0.75)
     axes = figure.subplots()
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
-        colour, every = (BLUE, GREEN, ORANGE, RED)[number], (10 * number, 40)
+        colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (10 * number, 40), ("", "--", "-.", "")[number]
         axes.plot(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
-            axes.plot(hz, ideal, color=colour, linewidth=1, linestyle="--", label=f"{name}, ideal")
+            axes.plot(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
     frequency_axis(axes, hz[0], hz[-1])
     shade(axes, problem.stability.band, GREY, "stability band")
     shade(axes, problem.transparency.band, BLUE, "transparency band")
