@@ -134,7 +134,7 @@ def test_lines_are_told_apart_without_colour(drawn):
     for name, figure in drawn.items():
         for axes in figure.axes:
             lines = [line for line in axes.lines if not line.get_label().startswith("_")]
-            styles = [(line._dash_pattern, line.get_marker(), line.get_linewidth()) for line in lines]
+            styles = [(line._dash_pattern, line.get_marker()) for line in lines]
             paired = [(a.get_label(), b.get_label()) for a, b in itertools.combinations(lines, 2)]
             same = [pair for pair, (a, b) in zip(paired, itertools.combinations(styles, 2), strict=True) if a == b]
             assert not same, name

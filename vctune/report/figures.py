@@ -102,7 +102,7 @@ def _llewellyn(design: Design) -> Figure:
 def _thresholds(axes: Axes, factor: float, proof: dict[str, Any]) -> None:
     """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them."""
     least = proof["min_ratio"]
-    axes.axhline(1.0, color=RED, linewidth=1.2, label="1: the limit")
+    axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
     if proof["worst_hz"] and least:
         axes.plot(proof["worst_hz"], least, "o", color=RED, label=f"least ratio {least:.4g}")
@@ -135,7 +135,7 @@ def _nyquist(design: Design) -> Figure:
     margins = loop_margins(problem.device, design.gains)
     figure = canvas(8, 5.2, left=0.7, right=2.75)
     axes = figure.subplots()
-    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L of the sampled loop up to Nyquist")
+    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L of the sampled loop,\nup to Nyquist")
     angle = np.linspace(0, 2 * pi, 361)
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
     axes.fill(
@@ -211,7 +211,7 @@ def _optimality(found: dict[str, Any]) -> Figure:
         [row[key] if row[key] is not None else np.nan for row in found["history"]]
         for key in ("boxes", "lower_bound", "error")
     )
-    figure = canvas(8, 3.8, top=0.4, gaps=(0.3, 0))
+    figure = canvas(8, 3.8, right=0.3, top=0.4, gaps=(0.3, 0))
     axes, *others = figure.subplots(1, 2 if found["open"] else 1, squeeze=False)[0]
     axes.step(boxes, error, "--", where="post", color=GREEN, label="best design known")
     axes.step(boxes, bound, where="post", color=BLUE, label="no design is below")

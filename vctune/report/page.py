@@ -60,7 +60,7 @@ def svg(figure: Figure, name: str) -> str:
     """Return a figure as SVG: the same bytes for the same figure, without digits below a hundredth of a point."""
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
     plain = re.sub(r"font-family: [^;\"]*", "font-family: sans-serif", stream.getvalue().decode())
     return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _rounded, re.sub(r"\n +", "\n", plain))
 

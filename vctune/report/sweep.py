@@ -66,7 +66,9 @@ def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, gr
         rows, j = np.unique(y, return_inverse=True)
         cells = np.full((rows.size, columns.size), np.nan)
         cells[j, i] = error
-        drawn: Any = axes.pcolormesh(columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm)
+        drawn: Any = axes.pcolormesh(
+            columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm, rasterized=True
+        )
     else:
         drawn = axes.scatter(x[certified], y[certified], c=error[certified], cmap=COLOURS, norm=norm, s=18)
     if certified.any():
