@@ -66,6 +66,18 @@ def test_the_file_holds_the_region(baseline):
     assert len(read_region(baseline / "results/device/region.json").cells) == len(record["cells"])
 
 
+@pytest.mark.parametrize(
+    ("gains", "expected"),
+    [("", ExitCode.OK), ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED)],
+    ids=["a design, no cell", "neither"],
+)
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, capsys, monkeypatch, gains, expected):
+    (tmp_path / "device.toml").write_text(DEVICE + gains)
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")
+    assert "feasible      0.00 %" in out
+    assert code == expected
+
+
 def test_the_same_problem_passes(baseline, capsys, monkeypatch):
     region_file = "results/device/region.json"
     code, out, err = vctune(capsys, monkeypatch, baseline, "check", "device.toml", "--region", region_file)
@@ -103,6 +115,8 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (tmp_path / "device.toml").write_text(text)
         code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
         assert (code, "another version of the problem" in out) == (expected, True)
+        left = {path.name for path in (tmp_path / "results").rglob("lost.*")}
+        assert left == (set() if code == ExitCode.OK else {"lost.json", "lost.svg"})
 
 
 def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path, capsys, monkeypatch):

@@ -249,12 +249,22 @@ def kill_and_resume(folder, path, stops, signals=(signal.SIGKILL,)):
     return rows_in(file)
 
 
+def test_an_empty_file_of_rows_is_begun(tmp_path):
+    path = write_study(tmp_path, FEW, FIXED)
+    for options in ([], ["--restart"]):
+        rows = tmp_path / "results/study/rows.jsonl"
+        rows.parent.mkdir(parents=True, exist_ok=True)
+        rows.write_text("")
+        done = run(tmp_path, "sweep", path, "--jobs", "1", *options)
+        assert done.stderr == "" and len(rows.read_text().splitlines()) == 7
+
+
 def test_killed_again_and_again_nothing_is_lost_repeated_or_torn(tmp_path):
     path = write_study(tmp_path, MANY, FIXED)
     plain = tmp_path / "plain"
     plain.mkdir()
     table = swept(path, plain, jobs=2)
-    rows = kill_and_resume(tmp_path, path, [0, 3, 60, 200], (signal.SIGKILL, signal.SIGINT))
+    rows = kill_and_resume(tmp_path, path, [0, 3, 60, 200], (signal.SIGKILL, signal.SIGINT, signal.SIGTERM))
     assert rows == rows_in(plain / "rows.jsonl") and len(rows) == 400
     assert (tmp_path / "results/study/table.csv").read_text() == csv_text(table)
 
@@ -396,7 +406,7 @@ def test_what_is_refused_touches_nothing(tmp_path, finished, case):
     assert sorted(file.name for file in folder.iterdir()) == ["rows.jsonl", "table.csv"]
 
 
-@pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b"\xff\xfe\n"])
+@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b"\xff\xfe\n"])
 def test_a_file_that_is_no_file_of_rows_is_left_alone(tmp_path, finished, content):
     path = tmp_path / "rows.jsonl"
     path.write_bytes(content)

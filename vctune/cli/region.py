@@ -28,7 +28,8 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
 
     The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
     or undecided at the resolution. Where the coupling is free, feasible means that some coupling within its bounds will
-    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg.
+    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg. Exit code 1 if there are no
+    feasible gains, 3 if none are proved to be.
     """
     from math import ceil, log2
 
