@@ -90,13 +90,14 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
     from vctune.design.solve import solve
+    from vctune.document.errors import printable
 
     solved = solve(file.problem, progress)
     record, judgement = design_record(file, solved, ipopt_version()), solved.judgement
     design = (judgement.gains, judgement.coupling) if judgement else None
     write_design(folder, file, record, json.dumps(record, indent=2, allow_nan=False), design)
     if design is None:
-        click.echo(f"{file.problem.name}: nothing to simulate: {record['reason']}", err=True)
+        click.echo(f"{printable(file.problem.name)}: nothing to simulate: {record['reason']}", err=True)
     return design
 
 

@@ -57,12 +57,14 @@ def inline(text: str) -> str:
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG: the same bytes for the same figure, without digits below a hundredth of a point."""
+    """Return a figure as SVG: the same bytes for the same figure, without digits below a hundredth of a point and idle names."""
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
-    plain = re.sub(r"font-family: [^;\"]*", "font-family: sans-serif", stream.getvalue().decode())
-    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _rounded, re.sub(r"\n +", "\n", plain))
+    text = re.sub(r"\n +", "\n", stream.getvalue().decode())
+    for long, short in ((r"font-family: [^;\"]*", "font-family: sans-serif"), (r'<g id="[^"]*">', "<g>")):
+        text = re.sub(long, short, text)
+    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _rounded, text)
 
 
 def _rounded(attribute: re.Match[str]) -> str:

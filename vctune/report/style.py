@@ -7,7 +7,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from vctune.document.problem import Band
 
@@ -75,6 +75,8 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     """Make the x axis one of frequencies, in plain decimals."""
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
     axes.xaxis.set_major_formatter(PLAIN)
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def decades(axes: Axes) -> None:

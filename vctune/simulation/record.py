@@ -18,7 +18,7 @@ from vctune.simulation.run import Traces
 from vctune.simulation.thinning import thinned
 from vctune.version import __version__
 
-TOLERANCE = 1e-3
+TOLERANCE = 1.5e-3
 """By how much of the range that a figure shows a curve may differ: less than the line is wide."""
 
 
