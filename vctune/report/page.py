@@ -57,7 +57,7 @@ def inline(text: str) -> str:
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG: the same bytes for the same figure, without digits below a hundredth of a point and idle names."""
+    """Return a figure as SVG: the same bytes for the same figure, places to a hundredth of a point, no idle names."""
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
