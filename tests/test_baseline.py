@@ -131,7 +131,7 @@ def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path, c
     (tmp_path / "results/device/gains.toml").write_text("of somebody else")
     code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
     assert code == ExitCode.OK and "another version" not in out
-    assert err == "nothing is lost any more: removed lost.json, lost.svg, lost.png from results/device\n"
+    assert err == "nothing is lost any more: removed lost.json, lost.svg from results/device\n"
     assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["gains.toml"]
 
 
