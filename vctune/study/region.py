@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.sampled_loop import sensitivity
-from vctune.design.judge import demands_of
+from vctune.design.prepared import pose
 from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -116,7 +116,7 @@ def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Flo
 @np.errstate(all="ignore")
 def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    demands = demands_of(problem)
+    demands = pose(problem).demands
     damping, worst, worst_S = _estimate(problem, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
