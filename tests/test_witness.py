@@ -75,6 +75,7 @@ position = {position}
 drag = {drag}
 [stability]
 band_hz = [0.0, inf]
+max_sensitivity = 3.0
 """
 
 
