@@ -284,7 +284,7 @@ def test_a_search_that_goes_on_never_goes_back(problems):
     best = solve(problem).judgement
     assert best is not None
     whole, rest, reached = bound(problem, best, hopeless, gap=0.01), None, []
-    for limit in range(2_000, 100_000, 2_000):
+    for limit in range(1_000, 50_000, 1_000):
         found = bound(problem, best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
         reached.append((found.bound, found.rest.boxes))
         if found.proved:
@@ -335,6 +335,7 @@ def test_a_basin_that_was_missed_is_found(problems):
 
 
 def test_scan_sees_the_basin_of_fast_integral_action(problems):
+    """Differential evolution over the formulas of `oracles` on dense grids finds 31.7313, and 73.167 with K_p = 0."""
     solved = solve(read_problem(problems / "extremes/seven-decades.toml").problem)
     assert solved.judgement is not None
-    assert solved.judgement.transparency.error == pytest.approx(37.44048, rel=1e-4)
+    assert solved.judgement.transparency.error == pytest.approx(31.7313, rel=1e-4)

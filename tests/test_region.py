@@ -22,6 +22,8 @@ from vctune.study.plane import plane
 from vctune.study.region import Kind, free_damping, region
 
 K_V, K_P, B_C, M_C, B_0 = KEYS
+GAINS = "[gains]\nvelocity = { min = 1.0, max = 1000.0 }\nposition = { min = 0.0, max = 1e6 }\n"
+"""Bounds that the admissible loops fill well enough to be seen at a coarse resolution."""
 LAG = '[device]\nmass = 0.5\ndamping = 2.0\nsample_time = 1e-3\nhold = "lag"\n'
 PROBLEMS = {
     "friction-wheel": ((ROOT / "problems/friction-wheel.toml").read_text(), K_V, K_P),
@@ -45,7 +47,7 @@ PROBLEMS = {
         "[stability]\nband_hz = [2.49e-4, 2.34]\nsafety_factor = 1.0\nmax_sensitivity = 1.2\n",
         K_V, K_P,
     ),
-    "fixed coupling": (DEVICE + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P),
+    "fixed coupling": (DEVICE + GAINS + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P),
     "grams and days": (
         "[device]\nmass = 4e-6\ndamping = 2e-11\nsample_time = 1e3\ndelay = 300.0\n"
         "[coupling]\ndamping = { min = 1e-11, max = 1e-6 }\nmass = { min = 1e-6, max = 1e-4 }\n"
@@ -210,9 +212,9 @@ def test_units_do_not_matter(mass, time):
 
 def test_a_fixed_coupling_is_one_of_the_free_ones():
     """What is feasible with a coupling is not infeasible when it is free, and what is infeasible free is so fixed."""
-    free = DEVICE + "[coupling]\ndamping = { min = 100.0, max = 300.0 }\nmass = { min = 0.1, max = 0.4 }\n"
+    free = DEVICE + GAINS + "[coupling]\ndamping = { min = 100.0, max = 300.0 }\nmass = { min = 0.1, max = 0.4 }\n"
     chosen, *_ = painted(found(free, K_V, K_P, 6))
-    fixed, *_ = painted(found(DEVICE + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P, 6))
+    fixed, *_ = painted(found(PROBLEMS["fixed coupling"][0], K_V, K_P, 6))
     assert not (chosen[fixed == Kind.FEASIBLE] == Kind.INFEASIBLE).any()
     assert not (fixed[chosen == Kind.INFEASIBLE] == Kind.FEASIBLE).any()
     assert (chosen == Kind.FEASIBLE).sum() > 1.5 * (fixed == Kind.FEASIBLE).sum() > 0

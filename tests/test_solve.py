@@ -135,10 +135,10 @@ def test_position_gain_of_zero_is_exact():
 
 
 def test_the_better_of_two_basins_wins():
-    """The basin at K_p = 0 has a local optimum of its own, 18 % worse."""
+    """The basin at K_p = 0 has a local optimum of its own, 24 % worse: 0.751785 by differential evolution."""
     problem = read("two-basins")
     without = replace(problem, bounds=replace(problem.bounds, position=replace(problem.bounds.position, max=0.0)))
-    assert solve(without).judgement.transparency.error == pytest.approx(0.70775, rel=1e-3)
+    assert solve(without).judgement.transparency.error == pytest.approx(0.751785, rel=1e-3)
     assert solve(problem).judgement.gains.position > 1e4
 
 

@@ -76,6 +76,7 @@ position = {position}
 drag = {drag}
 [stability]
 band_hz = [0.0, inf]
+max_sensitivity = 3.0
 """
 
 
