@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 from conftest import ROOT
 from oracles import Case, sampled_radius
+from vctune.design.units import dimensionless
 
 from vctune.bench import evaluator, files, peers, sampling, scaling, scene, solvers, stress, timing
 from vctune.bench import judged as judging
@@ -27,7 +28,6 @@ from vctune.cli.bench import bench
 from vctune.design.judge import Status
 from vctune.design.scan import scan
 from vctune.design.solve import solve
-from vctune.design.units import dimensionless
 from vctune.document.errors import InputError
 from vctune.document.reading import read_problem
 from vctune.model.quantities import Coupling, Device, Gains

@@ -15,6 +15,7 @@ from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
 from vctune.design.leaves import ARRAYS, unfinished
 from vctune.design.optimum import improved
+from vctune.design.prepared import pose, prepare
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.problem import Problem, Range
@@ -48,7 +49,8 @@ def random_problems(count: int, seed: int = RANDOM) -> list[Problem]:
 
 
 def searched(problem: Problem, best: Judgement | None, gap: float = GAP, **options) -> Optimality:
-    return bound(problem, best, lambda gains, limit: improved(problem, gains, limit), gap=gap, **options)
+    prepared = prepare(problem)
+    return bound(prepared.given, best, lambda gains, limit: improved(prepared, gains, limit), gap=gap, **options)
 
 
 def hopeless(gains, limit) -> None:
@@ -91,7 +93,9 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     rng, count = np.random.default_rng(1), 300
     designs = oracle.random_designs(problem, count, rng)
     omega, upto = np.geomspace(*oracle.band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
-    relaxed = relaxation(problem, omega, upto, 24)
+    posed = pose(problem)
+    devices, objective = ([case.device for case in cases] for cases in (posed.cases, posed.objective))
+    relaxed = relaxation(problem, devices, objective, omega, upto, 24)
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
@@ -167,7 +171,7 @@ def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
             best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time
         )
         known = best if posed is problem else replace(best, gains=gains, coupling=coupling)
-        return bound(posed, known, hopeless, gap=0.02)
+        return bound(pose(posed), known, hopeless, gap=0.02)
 
     here, there = run(problem), run(problem.in_units(impedance, time))
     assert there.bound == pytest.approx(here.bound, rel=1e-6)
@@ -259,7 +263,7 @@ def never_empty(problem: Problem, slack: float) -> bool:
     posed = barely_feasible(problem, best, slack)
     if posed.bounds.fixed:
         return False
-    found = bound(posed, None, hopeless, gap=GAP, most_boxes=20_000)
+    found = bound(pose(posed), None, hopeless, gap=GAP, most_boxes=20_000)
     assert not found.proved
     K_v, K_p, b_c, m_c, b_0 = numbers(best)
     inner, boxes = np.array([[K_v], [K_p], [m_c / b_c], [b_0]]), found.rest.leaves.boxes
@@ -283,9 +287,9 @@ def test_a_search_that_goes_on_never_goes_back(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    whole, rest, reached = bound(problem, best, hopeless, gap=0.01), None, []
+    whole, rest, reached = bound(pose(problem), best, hopeless, gap=0.01), None, []
     for limit in range(1_000, 50_000, 1_000):
-        found = bound(problem, best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
+        found = bound(pose(problem), best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
         reached.append((found.bound, found.rest.boxes))
         if found.proved:
             break
@@ -301,12 +305,12 @@ def test_a_rest_is_not_gone_on_with_when_it_was_less_strict(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    loose = bound(problem, best, hopeless, gap=0.1)
+    loose = bound(pose(problem), best, hopeless, gap=0.1)
     assert loose.proved and not len(loose.rest.leaves.bound)
-    strict = bound(problem, best, hopeless, gap=0.01, rest=loose.rest)
+    strict = bound(pose(problem), best, hopeless, gap=0.01, rest=loose.rest)
     assert strict.proved and strict.gap <= 0.01
     worse = replace(best, error=2 * best.error)
-    again = bound(problem, worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
+    again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
     assert not again.proved and len(again.rest.leaves.bound)
 
 
@@ -314,11 +318,11 @@ def test_threads_and_the_time_limit_change_no_bound(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    one, two = (bound(problem, best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
+    one, two = (bound(pose(problem), best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
     assert (one.bound, one.rest.boxes) == (two.bound, two.rest.boxes)
-    none = bound(problem, best, hopeless, gap=0.02, time_limit=0.0)
+    none = bound(pose(problem), best, hopeless, gap=0.02, time_limit=0.0)
     assert not none.proved and none.bound == 0.0 and none.gap == inf
-    stopped = bound(problem, best, hopeless, gap=0.02, stopped=lambda: True)
+    stopped = bound(pose(problem), best, hopeless, gap=0.02, stopped=lambda: True)
     assert stopped.rest.boxes == 0
 
 

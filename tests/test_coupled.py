@@ -106,7 +106,14 @@ def test_growing_modes_lie_outside_the_proved_band(name):
 
 @pytest.mark.parametrize(
     ("mass", "damping", "stable"),
-    [(0.0, 2.0, True), (0.0, 50.0, True), (0.03, 2.0, True), (0.0, 80.0, False), (0.05, 2.0, False), (0.5, 10.0, False)],
+    [
+        (0.0, 2.0, True),
+        (0.0, 50.0, True),
+        (0.03, 2.0, True),
+        (0.0, 80.0, False),
+        (0.05, 2.0, False),
+        (0.5, 10.0, False),
+    ],
 )
 def test_what_hands_the_friction_wheel_bears(mass, damping, stable):
     """Proved to 102.8 Hz it oscillates at 500 Hz in a hand that is firm up there; proved to 300 Hz it does not."""

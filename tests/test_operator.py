@@ -17,8 +17,9 @@ from oracles import Case, coupling, loop
 from test_witness import closed_loop_poles, handle_admittance, passive, reactance, value
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
-from vctune.design.judge import demands_of, judge, judge_all
+from vctune.design.judge import judge, judge_all
 from vctune.design.nlp import assembled
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, problem_file
 from vctune.model.arithmetic import FLOATS
@@ -147,7 +148,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     elif clear > 1 + 1e-4:
         assert conditions is Verdict.PROVED
     numbers[2:4] = virtual.damping, virtual.mass
-    demands = replace(demands_of(problem), band=band, factor=1.0, max_sensitivity=100.0)
+    demands = replace(pose(problem).demands, band=band, factor=1.0, max_sensitivity=100.0)
     cell = Cells(numbers[:, None], numbers[:, None])
     assert not (prove(demands, cell).proved[0] and certificate.verdict is not Verdict.PROVED)
 

@@ -11,7 +11,7 @@ import pytest
 from conftest import DEVICE, ROOT
 from oracles import Demand, best_damping, surpluses
 
-from vctune.design.judge import demands_of
+from vctune.design.prepared import pose
 from vctune.design.variables import KEYS, ranges
 from vctune.document.reading import problem_file
 from vctune.model.quantities import Coupling, Gains
@@ -277,7 +277,7 @@ def test_witnesses_are_certified_by_arb(name):
             for place, axis in enumerate(cells.plane.axes):
                 v[axis] = float(cells.plane.edges[place][cells.squares[corner[place], cell]])
             design = Design(problem.device, Gains(*v[:2]), Coupling(*v[2:]))
-            assert certify(design, demands_of(problem)).verdict is Verdict.PROVED
+            assert certify(design, pose(problem).demands).verdict is Verdict.PROVED
 
 
 def test_no_loop_is_judged_and_takes_no_memory():

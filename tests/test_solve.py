@@ -13,10 +13,11 @@ from conftest import PROBLEM_FILES, ROOT
 from oracles import Case, coupling, loop, sampled_radius, sampled_sensitivity
 
 from vctune.design import optimum as solving
-from vctune.design.ipopt import posed
+from vctune.design.ipopt import numbers_of
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
 from vctune.design.nlp_record import left_out
+from vctune.design.prepared import prepare
 from vctune.design.record import design_record, warnings
 from vctune.design.rounding import rounded
 from vctune.design.scan import scan
@@ -309,8 +310,8 @@ def test_a_solution_is_not_believed(monkeypatch):
 def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     """Stationarity of the Lagrangian by finite differences over the formulas in doubles."""
     problem = parse(DEVICE + f'[transparency]\nnorm = "{norm}"\n')
-    problem = problem.in_units(problem.transparency.reference_impedance, problem.device.sample_time)
-    start = scan(problem).starts[0]
+    posed = prepare(problem).scaled
+    problem, start = posed.problem, scan(posed).starts[0]
     free = coordinates(problem, integrator=start.gains.position > 0)
     band, inner = problem.stability.band, problem.transparency.band
     frequencies = WorkingSet(
@@ -318,10 +319,10 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
         sensitivity=places(problem.device, np.geomspace(0.3, pi, 9)),
         peak=places(problem.device, np.geomspace(inner.min, inner.max, 9)) if norm == "peak" else [],
     )
-    shape = shape_of(problem, free, frequencies, 4, integrator=start.gains.position > 0)
+    shape = shape_of(posed, free, frequencies, 4, integrator=start.gains.position > 0)
     values = point(start.gains, start.coupling)
     z = np.array([c.to_z(values[c.index]) for c in free])
-    solution = ipopt(shape, posed(problem, shape, free, values, (z - 1, z + 1), frequencies, 0.0))
+    solution = ipopt(shape, numbers_of(posed, shape, free, values, (z - 1, z + 1), frequencies, 0.0))
     assert solution.converged
     from vctune.analysis.demands import error_terms, stability_ratio, transparency_error, weighted_square
     from vctune.analysis.sampled_loop import sensitivity

@@ -21,13 +21,12 @@ from test_cli import run
 
 from vctune.bench.sizes import nlp_size
 from vctune.design.bound import bound
-from vctune.design.cases import cases_of
-from vctune.design.judge import Status, demands_of, devices_of, judge
+from vctune.design.judge import Status, judge
 from vctune.design.nlp import assembled
+from vctune.design.prepared import pose, prepare
 from vctune.design.scan import scan
 from vctune.design.shape import WorkingSet, places, shape_of
 from vctune.design.solve import solve
-from vctune.design.units import dimensionless
 from vctune.design.variables import coordinates
 from vctune.document.problem import Uncertainty
 from vctune.document.reading import parse_problem
@@ -114,22 +113,23 @@ def test_what_cannot_move_is_no_uncertainty():
 def test_without_uncertainty_nothing_grows():
     """The NLP has the closed-form number of parameters, the proof its boxes, the scan one device."""
     certain = problem("friction-wheel")
-    scaled = dimensionless(certain)
+    posed = prepare(certain).scaled
+    scaled = posed.problem
     free, first = coordinates(scaled, integrator=True), places(scaled.device, [0.01, 0.1, 1.0])
     known = WorkingSet(ratio=first, sensitivity=first, moving=first[:1])
-    shape = shape_of(scaled, free, known, 4, integrator=True)
+    shape = shape_of(posed, free, known, 4, integrator=True)
     size = nlp_size(shape)
     parameters = assembled(shape)["p"].numel()
     assert parameters == 15 + 4 * 32 + 3 * shape.slots[0] + 4 * shape.slots[1] + 3 * shape.slots[2] + 8
     assert size.variables == 4 + 1 and size.constraints == sum(shape.slots) + 2
-    uncertain = shape_of(dimensionless(problem("friction-wheel", WIDE)), free, known, 4, integrator=True)
+    uncertain = shape_of(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
     more = nlp_size(uncertain)
     assert more.variables == size.variables and more.constraints == size.constraints
     assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + shape.slots[0])
     design = numbers(solved("friction-wheel").judgement)
     alone = judge(problem("friction-wheel", "[uncertainty]\ndelay = 0.5\n"), Gains(*design[:2]), Coupling(*design[2:]))
     assert alone.certificate.boxes == solved("friction-wheel").judgement.certificate.boxes
-    assert cases_of(certain) == (certain,)
+    assert pose(certain).cases == (certain,)
 
 
 @given(st.floats(0, 30), st.floats(0.01, 0.99))
@@ -222,14 +222,14 @@ def test_a_refuted_design_has_a_device_that_refutes_it_alone(name):
     given, certain = problem(name, WIDE), solved(name).judgement
     certificate = judge(given, certain.gains, certain.coupling).certificate
     assert certificate.verdict is Verdict.REFUTED
-    box = devices_of(given)
+    box = pose(given).box
     for claim, outcome in certificate.outcomes.items():
         if outcome.verdict is Verdict.PROVED:
             continue
         device = outcome.device
         for part in ("mass", "damping", "delay"):
             assert getattr(box.low, part) <= getattr(device, part) <= getattr(box.high, part)
-        design, demands = Design(device, certain.gains, certain.coupling), demands_of(given)
+        design, demands = Design(device, certain.gains, certain.coupling), pose(given).demands
         alone = certify(design, demands)
         assert alone.outcomes[claim].verdict is Verdict.REFUTED
 
@@ -334,11 +334,11 @@ def test_loops_in_the_hand_are_proved_on_every_device():
 @pytest.mark.parametrize("tables", [WORST, WIDE + HELD], ids=["worst", "operator"])
 def test_no_admissible_design_is_below_the_bound(tables):
     given, best = problem("desktop", tables), solved("desktop", tables).judgement
-    found = bound(given, best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
+    found = bound(pose(given), best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
     assert found.proved and found.improved is None
     assert best.error / 1.05 <= found.bound * (1 + 1e-9) and found.bound <= best.error
     certain = bound(
-        problem("desktop"), solved("desktop").judgement, lambda gains, limit: None, gap=0.02, most_boxes=2e5
+        pose(problem("desktop")), solved("desktop").judgement, lambda gains, limit: None, gap=0.02, most_boxes=2e5
     )
     assert found.bound > certain.bound
 
@@ -354,10 +354,10 @@ def test_what_no_design_survives_is_proved_infeasible():
 
 
 def test_scan_starts_are_admissible_for_every_device():
-    given = dimensionless(problem("friction-wheel", WIDE))
+    given = prepare(problem("friction-wheel", WIDE)).scaled
     start = scan(given).starts[0]
     assert start.admissible
-    for case in cases_of(given):
+    for case in given.cases:
         assert judge(case, start.gains, start.coupling).peak_sensitivity < case.stability.max_sensitivity * 1.01
 
 

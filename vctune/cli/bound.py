@@ -159,11 +159,13 @@ def _searched(
 
     from vctune.design.bound import bound
     from vctune.design.optimum import improved
+    from vctune.design.prepared import prepare
 
+    prepared = prepare(file.problem)
     return bound(
-        file.problem,
+        prepared.given,
         known.best,
-        partial(improved, file.problem),
+        partial(improved, prepared),
         gap=gap,
         time_limit=inf if time_limit is None else time_limit,
         jobs=jobs,
