@@ -14,12 +14,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-from vctune.bench.summary import summary
 from vctune.document.schema import json_schema
 
 ROOT = Path(__file__).parent.parent
 CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
-BENCH = re.compile(r"(<!-- bench -->\n).*?(<!-- /bench -->)", re.DOTALL)
 REFERENCE = re.compile(r"(<!-- reference -->\n).*?(<!-- /reference -->)", re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 
@@ -29,7 +27,6 @@ def generated(text: str) -> str:
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(ROOT / "problems", Path(folder) / "problems")
         text = CONSOLE.sub(lambda block: f"```console\n{session(block[1], folder)}```", text)
-    text = BENCH.sub(lambda found: found[1] + summary(ROOT / "results/bench") + found[2], text)
     return REFERENCE.sub(lambda found: found[1] + reference() + found[2], text)
 
 

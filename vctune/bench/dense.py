@@ -1,7 +1,7 @@
 """The design problem on a fixed grid, as its own NLP has it, for any solver, with exact derivatives. Imports casadi.
 
 Every peer gets vctune's own formulation: logarithmic variables and log-ratio constraints, derivatives by CasADi's
-algorithmic differentiation in compiled form, bounds, and the starts of the scan.
+algorithmic differentiation, bounds, and the starts of the scan.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.design.ipopt import Posed, posed
 from vctune.design.nlp import OPTIONS, assembled
-from vctune.design.result import Polished
 from vctune.design.rounding import rounded
 from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.start import Start
@@ -30,22 +29,7 @@ from vctune.model.quantities import Coupling, Gains
 PANELS = 16
 """Panels of the objective's quadrature: enough for nine digits on the reference problems."""
 MISSED = 1e3
-QUIET: dict[str, Any] = {"expand": True, "print_time": False}
-SETTINGS: dict[str, dict[str, Any]] = {
-    "ipopt": {**OPTIONS, "ipopt.max_iter": 500},
-    "sqpmethod": {
-        **QUIET,
-        "qpsol": "daqp",
-        "qpsol_options": {"error_on_fail": False},
-        "print_header": False,
-        "print_iteration": False,
-        "print_status": False,
-        "max_iter": 100,
-        "convexify_strategy": "regularize",
-    },
-    "fatrop": {**QUIET, "fatrop.print_level": 0, "structure_detection": "none"},
-}
-"""Of CasADi's solvers, by name."""
+SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,20 +64,6 @@ class Dense:
         df, dg = functions(self.shape).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
-    def curvature(self, z: Floats, share: float, multipliers: Floats) -> Floats:
-        """Return the Hessian of share * objective + multipliers . demands."""
-        full = np.zeros(self.numbers.least.size)
-        full[self.posed] = multipliers
-        return np.array(functions(self.shape).curvature(z, self.numbers.parameters, share, full))
-
-    def evaluated(self, times: int) -> None:
-        """Evaluate everything that an iteration of a solver of second order needs, so many times."""
-        nothing = np.zeros(self.levels.size)
-        for _ in range(times):
-            self.values(self.numbers.guess)
-            self.slopes(self.numbers.guess)
-            self.curvature(self.numbers.guess, 1.0, nothing)
-
     @property
     def posed(self) -> Any:
         """Which of the shape's constraints are demands, not slots that nobody uses."""
@@ -114,11 +84,10 @@ class Dense:
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """Objective and demands, their first derivatives, the Hessian of the Lagrangian."""
+    """Objective and demands, and their first derivatives."""
 
     values: ca.Function
     slopes: ca.Function
-    curvature: ca.Function
 
 
 @lru_cache(maxsize=16)
@@ -127,12 +96,9 @@ def functions(shape: Shape) -> Functions:
     with interrupt_deferred():
         nlp = assembled(shape)
         x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
-        share, multipliers = ca.MX.sym("share"), ca.MX.sym("multipliers", g.shape[0])
-        hessian, _ = ca.hessian(share * f + ca.dot(multipliers, g), x)
         return Functions(
             ca.Function("values", [x, p], [f, g]).expand(),
             ca.Function("slopes", [x, p], [ca.gradient(f, x), ca.jacobian(g, x)]).expand(),
-            ca.Function("curvature", [x, p, share, multipliers], [hessian]).expand(),
         )
 
 
@@ -163,36 +129,26 @@ def dense(problem: Problem, scaled: Problem, start: Start, count: int, reserve: 
     return Dense(problem, scaled, shape, free, fixed, posed(scaled, shape, free, fixed, box, frequencies, reserve))
 
 
-def last_posed(problem: Problem, scaled: Problem, polished: Polished, tightening: float) -> Dense:
-    """Return the last NLP of a polish, as its solver had it."""
-    free = coordinates(scaled, integrator=polished.shape.integrator)
-    box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    numbers = posed(scaled, polished.shape, free, polished.values, box, polished.frequencies, tightening)
-    return Dense(problem, scaled, polished.shape, free, polished.values, numbers)
-
-
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Where a solver stopped: the point, whether it says that it has converged, its iterations."""
+    """Where a solver stopped, and whether it says that it has converged."""
 
     z: Floats
     converged: bool
-    iterations: int
 
 
 @lru_cache(maxsize=32)
-def compiled_solver(name: str, shape: Shape) -> ca.Function:
-    """Return one of CasADi's solvers in `SETTINGS` for a shape."""
-    return ca.nlpsol("peer", name, assembled(shape), SETTINGS[name])
+def compiled(shape: Shape) -> ca.Function:
+    """Return IPOPT for a shape."""
+    return ca.nlpsol("peer", "ipopt", assembled(shape), SETTINGS)
 
 
-def casadi_solve(dense: Dense, name: str) -> Stopped:
-    """Solve by one of CasADi's solvers in `SETTINGS`."""
+def ipopt(dense: Dense) -> Stopped:
+    """Solve by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():
-        solver = compiled_solver(name, dense.shape)
+        solver = compiled(dense.shape)
         found = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )
-        stats = solver.stats()
-        return Stopped(np.array(found["x"]).ravel(), bool(stats["success"]), int(stats.get("iter_count") or 0))
+        return Stopped(np.array(found["x"]).ravel(), bool(solver.stats()["success"]))
