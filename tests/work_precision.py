@@ -1,6 +1,6 @@
 """Error against processor time of every way to integrate the friction.
 
-`OMP_NUM_THREADS=1 python tests/work_precision.py` writes results/work-precision.csv and .png.
+`OMP_NUM_THREADS=1 python tests/work_precision.py` writes results/work-precision.csv and .svg.
 
 The friction wheel's spring experiment, one cycle, without quantisation, with its regular PID and with its design. The
 error is the greatest difference of the hand's force from CVODES at a tolerance of 1e-12. scipy's solvers integrate
@@ -12,25 +12,30 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from integrators import euler, midpoint, sundials
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.report.page import svg
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import friction_force
 from vctune.simulation.motion import hand_force_derivatives, intended_motion
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene, rest
-from vctune.simulation.step import Method, Scheme
 
 ROOT = Path(__file__).parent.parent
-FIXED = [Method(scheme, 2**k) for scheme in (Scheme.MIDPOINT, Scheme.EULER) for k in range(9)]
-VARIABLE = [Method(scheme, tolerance=10.0**-k) for scheme in (Scheme.CVODES, Scheme.IDAS) for k in range(4, 12)]
+OURS = [
+    *((scheme.__name__, 2**k, scheme(2**k)) for scheme in (midpoint, euler) for k in range(9)),
+    *((name, 10.0**-k, sundials(name, 10.0**-k)) for name in ("cvodes", "idas") for k in range(4, 12)),
+]
+"""Schemes that run in the simulation, with their setting."""
 SCIPY = [("LSODA", 10.0**-k) for k in (3, 4, 6, 8)] + [("BDF", 1e-3), ("BDF", 1e-5)]
 REPEATING = 1.0
 COLOURS = {
@@ -97,11 +102,10 @@ def measure():
     """Return the rows: controller, scheme, setting, greatest error in N, seconds."""
     rows = []
     for name, scene in scenes().items():
-        exact = run(scene, Method(Scheme.CVODES, tolerance=1e-12)).force
-        for method in FIXED + VARIABLE:
-            setting = method.substeps if method in FIXED else method.tolerance
-            traces, seconds = timed(run, scene, method)
-            rows.append([name, method.scheme.value, setting, np.abs(traces.force - exact).max(), seconds])
+        exact = run(scene, stretch=sundials("cvodes", 1e-12)).force
+        for scheme, setting, stretch in OURS:
+            traces, seconds = timed(partial(run, stretch=stretch), scene)
+            rows.append([name, scheme, setting, np.abs(traces.force - exact).max(), seconds])
         for solver, tolerance in SCIPY:
             force, seconds = timed(scipy_forces, scene, solver, tolerance, len(exact))
             rows.append([name, solver, tolerance, np.abs(force - exact).max(), seconds])
@@ -121,9 +125,11 @@ def draw(rows):
     """Return the figure of the rows."""
     figure = Figure(figsize=(9, 4.2), layout="constrained")
     for axes, name in zip(figure.subplots(1, 2, sharey=True), ("baseline", "design"), strict=True):
-        for scheme, colour in COLOURS.items():
+        for (scheme, colour), mark in zip(COLOURS.items(), "os^Dv*P", strict=False):
             points = sorted((row[4], row[3]) for row in rows if row[:2] == [name, scheme])
-            axes.loglog(*zip(*points, strict=True), "o-", color=colour, label=scheme, markersize=4, linewidth=1.2)
+            axes.loglog(
+                *zip(*points, strict=True), marker=mark, color=colour, label=scheme, markersize=4, linewidth=1.2
+            )
         axes.axhline(1e-4, color="#8a8f98", linewidth=1, linestyle=":")
         axes.set(title=f"spring, {name}", xlabel="processor time, s")
         axes.grid(alpha=0.3)
@@ -142,4 +148,4 @@ if __name__ == "__main__":
         for row in measured:
             times = advantage(measured, row)
             writer.writerow([*row[:3], f"{row[3]:.3g}", f"{row[4]:.3g}", "" if times is None else f"{times:.3g}"])
-    draw(measured).savefig(ROOT / "results/work-precision.png", dpi=120)
+    (ROOT / "results/work-precision.svg").write_text(svg(draw(measured), "work-precision"))

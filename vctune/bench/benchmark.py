@@ -10,9 +10,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from vctune.document.files import write_together
+from vctune.document.files import Content, write_together
 from vctune.report.benchmarks import Panel, benchmark_figure
-from vctune.report.page import png
+from vctune.report.page import svg
 
 Tick = Callable[[str], None]
 """Told what is being measured."""
@@ -63,7 +63,7 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
         "",
         f"`{command}` on {machine}: [{name}.csv]({name}.csv). Seconds are processor time with one thread.",
         "",
-        f"![{measured.title}]({name}.png)",
+        f"![{measured.title}]({name}.svg)",
         "",
         measured.reading,
         "",
@@ -80,9 +80,9 @@ def write_measured(folder: Path, name: str, measured: Measured, command: str, ma
     InputError
         If a place cannot be written; the older files are then untouched.
     """
-    files: dict[Path, str | bytes | memoryview] = {
+    files: dict[Path, Content] = {
         folder / f"{name}.csv": csv_of(measured.rows),
-        folder / f"{name}.png": png(benchmark_figure(measured.panels)),
+        folder / f"{name}.svg": svg(benchmark_figure(measured.panels), name),
         folder / f"{name}.md": page(name, measured, command, machine),
     }
     write_together(files)

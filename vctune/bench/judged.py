@@ -23,7 +23,7 @@ class Worth:
     error : transparency error, by the independent evaluator
     violation : by how much the demands are missed at the worst, relative; also where the prover pointed
     stable : whether the sampled loop is stable, by its eigenvalues
-    verdict : the prover's, at the problem's own safety factor
+    verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other
     """
 
@@ -37,15 +37,11 @@ class Worth:
 def worth(problem: Problem, gains: Gains, coupling: Coupling) -> Worth:
     """Judge an answer twice."""
     judged = judge(problem, gains, coupling)
-    proof = judged.certificate
-    doubts = [*proof.outcomes.values(), *([proof.shortfall] if proof.shortfall else [])]
-    witnesses = [doubt.witness for doubt in doubts if doubt.witness]
+    witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]
     case = evaluator.case_of(problem.device, gains, coupling)
     error, stable = float(evaluator.error(problem, case)), evaluator.spectral_radius(case) < 1
     violation = evaluator.violation(problem, case, [*witnesses, judged.worst, judged.worst_sensitivity])
     verdict = judged.status
-    if verdict is Status.CERTIFIED and proof.factor < problem.stability.safety_factor:
-        verdict = Status.VIOLATED
     same = abs(judged.transparency.error - error) <= AGREEMENT * error or not error < inf
     sound = verdict is not Status.CERTIFIED or (violation == 0 and stable)
     return Worth(error, violation, stable, verdict, same and sound)

@@ -124,7 +124,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     from vctune.bench import digits
 
     case = case_of(problem.device, judgement.gains, judgement.coupling)
-    factor, faults = judgement.certificate.factor, []
+    factor, faults = problem.stability.safety_factor, []
     inside = [*np.geomspace(*demands.sampled_span(problem), FREQUENCIES), judgement.worst]
     below = [*np.geomspace(1e-3 * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
     largest = 0.0
