@@ -6,11 +6,13 @@ from dataclasses import replace
 from itertools import islice
 from math import exp, inf, log
 
-import design_oracle as oracle
 import numpy as np
 import pytest
 from conftest import DEVICE
+from dense import NAMES, band, below, least_damping, within_bounds
+from random_problems import random_designs, random_texts
 
+from vctune.bench.evaluator import cases, error, required, sensitivity
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
 from vctune.design.leaves import ARRAYS, unfinished
@@ -37,7 +39,7 @@ def random_problems(count: int, seed: int = RANDOM) -> list[Problem]:
     """Return valid problems that leave something free."""
 
     def valid():
-        for text in oracle.random_texts(seed):
+        for text in random_texts(seed):
             try:
                 problem = problem_of(text)
             except InputError:
@@ -71,9 +73,9 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> None:
     assert 0 < found.bound <= found.incumbent
     rng, near = np.random.default_rng(seed), numbers(found.improved or best)
     for around in (None, near):
-        below = oracle.below(problem, found.bound, oracle.random_designs(problem, count // 2, rng, around))
-        assert below.shape[1] == 0, below[:, :3]
-    assert oracle.errors(problem, near[:, None], 4000)[0] == pytest.approx(found.incumbent, rel=1e-3)
+        better = below(problem, found.bound, random_designs(problem, count // 2, rng, around))
+        assert better.shape[1] == 0, better[:, :3]
+    assert error(problem, cases(problem.device, near), 4001) == pytest.approx(found.incumbent, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "extremes/peak", "extremes/whole-axis"])
@@ -91,8 +93,8 @@ def test_a_million_random_designs_are_not_below_the_bound(number):
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
     problem = random_problems(number + 1)[number]
     rng, count = np.random.default_rng(1), 300
-    designs = oracle.random_designs(problem, count, rng)
-    omega, upto = np.geomspace(*oracle.band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
+    designs = random_designs(problem, count, rng)
+    omega, upto = np.geomspace(*band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
     posed = pose(problem)
     devices, objective = ([case.device for case in cases] for cases in (posed.cases, posed.objective))
     relaxed = relaxation(problem, devices, objective, omega, upto, 24)
@@ -102,9 +104,9 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     boxes = Boxes(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
         floor, least = floors(relaxed, boxes), least_coupling(relaxed, boxes)
-        needed = oracle.least_damping(problem, designs, omega)
-    meets = oracle.within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
-    quiet = (oracle.sensitivities(problem, designs, upto) <= problem.stability.max_sensitivity).all(axis=1)
+        needed = least_damping(problem, designs, omega)
+    meets = within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
+    quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
     rounding = 1 + 1e-9
     assert not (least.none & np.isfinite(needed)).any()
     assert (least.damping[meets] <= b_c[meets] * rounding).all()
@@ -113,7 +115,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0
     assert (floor.strain[at] <= rounding).all()
-    errors = oracle.errors(problem, designs, 24 if problem.transparency.norm == "peak" else 2000)
+    errors = error(problem, cases(problem.device, designs), 24 if problem.transparency.norm == "peak" else 2001)
     assert (floor.error[at] <= errors[at] * (1 + 1e-6)).all()
 
 
@@ -127,9 +129,9 @@ ELEMENTS = {
 
 def least_element(problem: Problem, element: str) -> float:
     """Return the least b_c, m_c or b_0 that a fixed loop and the other elements leave, on a dense grid."""
-    omega, fixed = np.geomspace(*oracle.band(problem), 200_001), problem.bounds
-    design = np.array([[fixed.velocity.min], [fixed.position.min], [1.0], [1.0], [0.0]])
-    r = problem.stability.safety_factor * oracle.resistances(problem, design, omega)[0]
+    omega, fixed = np.geomspace(*band(problem), 200_001), problem.bounds
+    case = cases(problem.device, (fixed.velocity.min, fixed.position.min, 1.0, 1.0, 0.0))
+    r = problem.stability.safety_factor * required(case, omega)
     if element == "damping":  # b M^2/(b^2 + M^2) >= r
         M = omega * fixed.mass.min
         return float((2 * r * M / (M + np.sqrt(M**2 - 4 * r**2))).max())
@@ -146,9 +148,9 @@ def least_element(problem: Problem, element: str) -> float:
 def test_one_free_coupling_element_meets_its_closed_form(element, norm, gap):
     problem = problem_of(LOOP + ELEMENTS[element] + f'[transparency]\nnorm = "{norm}"\n')
     bounds = problem.bounds
-    design = np.array([[getattr(bounds, name).min] for name in ("velocity", "position", "damping", "mass", "drag")])
+    design = np.array([getattr(bounds, name).min for name in NAMES])
     design[2 + ["damping", "mass", "drag"].index(element)] = least_element(problem, element)
-    optimum = oracle.errors(problem, design, 20_000)[0]
+    optimum = error(problem, cases(problem.device, design), 20_001)
     best = solve(problem).judgement
     assert best is not None
     found = searched(problem, best, gap)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import DEVICE, ROOT
-from oracles import Demand, best_damping, surpluses
+from dense import best_damping, surpluses
 
+from vctune.bench.evaluator import cases
 from vctune.design.prepared import pose
 from vctune.design.variables import KEYS, ranges
 from vctune.document.reading import problem_file
@@ -133,16 +134,11 @@ def designs_in(region, bounds, count, seed):
 def contradictions(text, x, y, levels, count, seed=0):
     """Return the designs that refute their cells, and how many there were of each kind."""
     problem, region = posed(text), found(text, x, y, levels)
-    device, stability, bounds = problem.device, problem.stability, ranges(problem.bounds)
-    demand = Demand(
-        device.mass, device.damping, device.sample_time, device.delay, device.hold,
-        (stability.band.min, stability.band.max), stability.safety_factor, stability.max_sensitivity,
-    )  # fmt: skip
-    cell, designs = designs_in(region, bounds, count, seed)
+    cell, designs = designs_in(region, ranges(problem.bounds), count, seed)
     infeasible = np.flatnonzero(region.kinds[cell] == Kind.INFEASIBLE)
     if free_damping(region.plane):
-        designs[2, infeasible] = best_damping(demand, designs[:, infeasible], bounds[2].min, bounds[2].max)
-    holds = (surpluses(demand, designs) > 0).all(axis=0)
+        designs[2, infeasible] = best_damping(problem, designs[:, infeasible])
+    holds = (surpluses(problem, cases(problem.device, designs)) > 0).all(axis=0)
     wrong = holds != (region.kinds[cell] == Kind.FEASIBLE)
     return designs[:, wrong].T.tolist(), (count - len(infeasible), len(infeasible))
 

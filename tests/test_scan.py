@@ -8,12 +8,11 @@ from math import pi
 
 import numpy as np
 import pytest
-from oracles import sampled_sensitivity
 
 from vctune.analysis.demands import demand_grid, ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench.devices import device
-from vctune.bench.evaluator import impedances, spectral_radius
+from vctune.bench.evaluator import case_of, impedances, sensitivity, spectral_radius
 from vctune.bench.problems import reference_problems
 from vctune.design.gain_limit import gain_limits
 from vctune.design.grid import axes, evaluated, position_gain
@@ -29,6 +28,7 @@ from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature
 
 PROBLEMS = reference_problems()
+ANY = Coupling(1.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize("shape", [(5, 6, 1, 1), (7, 5, 4, 3), (1, 9, 4, 1), (0, 1, 3, 2), (3, 1, 30, 13)])
@@ -52,17 +52,15 @@ def test_at_the_gain_limit_loops_are_feasible_and_soon_beyond_it_not(name):
     problem, samples, grid = posed.problem, samples_of(posed, integrator=True), axes(posed, integral=True)
     limits = gain_limits(problem, samples, grid, evaluated(problem, samples, grid)[1])
     assert limits.corner.size > 0
-    device = problem.device
     below, band = np.geomspace(1e-4, 1, 4000) * problem.nyquist, problem.stability.band
     within = np.geomspace(band.min, band.max, 1000)
 
     def feasible(K_v, corner):
         gains = Gains(float(K_v), float(position_gain(problem, np.array(K_v), np.array(corner))))
-        S = sampled_sensitivity(device.mass, device.damping, 1.0, device.delay, gains.velocity, gains.position, below)
-        if S.max() > problem.stability.max_sensitivity:
+        case = case_of(problem.device, gains, ANY)
+        if sensitivity(case, below).max() > problem.stability.max_sensitivity:
             return False
-        D = sum(impedances(problem.device, gains.velocity, gains.position, within))
-        return D.real.min() > 0 and spectral_radius(problem.device, gains) < 1
+        return sum(impedances(case, 1j * within)).real.min() > 0 and spectral_radius(case) < 1
 
     inside = [feasible(0.97 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
     beyond = [feasible(1.03 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
@@ -150,7 +148,7 @@ def test_slow_resonances_are_seen():
     peaks = sensitivity_maxima(slow, gains)
     assert peaks.omega[0] == pytest.approx(ring, rel=0.02)
     omega = np.geomspace(ring / 2, ring * 2, 200_001)
-    S = sampled_sensitivity(slow.device.mass, 0.0, slow.device.sample_time, 0.0, gains.velocity, gains.position, omega)
+    S = sensitivity(case_of(slow.device, gains, ANY), omega)
     assert -peaks.value[0] == pytest.approx(S.max(), rel=1e-6)
 
 

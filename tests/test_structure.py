@@ -70,7 +70,6 @@ def test_heavy_libraries_stay_in_their_rooms():
         "distributed": "study/executors.py",
         "pyarrow": "study/table.py",
         "scipy": "bench",
-        "nlopt": "bench",
         "mpmath": "bench",
     }
     for library, home in homes.items():
