@@ -35,8 +35,8 @@ FREQUENCIES = WorkingSet(ratio=RATIO, sensitivity=places(ANY, (0.5, 1.0, 2.0)), 
 
 def shape(document, frequencies=FREQUENCIES):
     problem = posed("wheel", document)
-    posed, integrator = prepare(problem).scaled, problem.bounds.position.max > 0
-    return shape_of(posed, coordinates(posed.problem, integrator=integrator), frequencies, 4, integrator=integrator)
+    scaled, integrator = prepare(problem).scaled, problem.bounds.position.max > 0
+    return shape_of(scaled, coordinates(scaled.problem, integrator=integrator), frequencies, 4, integrator=integrator)
 
 
 def without(document, table, key=None, value=None):
