@@ -1,7 +1,7 @@
-"""Makes README.md's generated parts: console sessions and the file reference. `python tests/readme.py` writes them.
+"""Makes the generated parts of every README.md: console sessions, key reference, gallery, benchmarks.
 
-A console block is run line by line in one empty folder that has the problems; a line that starts with "$ " is a
-command, what follows it is its output.
+`python tests/readme.py [README.md]...` writes them. A console block is run line by line in one empty folder that has
+the problems, one folder a page; a line that starts with "$ " is a command, what follows it is its output.
 """
 
 from __future__ import annotations
@@ -12,25 +12,38 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
+
+from gallery import gallery
 
 from vctune.bench.summary import summary
 from vctune.document.schema import json_schema
 
 ROOT = Path(__file__).parent.parent
+PAGES = [
+    ROOT / "README.md",
+    *sorted(page for top in ("vctune", "problems", "results", "tests") for page in (ROOT / top).rglob("README.md")),
+]
 CONSOLE = re.compile(r"```console\n(.*?)```", re.DOTALL)
-BENCH = re.compile(r"(<!-- bench -->\n).*?(<!-- /bench -->)", re.DOTALL)
-REFERENCE = re.compile(r"(<!-- reference -->\n).*?(<!-- /reference -->)", re.DOTALL)
 NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
 
 
-def generated(text: str) -> str:
-    """Return README's text with its generated parts made anew."""
+def with_sessions(text: str) -> str:
+    """Return a page's text with its console sessions made anew."""
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(ROOT / "problems", Path(folder) / "problems")
-        text = CONSOLE.sub(lambda block: f"```console\n{session(block[1], folder)}```", text)
-    text = BENCH.sub(lambda found: found[1] + summary(ROOT / "results/bench") + found[2], text)
-    return REFERENCE.sub(lambda found: found[1] + reference() + found[2], text)
+        return CONSOLE.sub(lambda block: f"```console\n{session(block[1], folder)}```", text)
+
+
+def with_tables(text: str) -> str:
+    """Return a page's text with its generated tables made anew."""
+    for name, make in TABLES.items():
+        marks = re.compile(rf"(<!-- {name} -->\n).*?(<!-- /{name} -->)", re.DOTALL)
+        if marks.search(text):
+            table = make()
+            text = marks.sub(lambda found, table=table: found[1] + table + found[2], text)
+    return text
 
 
 def session(block: str, folder: str) -> str:
@@ -72,6 +85,14 @@ def reference() -> str:
     return "\n".join(escaped) + "\n"
 
 
+TABLES: dict[str, Callable[[], str]] = {
+    "reference": reference,
+    "gallery": gallery,
+    "bench": lambda: summary(ROOT / "results/bench"),
+}
+"""What makes the table between the comments of this name."""
+
+
 if __name__ == "__main__":
-    readme = ROOT / "README.md"
-    readme.write_text(generated(readme.read_text()))
+    for page in [Path(name) for name in sys.argv[1:]] or PAGES:
+        page.write_text(with_tables(with_sessions(page.read_text())))

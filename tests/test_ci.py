@@ -1,4 +1,4 @@
-"""README's snippets for continuous integration: valid by the services' own schemas, and run as far as they run here."""
+"""The snippets of the commands' guide for CI: valid by the services' own schemas, and run as far as they run here."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 import yaml
 from conftest import DEVICE, FIXED, ROOT
 
-SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL))
+SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "vctune/cli/README.md").read_text(), re.DOTALL))
 WORKFLOW, HOOKS = SNIPPETS[".github/workflows/gains.yml"], SNIPPETS[".pre-commit-config.yaml"]
 
 
@@ -40,7 +40,7 @@ def region(tmp_path_factory):
 
 @pytest.fixture
 def repository(tmp_path, region):
-    """A user's repository with a device, its gains and region, and README's snippets."""
+    """A user's repository with a device, its gains and region, and the snippets."""
     (tmp_path / "device.toml").write_text(DEVICE)
     (tmp_path / "results/device").mkdir(parents=True)
     (tmp_path / "results/device/region.json").write_text(region)
@@ -52,7 +52,7 @@ def repository(tmp_path, region):
 
 
 def spoil(repository):
-    (repository / "gains.toml").write_text(FIXED.format(60.0))
+    (repository / "gains.toml").write_text(FIXED.format(80.0))
 
 
 def steps(repository, path, *, install):
@@ -80,7 +80,7 @@ def check_the_gate(repository, path, *, install):
     spoil(repository)
     done = steps(repository, path, install=False)
     assert done.returncode == 1
-    assert done.stdout.startswith("::error file=gains.toml,line=2,")
+    assert "\n::error file=gains.toml,line=2," in done.stdout
 
 
 def test_the_workflow_checks(repository):
@@ -92,10 +92,10 @@ def test_the_workflow_guards_the_region(repository):
     (repository / "device.toml").write_text(DEVICE + "[stability]\nmax_sensitivity = 1.8\n")
     done = steps(repository, Path(sys.executable).parent, install=False)
     assert done.returncode == 1
-    (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::")]
+    (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::error")]
     assert annotation.startswith("::error file=device.toml,line=1,")
     assert "lost their proof" in annotation
-    assert (repository / "results/device/lost.png").exists()
+    assert (repository / "results/device/lost.svg").exists()
 
 
 @pytest.mark.slow

@@ -14,14 +14,16 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.batch import prove
-from vctune.proof.cells import Cells, all_pairs, sift
+from vctune.proof.box_tests import positive
+from vctune.proof.boxes import DESIGN, Cells, band_of, over_cells
+from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.enclosed import Demands
 from vctune.proof.enclosures import Enclosure, between, decimal
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES, Jet, variables
+from vctune.proof.many_designs import prove
 
 ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)
 numbers = ordinary | st.floats(allow_nan=False, allow_infinity=False)
@@ -134,9 +136,10 @@ def test_arrays_prove_what_arb_proves(name, spread):
     values = np.array(best)[:, None] * np.exp(np.random.default_rng(2).normal(0, spread, (5, 60)))
     values[1, ::5] = 0.0
     band, limit = (problem.stability.band.min, problem.stability.band.max), problem.stability.max_sensitivity
-    proved = prove(Demands(problem.device, band, 1.0, limit), Cells(values, values)).proved
+    demands = Demands(problem.device, band, 1.0, limit)
+    proved = prove(demands, Cells(values, values)).proved
     for found, v in zip(proved, values.T.tolist(), strict=True):
-        verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
+        verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
         assert found == (verdict is Verdict.PROVED)
 
 
@@ -155,10 +158,11 @@ def test_arrays_prove_what_arb_proves_at_the_ends_of_the_axis(hold, delay, band,
     device, rng = Device(0.5, damping, 1e-3, delay, hold), np.random.default_rng(5)
     values = np.array([[40.0], [4000.0], [25000.0], [6.0], [drag]]) * np.exp(rng.normal(0, 1, (5, 60)))
     values[1, ::2] = 0.0
-    proved = prove(Demands(device, band, 1.0, 2.0), Cells(values, values)).proved
+    demands = Demands(device, band, 1.0, 2.0)
+    proved = prove(demands, Cells(values, values)).proved
     assert 0 < proved.sum() < 60
     for found, v in zip(proved, values.T.tolist(), strict=True):
-        verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), 2.0).verdict
+        verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
         assert found == (verdict is Verdict.PROVED)
 
 
@@ -166,17 +170,20 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
     """(x - K_v)^2 + 0.01 > K_p on a band: proved where K_p < 0.01 throughout, not where a corner fails."""
     low, high = np.zeros((5, 4)), np.ones((5, 4))
     low[0], high[0] = 2.0, 2.0 + np.array([0.5, 0.5, 1e-3, 1e-3])
-    low[1], high[1] = 0.0, np.array([0.009, 0.011, 0.0099, 0.0101])
+    low[1], high[1] = 0.001, np.array([0.009, 0.011, 0.0099, 0.0101])
     low[2:] = high[2:] = 1.0
     cells = Cells(low, high)
 
     def margin(x, v):
-        away = x - v[0]
-        return away * away + 0.01 - v[1]
+        away = x - v[DESIGN[0]]
+        return away * away + 0.01 - v[DESIGN[1]]
 
-    left = sift(margin, cells, all_pairs(4, 1.0, 4.0, 1.2), 20)
-    assert set(left.open.cell.tolist()) == {1, 3}
-    assert np.isnan(left.witness[[0, 2]]).all()
+    boxes, only_frequency = over_cells(cells, band_of(1.0, 4.0, 1.2)), [True, *[False] * 5]
+    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, generations=20, most=4000)
+    assert found.proved.tolist() == [True, False, True, False]
+    assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
+    for failing in found.failing[:, np.isfinite(found.failing[0])].T:
+        assert float(margin(failing[0], dict(zip(DESIGN, failing[1:], strict=True)))) < 0
 
 
 def test_enclosed_decimals():

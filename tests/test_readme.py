@@ -1,4 +1,4 @@
-"""README tells the truth: what it shows is what its commands print today."""
+"""Every README tells the truth: what it shows is what its commands print today, and its links lead somewhere."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ import sys
 
 import pytest
 from conftest import ROOT
-from readme import NUMBER, generated
+from readme import CONSOLE, NUMBER, PAGES, TABLES, with_sessions, with_tables
 
-README = (ROOT / "README.md").read_text()
+TEXTS = {str(page.relative_to(ROOT)): page.read_text() for page in PAGES}
+LONGEST = 200
+"""Lines of the first page."""
 
 
-def test_console_sessions_and_reference():
+@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if CONSOLE.search(text)])
+def test_console_sessions(page):
     """Words equal, numbers to 0.1 %; counts of boxes depend on the last digits and are not compared."""
-    shown, made = README.splitlines(), generated(README).splitlines()
+    shown, made = TEXTS[page].splitlines(), with_sessions(TEXTS[page]).splitlines()
     assert len(made) == len(shown)
     for here, there in zip(shown, made, strict=True):
         if "boxes" in here:
@@ -26,7 +29,27 @@ def test_console_sessions_and_reference():
         )
 
 
+@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if "<!-- /" in text])
+def test_generated_tables(page):
+    assert with_tables(TEXTS[page]) == TEXTS[page]
+
+
+def test_every_table_is_shown_once():
+    for name in TABLES:
+        assert sum(text.count(f"<!-- {name} -->") for text in TEXTS.values()) == 1
+
+
 def test_library_example():
-    example = re.search(r"```python\n(.*?)```", README, re.DOTALL)[1]
+    example = re.search(r"```python\n(.*?)```", TEXTS["README.md"], re.DOTALL)[1]
     done = subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.startswith("certified Gains(velocity=")
+
+
+def test_first_page_is_short():
+    assert len(TEXTS["README.md"].splitlines()) <= LONGEST
+
+
+def test_every_folder_has_a_page():
+    folders = [path.parent for path in (ROOT / "vctune").rglob("__init__.py")]
+    for folder in [ROOT, *folders, ROOT / "problems", ROOT / "results", ROOT / "tests"]:
+        assert (folder / "README.md").exists(), folder

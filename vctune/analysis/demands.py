@@ -25,19 +25,27 @@ QUADRATURE_TOLERANCE = 1e-9
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
     """Return the velocity loop at frequencies omega > 0, rad/s."""
-    return loop_response(
-        device, gains, omega, hold_response(device, omega, FLOATS), integrator=bool(np.any(gains.position))
-    )
+    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), FLOATS)
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
     """Return Re Z_c / R (DESIGN 1.4) at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0."""
     loop = response(device, gains, omega)
+    return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
+
+
+def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on."""
+    loop = response(device, gains, omega)
+    size = np.sqrt(loop.D.abs2() / loop.scale2)
+    return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
+
+
+def _ratio(loop: LoopResponse, coupling: Coupling, omega: Floats) -> Floats:
     needed = demanded(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(coupling, omega).re / needed
-    ratio = ratio if loop.relief is None else np.where(needed > 0, ratio, inf)
-    return np.where(loop.resistance > 0, ratio, -inf)
+    return ratio if loop.relief is None else np.where(needed > 0, ratio, inf)
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:

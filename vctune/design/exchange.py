@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import exp, inf
-from time import perf_counter
 
 import numpy as np
 
@@ -78,7 +77,7 @@ def polish(
     frequencies = _first_frequencies(problem, start, seen)
     _join(frequencies, Violations(witnesses.ratio, witnesses.sensitivity))
     _follow(frequencies, near_peak(cases, design_of(reference)[0]))
-    search = _Search(start, cases, perf_counter(), tightening, incumbent, frequencies, reference, reference, reference)
+    search = _Search(start, cases, tightening, incumbent, frequencies, reference, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
     return search.best
@@ -100,7 +99,6 @@ class _Search:
 
     start: Start
     cases: list[Problem]
-    began: float
     tightening: float
     incumbent: float
     frequencies: WorkingSet
@@ -132,8 +130,7 @@ def _step(problem: Problem, search: _Search) -> None:
     if search.finished:
         return
     demands = violations(problem, search.cases, values, search.tightening)
-    seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
-    search.rounds.append(Round(seconds, demands.greatest, solution.error, size, solution))
+    search.rounds.append(Round(sum(frequencies.sizes()), solution))
     if unstable is not None:
         if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from math import log
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.design.cases import counted_of
 from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
+from vctune.design.worst import worst_inside
 from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
@@ -53,13 +55,15 @@ def violations(problem: Problem, cases: list[Problem], values: Point, tightening
     gains, coupling = design_of(values)
     peaks = [sensitivity_maxima(case, gains) for case in cases]
     parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]
+    if problem.uncertainty is not None:
+        parts.append(_inside(problem, gains, coupling, tightening))
     counted = counted_of(problem) if problem.transparency.norm == "peak" else ()
     return Violations(
         ratio=[place for part in parts for place in part.ratio],
         sensitivity=[place for part in parts for place in part.sensitivity],
         peak=[place for case in counted for place in _error_peaks(case, gains, coupling)],
         greatest=max(part.greatest for part in parts),
-        near_peak=_near_peak(cases, peaks),
+        near_peak=_near_peak(cases, gains, peaks),
         positive=all(part.positive for part in parts),
     )
 
@@ -78,6 +82,18 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
     return found
 
 
+def _inside(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+    """Find where the ratio fails on devices that are not among the vertices of their box."""
+    found, least = Violations(), log(problem.stability.safety_factor) + tightening
+    for ratio, place in worst_inside(problem, gains, coupling):
+        short = least - log(max(ratio, 1e-300))
+        if short > tightening / 2:
+            found.ratio.append(place)
+        found.greatest = max(found.greatest, short - tightening / 2)
+        found.positive = found.positive and ratio > 0
+    return found
+
+
 def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
     """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
     minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
@@ -90,12 +106,17 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima
 
 
 def near_peak(cases: list[Problem], gains: Gains) -> Place | None:
-    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency."""
-    return _near_peak(cases, [sensitivity_maxima(case, gains) for case in cases])
+    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
+
+    None where no gain is free: the NLP could not follow the peak, whose rounding alone may have passed the limit.
+    """
+    return _near_peak(cases, gains, [sensitivity_maxima(case, gains) for case in cases])
 
 
-def _near_peak(cases: list[Problem], peaks: list[Minima]) -> Place | None:
+def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> Place | None:
     case, there = min(zip(cases, peaks, strict=True), key=lambda pair: float(pair[1].value[0]))
+    if case.bounds.velocity.fixed and (case.bounds.position.fixed or gains.position == 0):
+        return None
     near = -there.value[0] > FOLLOWED * case.stability.max_sensitivity
     return Place(float(there.omega[0]), case.device) if near and there.omega[0] < case.nyquist * (1 - 1e-6) else None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, isfinite
+from math import floor, inf, isfinite
 from typing import Any
 
 from vctune.document.experiment_contradictions import impossible_experiments
@@ -63,10 +63,23 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
     weights = [number_at(raw, "transparency", "weights", term) for term in ("admittance", "tracking", "coupling")]
     if all(weight == 0 for weight in weights):
         yield ("transparency", "weights"), "all three are 0: nothing is left to optimise; give one a positive weight"
+    yield from _long_delays(raw)
+
+
+def _long_delays(raw: dict[str, Any]) -> Iterator[Fault]:
     sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay")
-    if sample_time and delay and delay > MAX_DELAY_SAMPLES * sample_time > 0:
-        samples = delay / sample_time
+    if not (sample_time and delay and sample_time > 0 and isfinite(delay)):
+        return
+    samples, share = delay / sample_time, number_at(raw, "uncertainty", "delay") or 0.0
+    if samples > MAX_DELAY_SAMPLES:
         yield (
             ("device", "delay"),
             f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
+        )
+    elif samples * (1 + share) > MAX_DELAY_SAMPLES and share < 1:
+        most = floor((MAX_DELAY_SAMPLES / samples - 1) * 1e6) / 1e6
+        yield (
+            ("uncertainty", "delay"),
+            f"{share:.12g} lets device.delay = {delay:.12g} s reach {samples * (1 + share):.12g} sample times; at most "
+            f"{MAX_DELAY_SAMPLES} are supported: write at most {most:g}, or a shorter device.delay",
         )

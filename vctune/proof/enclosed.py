@@ -9,26 +9,27 @@ from vctune.model.arithmetic import Number
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Device
 from vctune.model.sampled import (
     SampledPlant,
     return_difference,
     sampled_plant,
     whole_samples,
 )
-from vctune.proof.cells import Margin, Values
+from vctune.proof.box_tests import Curve, Margin
+from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims import (
     Design,
     across_position,
     along_hold,
     conditions_margin,
+    gain_margin,
     high_margin,
     low_margin,
     sensitivity_floor,
     sensitivity_margin,
 )
 from vctune.proof.enclosures import Enclosure, decimal
-from vctune.proof.exclusion import Curve
 from vctune.proof.jets import ENCLOSURES as OPS
 
 
@@ -64,6 +65,8 @@ class Claims:
     floor : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
+    gain, quiet_gain : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is positive, however many
+        whole samples of delay there are
     """
 
     conditions: Margin
@@ -77,48 +80,53 @@ class Claims:
     sampled_poles: Curve
     model_floor: Margin
     sampled_floor: Margin
+    gain: Margin
+    quiet_gain: Margin
 
 
-def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0.
+def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
+    """Return the claims with the device's decimals enclosed.
 
     Parameters
     ----------
     demands : what is to be met
-    integrator : whether the law has its K_p/s term
-    uncertain : numbers of the device that each claim takes from among its values, where they follow the five of a
-        design, and are followed by the whole samples of the delay
+    uncertain : numbers of the device that each claim takes from among its values
     """
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
 
+    def has_integrator(v: Values) -> bool:
+        return not OPS.is_zero(gains_of(v).position)
+
     def loop(omega: Number, v: Values) -> LoopResponse:
         hold = hold_response(device(v), omega, OPS)
-        return loop_response(device(v), Gains(*v[:2]), omega, hold, integrator=integrator)
+        return loop_response(device(v), gains_of(v), omega, hold, OPS)
 
     def model_curve(omega: Enclosure, v: Values) -> Pair:
         D = loop(omega, v).D
-        return Pair(-D.im, D.re) if integrator else D
+        return Pair(-D.im, D.re) if has_integrator(v) else D
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
-        parts = return_difference(plant(v), theta, OPS, integrator=integrator)
-        return parts.closed(Gains(*v[:2]), integrator=integrator)
+        parts = return_difference(plant(v), theta, OPS, position=has_integrator(v))
+        return parts.closed(gains_of(v))
 
     def design(v: Values) -> Design:
-        return Design(device(v), Gains(*v[:2]), Coupling(*v[2:5]))
+        return Design(device(v), gains_of(v), coupling_of(v))
 
     return Claims(
-        lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
-        lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
+        lambda omega, v: low_margin(design(v), omega, factor, OPS),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda theta, v: sensitivity_margin(plant(v), Gains(*v[:2]), theta, limit, OPS, integrator=integrator),
+        lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
         lambda omega, v: loop(omega, v).resistance,
         lambda omega, v: required_resistance(loop(omega, v), OPS),
-        lambda theta, v: sensitivity_floor(plant(v), Gains(*v[:2]), theta, limit, OPS),
+        lambda theta, v: sensitivity_floor(plant(v), gains_of(v), theta, limit, OPS),
         model_curve,
         sampled_curve,
-        lambda omega, v: along_hold(device(v), Gains(*v[:2]), omega, OPS),
-        lambda theta, v: across_position(plant(v), Gains(*v[:2]), theta, OPS)[0],
+        lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
+        lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
     )
 
 
@@ -138,6 +146,6 @@ def _devices(
     late = "delay" in uncertain
 
     def device(v: Values) -> Device:
-        return replace(named, **dict(zip(uncertain, v[5:-1], strict=True)))
+        return replace(named, **{name: v[f"device.{name}"] for name in uncertain})
 
-    return device, lambda v: sampled(device(v), v[-1] if late else whole, fractional=late or fraction > 0)
+    return device, lambda v: sampled(device(v), v[WHOLE_SAMPLES] if late else whole, fractional=late or fraction > 0)

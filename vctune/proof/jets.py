@@ -106,9 +106,17 @@ def _cos(x: Enclosure) -> Enclosure:
 
 
 def _sinc(x: Enclosure) -> Enclosure:
-    """Return sin(x)/x, whose derivative is at most |x|/3 and at most 1/2."""
-    slope = np.minimum((np.abs(x.mid) + x.rad) / 3, 0.5)
-    return Enclosure(FLOATS.sinc(x.mid), slope * x.rad * (1 + 4 * UNIT) + 3 * LIBRARY)
+    """Return sin(x)/x.
+
+    Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most
+    1/|x| + 2/x^2 + 2/|x|^3.
+    """
+    size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, TINY)
+    value = FLOATS.sinc(x.mid)
+    slope = np.minimum((size + x.rad) / 3, 0.5)
+    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / size + 8 * LIBRARY, slope)
+    curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
+    return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY)
 
 
 def _sinc_slope(x: Enclosure) -> Enclosure:
@@ -124,7 +132,9 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def is_zero(x: Number) -> bool:
-        return isinstance(x, Enclosure) and bool(np.all(x.mid == 0) and np.all(x.rad == 0))
+        if isinstance(x, Jet):
+            return False
+        return bool(np.all(x.mid == 0) and np.all(x.rad == 0)) if isinstance(x, Enclosure) else bool(x == 0)
 
     @staticmethod
     def sqrt(x: Number) -> Number:

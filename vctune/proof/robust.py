@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from itertools import product
 from math import floor, inf, pi
 
 import numpy as np
 
+from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device
-from vctune.proof.batch import STEP, stiffest
-from vctune.proof.blocks import Found, Look, missing, over_band, positive, prove_blocks, together
-from vctune.proof.cells import Cells, all_pairs
+from vctune.proof.box_tests import Margin, missing, positive
+from vctune.proof.boxes import DESIGN, WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
+from vctune.proof.branching import Proofs, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
 from vctune.proof.enclosed import Claims, Demands, claims_of
@@ -19,9 +21,18 @@ from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
+from vctune.proof.many_designs import NEAR, STEP, stiffest
 
+LITTLE_PHASE = 0.5
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad."""
+FEW_SAMPLES = 4
+"""Whole samples of a box's delays that are looked at one by one anyway."""
+ANGLES, LEAST_ANGLE = 400, 1e-6
+"""Angles at which the size of a loop is estimated, and the least of them."""
 MOST, MOST_OF_CURVES = 400_000, 40_000
-"""Blocks looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
+"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
+GENERATIONS = 80
+"""How often a box is halved at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +51,14 @@ class Family:
     demands: Demands
 
     @property
-    def integrator(self) -> bool:
-        """Whether the law has its K_p/s term."""
-        return bool(self.design.gains.position > 0)
+    def values(self) -> Values:
+        """The five numbers of the design, enclosed."""
+        return dict(zip(DESIGN, map(decimal, astuple(self.design.gains) + astuple(self.design.coupling)), strict=True))
 
     @property
-    def values(self) -> list[Enclosure]:
-        """The five numbers of the design, enclosed."""
-        gains, coupling = self.design.gains, self.design.coupling
-        five = (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag)
-        return [decimal(x) for x in five]
+    def names(self) -> tuple[str, ...]:
+        """The uncertain numbers."""
+        return tuple(f"device.{name}" for name in self.box.moving)
 
     def loops(self) -> list[Family]:
         """Return the design on the boxes of devices whose loops must be stable by themselves."""
@@ -59,19 +68,19 @@ class Family:
     def ends(self) -> tuple[Floats, Floats]:
         """Return the least and the greatest of the uncertain numbers."""
         low, high = (
-            np.array([getattr(end, name) for name in self.box.moving]) for end in (self.box.low, self.box.high)
+            np.array([[getattr(end, name)] for name in self.box.moving]) for end in (self.box.low, self.box.high)
         )
         return low, high
 
     def claims(self) -> Claims:
         """Return the claims as functions of the uncertain numbers too."""
         demands = replace(self.demands, device=self.box.nominal)
-        return claims_of(demands, integrator=self.integrator, uncertain=self.box.moving)
+        return claims_of(demands, self.box.moving)
 
     def device(self, numbers: Floats) -> Device:
         """Return a device of the box from its uncertain numbers."""
-        within = np.clip(numbers, *self.ends())
-        return replace(self.box.nominal, **dict(zip(self.box.moving, within.tolist(), strict=True)))
+        within = np.clip(numbers[:, None], *self.ends())
+        return replace(self.box.nominal, **dict(zip(self.box.moving, within[:, 0].tolist(), strict=True)))
 
 
 Alone = Callable[[Device], Outcome]
@@ -83,14 +92,40 @@ def conditions_over(family: Family, alone: Alone) -> Outcome:
     return _outcome(family, _conditions(family, *outwards(family.demands.band), MOST), alone)
 
 
-def _conditions(family: Family, low: float, high: float, most: int) -> list[Found]:
-    claims = family.claims()
+def _conditions(family: Family, low: float, high: float, most: int) -> list[Proofs]:
+    claims, turning = family.claims(), _turning(family)
     beyond = max(1 / family.box.nominal.sample_time, low)
-    look = positive(claims.conditions, family.values, claims.low if low == 0 else None)
-    parts = [_part(family, look, low, beyond if high == inf else high, most)]
+    test = positive(claims.conditions, family.values, claims.low, LITTLE_PHASE / family.box.high.lag)
+    parts, finite = [], beyond if high == inf else high
+    if low < turning:
+        parts.append(_part(family, test, low, min(turning, finite), most))
+    if turning < finite:
+        parts.append(_whatever_phase(family, claims.conditions, max(low, turning), finite, most))
     if high == inf:
         parts.append(_part(family, positive(claims.high, family.values), 0.0, 1 / beyond, most))
     return parts
+
+
+def _turning(family: Family) -> float:
+    """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
+    range_ = family.box.high.delay - family.box.low.delay
+    return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
+
+
+def _whatever_phase(family: Family, margin: Margin, low: float, high: float, most: int) -> Proofs:
+    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    (least, greatest), row, name = family.ends(), family.box.moving.index("delay"), "device.delay"
+
+    def of_phase(omega: Number, values: Values) -> Number:
+        return margin(omega, {**values, name: values[name] / omega})
+
+    shortest = least[row, 0]
+    least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
+    boxes = over_band(family.names, least, greatest, band_of(low, high, STEP))
+    found = _proved(positive(of_phase, family.values), boxes, most)
+    for point in (found.failing, found.open):
+        point[1 + row] = shortest + np.mod(point[1 + row] / point[0] - shortest, 2 * pi / point[0])
+    return found
 
 
 def widest_band_over(family: Family) -> tuple[float, float]:
@@ -98,7 +133,7 @@ def widest_band_over(family: Family) -> tuple[float, float]:
     (low, high), device = family.demands.band, family.box.nominal
 
     def holds(low: float, high: float) -> bool:
-        return all(part.verdict is Verdict.PROVED for part in _conditions(family, low, high, MARCH_BOXES))
+        return all(part.proved[0] for part in _conditions(family, low, high, MARCH_BOXES))
 
     endless = is_rational(device)
     first = 0.0 if low == 0 or holds(0.0, low) else march(holds, low, low * LOWEST_EDGE)
@@ -109,15 +144,48 @@ def widest_band_over(family: Family) -> tuple[float, float]:
 
 def sensitivity_over(family: Family, alone: Alone) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop for every device."""
-    look = positive(family.claims().sensitivity, family.values)
-    return _outcome(family, [_around_circle(family, look, MOST)], alone)
+    claims = family.claims()
+    test = positive(claims.sensitivity, family.values)
+    return _outcome(family, _around_circle(family, test, claims.quiet_gain, MOST), alone)
 
 
-def _around_circle(family: Family, look: Look, most: int) -> Found:
-    """Look at all of theta = omega T; `most` for each of the whole samples that delays of the box have."""
-    pairs = all_pairs(1, 0.0, HALF_TURN, STEP)
-    parts = [over_band(pairs, low, high, whole) for whole, low, high in _whole_samples(family)]
-    return prove_blocks(look, together(parts), most * len(parts))
+def _around_circle(family: Family, test: Test, gain: Margin, most: int) -> list[Proofs]:
+    """Test all of theta = omega T, the whole samples that delays of the box have one by one.
+
+    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    """
+    samples, small, parts = _whole_samples(family), HALF_TURN, []
+    if len(samples) > FEW_SAMPLES:
+        small = _small_from(family, gain)
+    if small < HALF_TURN:
+        boxes = over_band(family.names, *_within_a_sample(family), band_of(small, HALF_TURN, STEP))
+        parts = [_proved(positive(gain, family.values), boxes, most)]
+        if not parts[0].proved[0]:
+            small, parts = HALF_TURN, []
+    if small > 0:
+        circle = band_of(0.0, small, STEP)
+        boxes = joined(*(over_band(family.names, low, high, circle, whole) for whole, low, high in samples))
+        parts.append(_proved(test, boxes, most * len(samples)))
+    return parts
+
+
+def _within_a_sample(family: Family) -> tuple[Floats, Floats]:
+    """Return the ends of the box without the whole samples of its delays."""
+    (low, high), row = family.ends(), family.box.moving.index("delay")
+    low[row], high[row] = 0.0, family.box.nominal.sample_time
+    return low, high
+
+
+def _small_from(family: Family, gain: Margin) -> float:
+    """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
+    theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
+    ends = np.hstack(_within_a_sample(family))
+    margins = []
+    for corner in product(*ends):
+        numbers = dict(zip(family.names, map(Enclosure, corner), strict=True))
+        margins.append(gain(Enclosure(theta), {**family.values, **numbers, WHOLE_SAMPLES: 0}).mid)
+    large = np.flatnonzero(np.min(margins, axis=0) <= 0)
+    return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
 
 
 def model_poles_over(family: Family, alone: Alone) -> Outcome:
@@ -126,8 +194,8 @@ def model_poles_over(family: Family, alone: Alone) -> Outcome:
     law, parts = np.array([[gains.velocity], [gains.position]]), []
     for loop in family.loops():
         claims = loop.claims()
-        look = missing(claims.model_poles, loop.values, claims.model_floor)
-        parts.append(_part(loop, look, 0.0, stiffest(loop.box.low, Cells(law, law)), MOST_OF_CURVES))
+        test = missing(claims.model_poles, loop.values, claims.model_floor)
+        parts.append(_part(loop, test, 0.0, stiffest(loop.box.low, Cells(law, law)), MOST_OF_CURVES))
     return _outcome(family, parts, alone)
 
 
@@ -139,8 +207,8 @@ def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
     parts = []
     for loop in family.loops():
         claims = loop.claims()
-        look = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-        parts.append(_around_circle(loop, look, MOST_OF_CURVES))
+        test = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
+        parts += _around_circle(loop, test, claims.gain, MOST_OF_CURVES)
     return _outcome(family, parts, alone)
 
 
@@ -150,28 +218,33 @@ def _whole_samples(family: Family) -> list[tuple[int, Floats, Floats]]:
     if "delay" not in names:
         return [(0, low, high)]
     row, parts = names.index("delay"), []
-    for whole in range(floor(low[row] / T), floor(high[row] / T) + 1):
+    for whole in range(floor(low[row, 0] / T), floor(high[row, 0] / T) + 1):
         least, most = low.copy(), high.copy()
-        least[row], most[row] = max(low[row], whole * T), min(high[row], (whole + 1) * T)
-        if least[row] <= most[row]:
+        least[row], most[row] = np.maximum(low[row], whole * T), np.minimum(high[row], (whole + 1) * T)
+        if least[row, 0] <= most[row, 0]:
             parts.append((whole, least, most))
     return parts
 
 
-def _part(family: Family, look: Look, low: float, high: float, most: int = MOST) -> Found:
-    return prove_blocks(look, over_band(all_pairs(1, low, high, STEP), *family.ends()), most)
+def _part(family: Family, test: Test, low: float, high: float, most: int = MOST) -> Proofs:
+    return _proved(test, over_band(family.names, *family.ends(), band_of(low, high, STEP)), most)
 
 
-def _outcome(family: Family, parts: list[Found], alone: Alone) -> Outcome:
+def _proved(test: Test, boxes: Boxes, most: int) -> Proofs:
+    return prove(test, boxes, 1, halved=[True] * len(boxes.names), generations=GENERATIONS, most=most)
+
+
+def _outcome(family: Family, parts: list[Proofs], alone: Alone) -> Outcome:
     """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it."""
-    boxes = sum(part.boxes for part in parts)
-    open_ = next((part for part in parts if part.verdict is not Verdict.PROVED), None)
+    boxes = sum(int(part.boxes[0]) for part in parts)
+    open_ = next((part for part in parts if not part.proved[0]), None)
     if open_ is None:
         return Outcome(Verdict.PROVED, boxes)
-    assert open_.point is not None
-    for device in (family.device(open_.point[1:]), *family.box.corners()):
+    point = open_.open[:, 0] if np.isnan(open_.failing[0, 0]) else open_.failing[:, 0]
+    doubtful = family.device(point[1:])
+    for device in (doubtful, *family.box.corners()):
         judged = alone(device)
         boxes += judged.boxes
         if judged.verdict is Verdict.REFUTED:
             return Outcome(Verdict.REFUTED, boxes, judged.witness, device)
-    return Outcome(Verdict.UNDECIDED, boxes, None, family.device(open_.point[1:]))
+    return Outcome(Verdict.UNDECIDED, boxes, None, doubtful)

@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.variables import KEYS, Coordinate, coordinates, ranges
 from vctune.document.errors import Mistake
 from vctune.document.problem import Problem, Range
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 
 Squares = NDArray[np.intp]
 """Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).

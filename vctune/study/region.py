@@ -19,10 +19,10 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.batch import prove, refuted
-from vctune.proof.cells import Cells
+from vctune.proof.boxes import Cells
 from vctune.proof.claims import inwards
 from vctune.proof.damping import admissible_damping, no_damping
+from vctune.proof.many_designs import prove, refuted
 from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24

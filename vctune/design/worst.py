@@ -1,0 +1,103 @@
+"""The devices inside an uncertain box on which a design's ratio Re Z_c / R is least: an estimate, no proof.
+
+At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
+one turn stand for all longer ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import product
+from math import pi
+
+import numpy as np
+
+from vctune.analysis.demands import demand_grid, ratio_or_resistance, sampled_span
+from vctune.analysis.extrema import Floats
+from vctune.design.shape import Place
+from vctune.document.problem import Problem
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.devices import DeviceBox, device_box
+
+SHARES = {"mass": 5, "damping": 5, "delay": 13}
+"""Values of each uncertain number that are looked at, its ends among them."""
+MOST = 24
+"""Minima over frequency that are refined, the lowest ones."""
+FIRST_STEP = 0.02, 0.1
+"""First steps of the refinement: of the frequency, relative, and of a number as a share of its reach."""
+STEPS, SHRINK = 40, 0.5
+"""Rounds of the refinement, and what its steps shrink by where no neighbour is lower."""
+
+Value = Callable[[Floats], Floats]
+"""Of omega and the uncertain numbers, along the first axis."""
+
+
+def worst_inside(problem: Problem, gains: Gains, coupling: Coupling) -> list[tuple[float, Place]]:
+    """Return the local minima of the ratio over frequency and box that lie inside the box, lowest first.
+
+    Where Re(D + Z_h) <= 0 it stands in for the ratio, relative to the loop's impedance.
+    """
+    assert problem.uncertainty is not None
+    box = device_box(problem.device, problem.uncertainty)
+
+    def value(at: Floats) -> Floats:
+        return ratio_or_resistance(_device(box, at[1:]), gains, coupling, at[0])
+
+    low, high = sampled_span(problem)
+    ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.moving)])
+    least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
+    inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)
+    found = [(float(least[k]), _place(box, at[:, k])) for k in np.flatnonzero(inside)]
+    return sorted(found, key=lambda one: one[0])
+
+
+def _device(box: DeviceBox, numbers: Floats) -> Device:
+    return replace(box.nominal, **dict(zip(box.moving, numbers, strict=True)))
+
+
+def _place(box: DeviceBox, at: Floats) -> Place:
+    omega, *numbers = at.tolist()
+    return Place(omega, replace(box.nominal, **dict(zip(box.moving, numbers, strict=True))))
+
+
+def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
+    """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
+    reach = getattr(box.high, name) - getattr(box.low, name)
+    return np.minimum(reach, 2 * pi / omega) if name == "delay" else np.full_like(omega, reach)
+
+
+def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
+    """Return the lowest local minima over frequency of the least over a grid of devices, shape (1 + numbers, n)."""
+    axes = [
+        np.clip(
+            getattr(box.low, name) + np.linspace(0.0, 1.0, SHARES[name])[:, None] * _reach(box, name, omega),
+            getattr(box.low, name),
+            getattr(box.high, name),
+        )
+        for name in box.moving
+    ]
+    grid = np.array([[omega, *point] for point in product(*axes)])
+    values = value(np.moveaxis(grid, 1, 0))
+    best = values.argmin(axis=0)
+    least = np.concatenate(([np.inf], values.min(axis=0), [np.inf]))
+    at = np.flatnonzero((least[1:-1] <= least[:-2]) & (least[1:-1] <= least[2:]) & np.isfinite(least[1:-1]))
+    at = at[np.argsort(least[1 + at], kind="stable")[:MOST]]
+    return grid[best[at], :, at].T
+
+
+def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return lower values and where they are, by a search among neighbours at distances that shrink."""
+    low, high = ends[:, :1], ends[:, 1:]
+    steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at)))).T[:, :, None]
+    widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.moving)])
+    lowest, rows = value(at), np.arange(at.shape[1])
+    for _ in range(STEPS):
+        tried = np.clip(at[:, None] + steps * widths[:, None], low[:, None], high[:, None])
+        values = value(tried)
+        k = values.argmin(axis=0)
+        better = values[k, rows] < lowest
+        at = np.where(better, tried[:, k, rows], at)
+        lowest = np.where(better, values[k, rows], lowest)
+        widths = np.where(better, widths, widths * SHRINK)
+    return lowest, at

@@ -1,0 +1,214 @@
+"""Tests of boxes: that a margin is positive throughout, that a curve misses 0.
+
+A margin is bounded from below by its value at one point of the box: the middle in those rows in which it may both rise
+and fall, which costs their slope times their half-width, and the worse end in those in which its slope keeps its sign,
+which costs nothing. So a worst device, or a worst design, at a vertex of its box is met exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from vctune.model.arithmetic import Number
+from vctune.model.pair import Pair
+from vctune.proof.boxes import Boxes, Values, in_chunks
+from vctune.proof.branching import Test, Tested
+from vctune.proof.enclosures import SWELL, UNIT, Enclosure, Flags, Floats
+from vctune.proof.interval import WIDE
+from vctune.proof.jets import Jet, variables
+
+NARROW = 1.02
+"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower."""
+FROM_ZERO = 0.1
+"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
+
+Margin = Callable[[Number, Values], Number]
+"""What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+Curve = Callable[[Number, Values], Pair]
+"""What must not be 0."""
+Rows = Sequence[Number]
+OfRows = Callable[[Rows], Number]
+
+
+def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
+    """Return the test that a margin is positive.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    fixed : the values that are not among a box's rows
+    sufficient : another margin that proves as much and is regular at frequency 0, tried there and on wide intervals
+    below : frequency below which it is tried on narrow ones too: what vanishes towards 0 may hardly vary relative to
+        itself
+    """
+
+    def test(boxes: Boxes) -> Tested:
+        def of(margin: Margin) -> OfRows:
+            return lambda rows: margin(rows[0], boxes.named(rows, fixed))
+
+        near, rows = of(sufficient or margin), boxes.rows()
+        if _from_zero(boxes):
+            return _without_failures(_by_slopes(near, boxes, rows).tested)
+        if _wide(boxes):
+            return _to_halve_in_frequency(boxes, of(margin)(rows).positive() | near(rows).positive())
+        seen = _by_slopes(of(margin), boxes, rows).tested
+        narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
+        left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
+        if left.size:
+            part = boxes.taken(left)
+            other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
+            seen.proved[left] = other.tested.proved
+            seen.cost[:, left] = np.where(other.tested.fails, seen.cost[:, left], other.tested.cost)
+        return seen
+
+    return partial(_kind_by_kind, test)
+
+
+def missing(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
+    """Return the test that a curve misses 0.
+
+    It does where the rectangle around its image does not contain 0, where `floor` is positive, or where its component
+    along its own value at the middle of the box is.
+    """
+
+    def test(boxes: Boxes) -> Tested:
+        def at(rows: Rows) -> Pair:
+            return curve(rows[0], boxes.named(rows, fixed))
+
+        rows = boxes.rows()
+        image = at(rows)
+        missed = image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
+        if floor is not None:
+            missed |= floor(rows[0], boxes.named(rows, fixed)).positive()
+        if missed.all() or (_wide(boxes) and not _from_zero(boxes)):
+            return _to_halve_in_frequency(boxes, missed)
+        middle = at([Enclosure(row.mid) for row in rows])
+        size = np.hypot(middle.re.mid, middle.im.mid)
+        re, im = middle.re.mid / size, middle.im.mid / size
+
+        def component(rows: Rows) -> Number:
+            value = at(rows)
+            return value.re * re + value.im * im
+
+        seen = _without_failures(_by_slopes(component, boxes, rows).tested)
+        return Tested(seen.proved | missed, seen.fails, seen.point, seen.cost, seen.known)
+
+    return partial(_kind_by_kind, test)
+
+
+def turn_of(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
+    """Return how far a curve that misses 0 turns around it over a box's frequencies, rad (`vctune.proof.winding`).
+
+    The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
+    a turn a box lies.
+    """
+
+    def turn(boxes: Boxes) -> Floats:
+        rows = boxes.rows()
+        start, stop = (curve(Enclosure(edge[0]), boxes.named(rows, fixed)) for edge in (boxes.low, boxes.high))
+        cross = start.re * stop.im - start.im * stop.re
+        dot = start.re * stop.re + start.im * stop.im
+        sided = cross.positive() | cross.negative() | dot.positive()
+        return np.where(sided, np.arctan2(cross.mid, dot.mid), np.nan)
+
+    return turn
+
+
+def least_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
+    """Return a lower bound of a margin over each box; nan where nothing is known of it."""
+
+    def least(part: Boxes) -> Floats:
+        return _by_slopes(lambda rows: margin(rows[0], part.named(rows, fixed)), part, part.rows()).least
+
+    with np.errstate(all="ignore"):
+        return np.asarray(in_chunks(least, boxes))
+
+
+def _kind_by_kind(test: Test, boxes: Boxes) -> Tested:
+    """Test boxes from frequency 0, those that are wide in frequency, and the others."""
+    zero = boxes.low[0] == 0
+    wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
+    kinds = [kind for kind in (zero, wide, ~(zero | wide)) if kind.any()]
+    if len(kinds) == 1:
+        return test(boxes)
+    n = len(boxes)
+    found = Tested(
+        np.zeros(n, bool), np.zeros(n, bool), np.zeros_like(boxes.low), np.zeros_like(boxes.low), np.zeros(n, bool)
+    )
+    for kind in kinds:
+        seen = test(boxes.taken(kind))
+        for name in Tested.__slots__:
+            getattr(found, name)[..., kind] = getattr(seen, name)
+    return found
+
+
+def _from_zero(boxes: Boxes) -> bool:
+    return bool(boxes.low[0, 0] == 0)
+
+
+def _wide(boxes: Boxes) -> bool:
+    return bool(boxes.high[0, 0] > WIDE * boxes.low[0, 0])
+
+
+def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Tested:
+    cost = np.zeros_like(boxes.low)
+    cost[0] = 1.0
+    none = np.zeros(len(boxes), bool)
+    return Tested(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
+
+
+def _without_failures(seen: Tested) -> Tested:
+    """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
+    return Tested(seen.proved, np.zeros_like(seen.fails), seen.point, seen.cost, seen.known)
+
+
+@dataclass(frozen=True, slots=True)
+class _Bounded:
+    """A lower bound of a margin over each box, and what it decides."""
+
+    least: Floats
+    tested: Tested
+
+
+def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
+    """Bound a margin from below by its value at one point of each box and by its slopes.
+
+    Halving a row saves what its slope costs; where the margin is negative at that point, what it varies by; where
+    nothing is known of the slopes, the widest row is as good as any.
+    """
+    varied = boxes.varied()
+    whole = margin(variables(rows, varied))
+    n, count = len(boxes), len(rows)
+    side, reach = np.zeros((count, n)), np.zeros((count, n))
+    direct: Enclosure = whole.value if isinstance(whole, Jet) else whole
+    rad = np.stack([np.broadcast_to(row.rad, n) for row in rows])
+    middle = np.stack([row.mid for row in rows])
+    for row, slope in zip(np.flatnonzero(varied), whole.slopes if isinstance(whole, Jet) else (), strict=False):
+        if slope is not None:
+            side[row] = 1.0 * slope.negative() - slope.positive()
+            reach[row] = (np.abs(slope.mid) + slope.rad) * rad[row]
+    point = middle + side * rad
+    at = [
+        Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
+        for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
+    ]
+    least = margin(at)
+    loose = np.where(side == 0, reach, 0.0)
+    bound = np.zeros(n) + np.fmax(
+        _lowest(least.mid, (least.rad + loose.sum(axis=0)) * SWELL), _lowest(direct.mid, direct.rad)
+    )
+    fails, known = np.broadcast_to(least.negative(), n), np.asarray(np.isfinite(reach).all(axis=0))
+    width = rad / np.abs(middle)
+    width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
+    cost = np.where(known, np.where(fails, reach, loose), width)
+    cost = np.where(np.array(varied)[:, None], cost, 0.0)
+    return _Bounded(bound, Tested(np.asarray(bound > 0), fails, point, cost, known))
+
+
+def _lowest(mid: Floats, rad: Floats) -> Floats:
+    """Return mid - rad rounded downwards."""
+    return np.asarray(mid - rad - UNIT * (np.abs(mid) + rad))

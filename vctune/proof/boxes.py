@@ -1,0 +1,179 @@
+"""Boxes of a frequency and of the numbers that a claim is to be proved for: designs, uncertain devices.
+
+A box is an interval for each of several named numbers. The names are the keys of the problem file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.arithmetic import Number
+from vctune.model.quantities import Coupling, Gains
+from vctune.proof.enclosures import UNIT, Enclosure, Flags, Floats, between
+from vctune.proof.interval import WIDE
+
+Integers = NDArray[np.intp]
+
+FREQUENCY = "frequency"
+"""omega in rad/s, theta = omega T in rad, or 1/omega in s, as the claim has it."""
+DESIGN = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
+WHOLE_SAMPLES = "whole samples of device.delay"
+CHUNK = 4096
+"""Boxes evaluated together: their arrays stay in the processor's cache."""
+
+Values = Mapping[str, Number]
+"""Numbers by name; what is not among them is a claim's own."""
+
+
+def gains_of(values: Values) -> Gains:
+    """Return the gains among some values."""
+    return Gains(values[DESIGN[0]], values[DESIGN[1]])
+
+
+def coupling_of(values: Values) -> Coupling:
+    """Return the coupling among some values."""
+    return Coupling(values[DESIGN[2]], values[DESIGN[3]], values[DESIGN[4]])
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Boxes of designs, [low, high] in each number of `DESIGN`; arrays of shape (5, number of cells).
+
+    A cell whose edges meet is a single design.
+    """
+
+    low: Floats
+    high: Floats
+
+    def __len__(self) -> int:
+        return int(self.low.shape[1])
+
+    def taken(self, at: Integers | Flags) -> Cells:
+        """Return some of the cells."""
+        return Cells(self.low[:, at], self.high[:, at])
+
+    def centres(self) -> Cells:
+        """Return the middle of each cell."""
+        middle = 0.5 * (self.low + self.high)
+        return Cells(middle, middle)
+
+    @property
+    def extended(self) -> bool:
+        """Whether some cell is more than a single design."""
+        return bool(np.any(self.low < self.high))
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes of a frequency and of other numbers.
+
+    Attributes
+    ----------
+    names : of the rows, `FREQUENCY` first
+    low, high : edges, shape (rows, n)
+    owner : which of several proofs each box belongs to, shape (n,)
+    whole : whole samples of the delay, where that is uncertain, shape (n,)
+    """
+
+    names: tuple[str, ...]
+    low: Floats
+    high: Floats
+    owner: Integers
+    whole: Integers
+
+    def __len__(self) -> int:
+        return int(self.low.shape[1])
+
+    def taken(self, at: Any) -> Boxes:
+        """Return some of the boxes."""
+        return Boxes(self.names, self.low[:, at], self.high[:, at], self.owner[at], self.whole[at])
+
+    def count(self, owners: int) -> Integers:
+        """Return how many boxes each owner has."""
+        return np.bincount(self.owner, minlength=owners)
+
+    def rows(self) -> list[Enclosure]:
+        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for."""
+        value = between(self.low, self.high)
+        value.rad[1:] += 4 * UNIT * np.abs(self.high[1:])
+        return [Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)]
+
+    def named(self, rows: Sequence[Number], fixed: Values) -> Values:
+        """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed."""
+        return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole}
+
+    def varied(self) -> list[bool]:
+        """Return for each row whether some box has a width there; a frequency always counts."""
+        return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
+
+    def halved(self, axis: Integers) -> Boxes:
+        """Return both halves of each box along an axis of its own.
+
+        A wide interval is halved in the logarithm, one that starts at 0 near 0.
+        """
+        at = np.arange(len(self))
+        low, high = self.low[axis, at], self.high[axis, at]
+        wide = np.where(low > 0, np.sqrt(low) * np.sqrt(high), high / 16)
+        middle = np.where(high > WIDE * low, wide, (low + high) / 2)
+        left, right = self.high.copy(), self.low.copy()
+        left[axis, at] = right[axis, at] = middle
+        return joined(replace(self, high=left), replace(self, low=right))
+
+
+def joined(*parts: Boxes) -> Boxes:
+    """Return several sets of boxes of the same numbers as one."""
+    low, high, owner, whole = (
+        np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
+    )
+    return Boxes(parts[0].names, low, high, owner, whole)
+
+
+def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
+    """Return a band in intervals of at most this ratio, equal in the logarithm; low may be 0."""
+    start = low if low > 0 else high * 1e-3
+    edges = np.geomspace(start, high, 2 + int(np.log(high / start) / np.log(ratio)))
+    edges[0], edges[-1] = start, high
+    edges = edges if low > 0 else np.concatenate(([0.0], edges))
+    return edges[:-1], edges[1:]
+
+
+def over_band(names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole: int = 0) -> Boxes:
+    """Return each interval of a band with each of several boxes of other numbers, which own what becomes of them.
+
+    Parameters
+    ----------
+    names : of the other numbers
+    low, high : their edges, shape (names, owners)
+    band : edges of the intervals, from `band_of`
+    whole : whole samples of the delay
+    """
+    owners, intervals = low.shape[1], len(band[0])
+    left, right = (
+        np.vstack((np.tile(frequency, owners), np.repeat(edge, intervals, axis=1)))
+        for frequency, edge in zip(band, (low, high), strict=True)
+    )
+    owner = np.repeat(np.arange(owners), intervals)
+    return Boxes((FREQUENCY, *names), left, right, owner, np.full(owner.size, whole))
+
+
+def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
+    """Return each interval of a band with each cell."""
+    return over_band(DESIGN, cells.low, cells.high, band)
+
+
+def over_each(cells: Cells, omega: Floats) -> Boxes:
+    """Return each cell at one frequency of its own."""
+    low, high = (np.vstack((omega, edge)) for edge in (cells.low, cells.high))
+    owner = np.arange(len(cells))
+    return Boxes((FREQUENCY, *DESIGN), low, high, owner, np.zeros_like(owner))
+
+
+def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
+    """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds."""
+    starts = range(0, max(len(boxes), 1), CHUNK)
+    return np.concatenate([f(boxes.taken(slice(i, i + CHUNK))) for i in starts], axis=-1)

@@ -1,0 +1,119 @@
+"""One prover for claims over boxes: halve what is not decided, where that promises most.
+
+Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
+proved of an owner when it is proved on all of its boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.proof.boxes import CHUNK, Boxes, Integers
+from vctune.proof.enclosures import Flags, Floats
+
+BLUR = 2.0
+"""A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
+halving those would not decide it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """What a test finds out about boxes.
+
+    Attributes
+    ----------
+    proved : where the claim holds throughout
+    fails : where it does not hold at `point`
+    point : a point of each box, shape (rows, n)
+    cost : what each row contributes to the uncertainty of each box, of the same shape
+    known : where that is more than the row's width: nothing is known of the slopes elsewhere
+    """
+
+    proved: Flags
+    fails: Flags
+    point: Floats
+    cost: Floats
+    known: Flags
+
+
+Test = Callable[[Boxes], Tested]
+
+
+@dataclass(frozen=True, slots=True)
+class Proofs:
+    """What became of a claim, for each owner.
+
+    Attributes
+    ----------
+    proved : whether it holds throughout, shape (owners,)
+    failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
+    open : a point of a box that stays open, nan where there is none, of the same shape
+    boxes : how many boxes were looked at
+    total : sum of what was measured over the proved boxes
+    """
+
+    proved: Flags
+    failing: Floats
+    open: Floats
+    boxes: Integers
+    total: Floats
+
+
+@np.errstate(all="ignore")
+def prove(
+    test: Test,
+    boxes: Boxes,
+    owners: int,
+    *,
+    halved: Sequence[bool],
+    generations: int,
+    most: int,
+    measure: Callable[[Boxes], Floats] | None = None,
+) -> Proofs:
+    """Test boxes and halve those that are not proved, until each owner's are, one of them fails, or effort ends.
+
+    Parameters
+    ----------
+    test : of boxes
+    boxes : to begin with
+    owners : their number
+    halved : which rows may be halved
+    generations : how often a box is halved at most
+    most : boxes of one owner that are looked at before it is left open
+    measure : of proved boxes; what is summed up in `Proofs.total`
+    """
+    shape = (len(boxes.names), owners)
+    failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
+    count, total = np.zeros(owners, np.intp), np.zeros(owners)
+    for again in range(generations + 1):
+        if not len(boxes):
+            break
+        count += boxes.count(owners)
+        seen = _in_chunks(test, boxes)
+        failing[:, boxes.owner[seen.fails]] = seen.point[:, seen.fails]
+        if measure is not None and seen.proved.any():
+            np.add.at(total, boxes.owner[seen.proved], measure(boxes.taken(seen.proved)))
+        axis, blurred = _axis(seen, np.asarray(halved))
+        hopeful = np.isnan(failing[0]) & (count < most) & (again < generations)
+        left = ~seen.proved
+        goes_on = left & ~blurred & hopeful[boxes.owner]
+        stays = left & ~goes_on
+        open_[:, boxes.owner[stays]] = seen.point[:, stays]
+        boxes = boxes.taken(goes_on).halved(axis[goes_on])
+    return Proofs(np.isnan(open_[0]) & np.isnan(failing[0]), failing, open_, count, total)
+
+
+def _axis(seen: Tested, halved: Flags) -> tuple[Integers, Flags]:
+    """Return the row along which each box is halved, and whether that would not help."""
+    cost = np.where(np.isnan(seen.cost), np.inf, seen.cost)
+    axis = np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)]
+    blurred = seen.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
+    return axis, blurred
+
+
+def _in_chunks(test: Test, boxes: Boxes) -> Tested:
+    parts = [test(boxes.taken(slice(i, i + CHUNK))) for i in range(0, len(boxes), CHUNK)]
+    return Tested(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Tested.__slots__))
