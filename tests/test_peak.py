@@ -33,6 +33,14 @@ def test_a_peak_that_moves_with_the_gains():
     assert judgement.gains.velocity == pytest.approx(design[0], rel=0.1)
 
 
+def test_an_answer_in_another_basin_than_its_start_is_sent_back():
+    """An interior-point method leaves the corner of both gains' upper bounds for K_p = 0, 3 % above."""
+    problem = read_problem(ROOT / "tests/basins/corner.toml").problem
+    judgement = solve(problem).judgement
+    assert judgement.gains.position == pytest.approx(problem.bounds.position.max, rel=1e-3)
+    assert judgement.error <= global_search(problem, 1)[0] * (1 + WORSE)
+
+
 @pytest.mark.parametrize("name", ["valley", "r25"])
 def test_the_optimiser_ends_where_it_knows_its_own_error(name):
     """An NLP that does not know the frequency of the greatest error understates it."""
