@@ -54,6 +54,7 @@ def benchmark_figure(panels: list[Panel]) -> Figure:
         figure = Figure(figsize=(PANEL_WIDTH * columns, PANEL_HEIGHT * rows), layout="constrained")
         places = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, panel in zip(places, panels, strict=False):
+            axes.set(xscale="log", yscale="log")  # before there are points: all may be at one place
             for k, series in enumerate(panel.series):
                 y = [max(value, panel.floor) for value in series.y] if panel.floor else series.y
                 style = {"color": INKS[k % len(INKS)], "marker": MARKS[k % len(MARKS)], "markersize": 5}
@@ -68,7 +69,7 @@ def benchmark_figure(panels: list[Panel]) -> Figure:
                 )
             if panel.floor:
                 axes.axhline(panel.floor, color=GREY, linewidth=1, linestyle=":")
-            axes.set(xscale="log", yscale="log", title=panel.title, xlabel=panel.x, ylabel=panel.y)
+            axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
             axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         for axes in places[len(panels) :]:
             axes.set_axis_off()
