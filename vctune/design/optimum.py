@@ -170,7 +170,7 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is not proved, polish again with its witness, more sharply, to more digits."""
+    """Judge the rounded optimum; until it is proved, polish again with its witness, more sharply, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
     for again in range(PROOF_ROUNDS):
