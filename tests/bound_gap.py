@@ -1,4 +1,4 @@
-"""Measures what a bound costs. `python tests/bound_gap.py` prints it and writes results/bound-gap.csv, .svg and .png.
+"""Measures what a bound costs. `python tests/bound_gap.py` prints it and writes results/bound-gap.csv and .svg.
 
 Every problem of problems/, and of the folders named as arguments, is solved, then bounded until each gap is proved,
 for at most a minute. `jobs` as the only argument compares one thread with two, in pairs. Other work on the machine
@@ -22,6 +22,7 @@ from vctune.design.optimum import improved
 from vctune.design.solve import solve
 from vctune.document.problem import Problem
 from vctune.document.reading import read_problem
+from vctune.report.page import svg
 
 ROOT = Path(__file__).parent.parent
 GAPS = (0.1, 0.03, 0.01, 0.003)
@@ -71,16 +72,17 @@ def draw(rows: dict[str, list[tuple[float, float, int]]]) -> None:
     slowest = sorted(rows, key=lambda name: -rows[name][-1][1])[:6]
     for name, points in rows.items():
         gaps, seconds, counts = zip(*points, strict=True)
-        style = {"label": name} if name in slowest else {"color": "0.75", "linewidth": 0.8}
-        time.loglog([100 * gap for gap in gaps], seconds, "o-", markersize=3, **style)
-        boxes.loglog([100 * gap for gap in gaps], counts, "o-", markersize=3, **style)
+        style = {"color": "0.75", "linewidth": 0.8}
+        if name in slowest:
+            style = {"label": name, "marker": "os^Dv*"[slowest.index(name)], "markersize": 4}
+        time.loglog([100 * gap for gap in gaps], seconds, **style)
+        boxes.loglog([100 * gap for gap in gaps], counts, **style)
     time.axhline(MOST_SECONDS, color="0.5", linestyle="--", linewidth=1)
     time.set(xlabel="gap reached, %", ylabel="seconds, one thread", title="run time")
     boxes.set(xlabel="gap reached, %", ylabel="boxes", title="boxes")
     time.invert_xaxis()
     boxes.legend(fontsize=7, title="slowest six", title_fontsize=7)
-    for kind in ("svg", "png"):
-        figure.savefig(ROOT / "results" / f"bound-gap.{kind}", dpi=120)
+    (ROOT / "results/bound-gap.svg").write_text(svg(figure, "bound-gap"))
 
 
 def compare_threads() -> None:

@@ -12,8 +12,8 @@ settings.load_profile("reproducible")
 
 ROOT = Path(__file__).parent.parent
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
-"""A device, and gains for it that are certified with a coupling damping of 160 and violated with 60."""
+FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
+"""A device, and gains for it that are certified with a coupling damping of 160 and violated with 80."""
 PROBLEM_FILES = sorted(
     path for path in (ROOT / "problems").rglob("*.toml") if path.parent != ROOT / "problems" / "studies"
 )
@@ -28,7 +28,7 @@ def problems() -> Path:
 def folder(tmp_path):
     """One good, one violated, one unreadable and one free problem."""
     (tmp_path / "good.toml").write_text(DEVICE + FIXED.format(160.0))
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
+    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
     (tmp_path / "bad.toml").write_text(DEVICE + "dampin = 1.0\n")
     (tmp_path / "free.toml").write_text(DEVICE)
     return tmp_path

@@ -1,4 +1,4 @@
-"""Measures what a sweep costs. `python tests/sweep_cost.py` prints it and writes results/sweep-cost.csv, .svg and .png.
+"""Measures what a sweep costs. `python tests/sweep_cost.py` prints it and writes results/sweep-cost.csv and .svg.
 
 `curve` or `pairs` as an argument measures only that. Other work on the machine shows in every number.
 
@@ -18,6 +18,7 @@ from time import perf_counter
 from matplotlib.figure import Figure
 
 from vctune.document.study import read_study
+from vctune.report.page import svg
 from vctune.study.executors import crew_of
 from vctune.study.rows import open_rows
 from vctune.study.sweep import sweep
@@ -85,8 +86,7 @@ def draw(rows: list[tuple[int, float, float, float]], folder: Path) -> None:
     memory.semilogx(points, parent, "s-", label="parent")
     memory.set(xlabel="points", ylabel="resident memory, MB", ylim=(0, 200))
     memory.legend()
-    for kind in ("svg", "png"):
-        figure.savefig(folder / f"sweep-cost.{kind}")
+    (folder / "sweep-cost.svg").write_text(svg(figure, "sweep-cost"))
 
 
 def measure_curve() -> None:

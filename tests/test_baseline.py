@@ -51,7 +51,7 @@ def record_of(folder):
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
-    assert written == {"region.json", "region.svg", "region.png"}
+    assert written == {"region.json", "region.svg"}
     assert record["problem"]["text"] == PLAIN
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
@@ -64,6 +64,18 @@ def test_the_file_holds_the_region(baseline):
         assert (b_c is not None and 10 <= b_c <= 3000) == (verdict == "feasible")
     assert len(record["designs"]) == 1
     assert len(read_region(baseline / "results/device/region.json").cells) == len(record["cells"])
+
+
+@pytest.mark.parametrize(
+    ("gains", "expected"),
+    [("", ExitCode.OK), ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED)],
+    ids=["a design, no cell", "neither"],
+)
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, capsys, monkeypatch, gains, expected):
+    (tmp_path / "device.toml").write_text(DEVICE + gains)
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")
+    assert "feasible      0.00 %" in out
+    assert code == expected
 
 
 def test_the_same_problem_passes(baseline, capsys, monkeypatch):
@@ -81,13 +93,13 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, sty
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
     code, out, err = vctune(capsys, monkeypatch, tmp_path, *arguments)
     assert code == ExitCode.FAILED
-    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg, lost.png\n"
+    assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg\n"
     assert ("device.toml" in out or style == "json") and "lost" in out
     lost = json.loads((tmp_path / "results/device/lost.json").read_text())
     assert lost["status"] == "lost" and len(lost["lost_designs"]) == 1
     assert lost["areas"]["kept"] + lost["areas"]["lost"] == pytest.approx(record_of(baseline)["areas"]["feasible"])
     assert all(a <= b and c <= d for a, b, c, d in lost["lost_cells"]) and lost["lost_cells"]
-    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg", "lost.png"}
+    assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg"}
     if style == "json":
         assert json.loads(out) == lost
 
@@ -99,10 +111,55 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (PLAIN.replace("max = 4.0", "max = 5.0"), ExitCode.OK),
         (PLAIN + "[stability]\nmax_sensitivity = 2.5\n", ExitCode.OK),
         (PLAIN + "[stability]\nsafety_factor = 1.5\n", ExitCode.FAILED),
+        (PLAIN + "[stability]\nsafety_factor = 1.06\n", ExitCode.FAILED),
     ):
         (tmp_path / "device.toml").write_text(text)
         code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
         assert (code, "another version of the problem" in out) == (expected, True)
+        left = {path.name for path in (tmp_path / "results").rglob("lost.*")}
+        assert left == (set() if code == ExitCode.OK else {"lost.json", "lost.svg"})
+
+
+def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path, capsys, monkeypatch):
+    """Its ratio is 1.05, which a factor of 1.06 refuses; what a later check has not lost is removed again."""
+    region_file = baseline / "results/device/region.json"
+    (tmp_path / "device.toml").write_text(PLAIN + "[stability]\nsafety_factor = 1.06\n")
+    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    assert code == ExitCode.FAILED and "lost their proof: 1 of 1 listed gain sets" in out
+    assert len(json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]) == 1
+    (tmp_path / "device.toml").write_text("# mended\n" + PLAIN)
+    (tmp_path / "results/device/gains.toml").write_text("of somebody else")
+    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    assert code == ExitCode.OK and "another version" not in out
+    assert err == "nothing is lost any more: removed lost.json, lost.svg from results/device\n"
+    assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["gains.toml"]
+
+
+def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path, capsys, monkeypatch):
+    arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", "github")
+    for text, expected in (("# a remark\n" + PLAIN, ExitCode.OK), (PLAIN.replace("4.0", "5.0"), ExitCode.FAILED)):
+        (tmp_path / "device.toml").write_text(text)
+        assert vctune(capsys, monkeypatch, tmp_path, *arguments)[0] == ExitCode.OK
+        code, out, _ = vctune(capsys, monkeypatch, tmp_path, *arguments, "--strict")
+        assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
+
+
+def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, capsys, monkeypatch):
+    """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
+    from vctune.design import solve as solving
+
+    def region_at(factor):
+        (tmp_path / "device.toml").write_text(PLAIN + f"[stability]\nsafety_factor = {factor}\n")
+        code = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")[0]
+        record = record_of(tmp_path)
+        assert record["areas"]["feasible"] == 0 < record["areas"]["undecided"]
+        return code, len(record["designs"])
+
+    assert region_at(20.0) == (ExitCode.OK, 1)
+    assert region_at(1e4) == (ExitCode.FAILED, 0)
+    monkeypatch.setattr(solving, "EARLY_BOXES", -1)
+    monkeypatch.setattr(solving, "SEARCH_BOXES", -1)
+    assert region_at(1e4) == (ExitCode.UNDECIDED, 0)
 
 
 def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path, capsys, monkeypatch):
@@ -197,7 +254,7 @@ def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, after):
     left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}
     assert "Traceback" not in err
     if process.returncode == ExitCode.OK:
-        assert left == {"region.json", "region.svg", "region.png"}
+        assert left == {"region.json", "region.svg"}
     else:
         assert (process.returncode, left) == (ExitCode.INTERRUPTED, set())
 

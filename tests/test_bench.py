@@ -279,8 +279,7 @@ def run(name, folder):
     """Run a benchmark's command and return the rows of its table."""
     done = CliRunner().invoke(bench, [name, "--quick", "--out", str(folder)], standalone_mode=False)
     assert done.exception is None and done.return_value == 0
-    for suffix in ("svg", "png"):
-        assert (folder / f"{name}.{suffix}").stat().st_size > 1000
+    assert (folder / f"{name}.svg").stat().st_size > 1000
     assert f"vctune bench {name} --quick --seed 0" in (folder / files.PAGE).read_text()
     return files.read_csv(folder / f"{name}.csv")
 

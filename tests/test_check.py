@@ -128,7 +128,7 @@ def test_an_empty_folder_is_no_pass(folder):
 @pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])
 def test_files_of_windows_are_read(tmp_path, spoil):
     (tmp_path / "device.toml").write_text(spoil(DEVICE), newline="")
-    (tmp_path / "gains.toml").write_text(spoil(FIXED.format(60.0)), newline="")
+    (tmp_path / "gains.toml").write_text(spoil(FIXED.format(80.0)), newline="")
     done = run("gains.toml", "device.toml", "--format", "github", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     assert done.stdout.startswith("::error file=gains.toml,line=2,")

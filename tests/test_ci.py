@@ -52,7 +52,7 @@ def repository(tmp_path, region):
 
 
 def spoil(repository):
-    (repository / "gains.toml").write_text(FIXED.format(60.0))
+    (repository / "gains.toml").write_text(FIXED.format(80.0))
 
 
 def steps(repository, path, *, install):
@@ -80,7 +80,7 @@ def check_the_gate(repository, path, *, install):
     spoil(repository)
     done = steps(repository, path, install=False)
     assert done.returncode == 1
-    assert done.stdout.startswith("::error file=gains.toml,line=2,")
+    assert "\n::error file=gains.toml,line=2," in done.stdout
 
 
 def test_the_workflow_checks(repository):
@@ -92,10 +92,10 @@ def test_the_workflow_guards_the_region(repository):
     (repository / "device.toml").write_text(DEVICE + "[stability]\nmax_sensitivity = 1.8\n")
     done = steps(repository, Path(sys.executable).parent, install=False)
     assert done.returncode == 1
-    (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::")]
+    (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::error")]
     assert annotation.startswith("::error file=device.toml,line=1,")
     assert "lost their proof" in annotation
-    assert (repository / "results/device/lost.png").exists()
+    assert (repository / "results/device/lost.svg").exists()
 
 
 @pytest.mark.slow

@@ -21,7 +21,7 @@ from vctune.document.experiment import Environment, Experiment, Friction, Operat
 from vctune.document.files import folder_name, write_together
 from vctune.document.gains import gains_text
 from vctune.document.problem import Band, Range
-from vctune.document.reading import parse_problem, read_problem
+from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.schema import json_schema
 from vctune.model.quantities import Coupling, Gains
 
@@ -315,3 +315,51 @@ def test_control_characters_cannot_forge_lines():
         parse_problem(THREE.format(1, 1, 1) + '"a\\nfake.toml:9: b\\u001b[31m" = 1\n', "x", "x")
     assert len(str(caught.value).splitlines()) == 1
     assert "\x1b" not in str(caught.value)
+
+
+PLAIN = THREE.format(0.4, 2.0, 1e-3)
+SAID_OTHERWISE = {
+    "comment": "# a remark\n" + PLAIN,
+    "blank lines and other decimals": PLAIN.replace("1e-3", "0.0010").replace("\n", "\n\n"),
+    "name and description": 'name = "other"\ndescription = "of it"\n' + PLAIN,
+    "experiment": PLAIN + '[[experiment]]\nname = "e"\n',
+    "order of keys": "[device]\nsample_time = 1e-3\ndamping = 2\nmass = 0.4\n",
+    "defaults": PLAIN + 'hold = "zoh"\ndelay = 0.0\n[stability]\nband_hz = [0.5, 100]\nsafety_factor = 1.05\n'
+    'max_sensitivity = 2.0\n[transparency]\nband_hz = [0.5, 30.0]\nnorm = "rms"\n[uncertainty]\n[operator]\n',
+    "zero with a sign": PLAIN + "delay = -0.0\n",
+}
+OTHERWISE = {
+    "mass": PLAIN.replace("0.4", "0.4000000000000001"),
+    "hold": PLAIN + 'hold = "lag"\n',
+    "delay": PLAIN + "delay = 1e-12\n",
+    "operator": PLAIN + "[operator]\nmass = 1e-9\n",
+    "bound": PLAIN + "[gains]\nposition = { min = 0.0, max = 1e5 }\n",
+    "fixed": PLAIN + "[coupling]\ndrag = 1e-9\n",
+    "edge": PLAIN + "[stability]\nband_hz = [0.5, 99.0]\n",
+    "factor": PLAIN + "[stability]\nsafety_factor = 1.06\n",
+    "norm": PLAIN + '[transparency]\nnorm = "peak"\n',
+    "weight": PLAIN + "[transparency]\nweights = { tracking = 2.0 }\n",
+    "uncertainty": PLAIN + "[uncertainty]\nmass = 0.1\n",
+    "objective": PLAIN + '[uncertainty]\nmass = 0.1\nobjective = "worst"\n',
+}
+
+
+def test_the_digest_is_of_what_a_problem_means():
+    """Other words for the same problem have its digest, another number in it has another."""
+
+    def digests(texts):
+        return [problem_file(text, Path("x.toml")).sha256 for text in texts]
+
+    assert set(digests(SAID_OTHERWISE.values())) == set(digests([PLAIN]))
+    assert len(set(digests([PLAIN, *OTHERWISE.values()]))) == 1 + len(OTHERWISE)
+
+
+def test_the_digest_of_an_endless_band_is_of_strict_json():
+    text = PLAIN + 'hold = "lag"\n[stability]\nband_hz = [0.5, inf]\n'
+    assert problem_file(text, Path("x.toml")).sha256 != problem_file(PLAIN, Path("x.toml")).sha256
+
+
+def test_a_delay_moves_the_default_band_with_the_loops_lag():
+    for delay in (0.0, 5e-4, 3e-3):
+        problem = parse_problem(PLAIN + f"delay = {delay!r}\n", "x.toml", "x")
+        assert problem.stability.band.max == 2 * pi * min(0.1 / 1e-3, 0.05 / (0.5e-3 + delay))

@@ -136,9 +136,10 @@ def test_arrays_prove_what_arb_proves(name, spread):
     values = np.array(best)[:, None] * np.exp(np.random.default_rng(2).normal(0, spread, (5, 60)))
     values[1, ::5] = 0.0
     band, limit = (problem.stability.band.min, problem.stability.band.max), problem.stability.max_sensitivity
-    proved = prove(Demands(problem.device, band, 1.0, limit), Cells(values, values)).proved
+    demands = Demands(problem.device, band, 1.0, limit)
+    proved = prove(demands, Cells(values, values)).proved
     for found, v in zip(proved, values.T.tolist(), strict=True):
-        verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), limit).verdict
+        verdict = certify(Design(problem.device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
         assert found == (verdict is Verdict.PROVED)
 
 
@@ -157,10 +158,11 @@ def test_arrays_prove_what_arb_proves_at_the_ends_of_the_axis(hold, delay, band,
     device, rng = Device(0.5, damping, 1e-3, delay, hold), np.random.default_rng(5)
     values = np.array([[40.0], [4000.0], [25000.0], [6.0], [drag]]) * np.exp(rng.normal(0, 1, (5, 60)))
     values[1, ::2] = 0.0
-    proved = prove(Demands(device, band, 1.0, 2.0), Cells(values, values)).proved
+    demands = Demands(device, band, 1.0, 2.0)
+    proved = prove(demands, Cells(values, values)).proved
     assert 0 < proved.sum() < 60
     for found, v in zip(proved, values.T.tolist(), strict=True):
-        verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), band, (1.0,), 2.0).verdict
+        verdict = certify(Design(device, Gains(*v[:2]), Coupling(*v[2:])), demands).verdict
         assert found == (verdict is Verdict.PROVED)
 
 

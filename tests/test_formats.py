@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
@@ -19,7 +20,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 from junitparser import Error, Failure, JUnitXml
 
-from vctune.cli.formats import github, junit, sarif
+from vctune.cli.formats import as_json, github, junit, sarif, text
 from vctune.design.check import Checked
 from vctune.exits import ExitCode
 
@@ -156,8 +157,10 @@ def test_github_survives_any_text(name, message):
 def test_github_annotates_the_line_of_the_gain_to_change(folder):
     commands = workflow_commands(run(".", "--format", "github", cwd=folder).stdout)
     places = {place["file"]: (command, place["line"], data) for command, place, data in commands}
-    assert set(places) == {"bad.toml", "free.toml", "poor.toml"}
+    assert set(places) == {"bad.toml", "free.toml", "poor.toml", "good.toml"}
     assert places["bad.toml"][:2] == ("error", "5")
+    assert places["good.toml"][0] == "notice"
+    assert places["good.toml"][2].startswith("proved, least Re Z_c / R 1.1")
     command, line, message = places["poor.toml"]
     key = re.search(r"(\w+) = \S+ instead of", message)[1]
     assert command == "error"
@@ -181,11 +184,67 @@ def test_junit_is_valid_whatever_the_name(name):
     assert [[child.tag for child in case] for case in cases] == [[], ["failure"], ["error"], ["failure"]]
 
 
+@dataclass
+class Found:
+    """What a check found, in the fewest words."""
+
+    warnings: list[str]
+    seconds: float = 0.25
+
+    def record(self):
+        return {"warnings": self.warnings}
+
+
+@pytest.mark.parametrize("verdict", [ExitCode.OK, ExitCode.FAILED, ExitCode.UNDECIDED])
+@pytest.mark.parametrize("strict", [False, True])
+def test_warnings_reach_every_format(verdict, strict):
+    """Beside the verdict; with --strict as errors, and none of them then passes."""
+    found = Checked(Path("x.toml"), "x", verdict, "said", 3, Found(["mind, the: gap", "and more"]), strict)
+    assert found.exit_code is (ExitCode.FAILED if strict else verdict)
+    assert text([found]).splitlines()[1:] == ["           warning: mind, the: gap", "           warning: and more"]
+    assert text([found]).startswith("passed") == (found.exit_code is ExitCode.OK)
+    assert json.loads(as_json([found]))["warnings"] == found.warnings
+    level = "error" if strict else "warning"
+    first = {ExitCode.OK: "notice", ExitCode.FAILED: "error", ExitCode.UNDECIDED: "warning"}[verdict]
+    commands = [(command, data) for command, _, data in workflow_commands(github([found]))]
+    assert commands == [(first, "said"), (level, "mind, the: gap"), (level, "and more")]
+    root = ElementTree.fromstring(junit([found]))
+    assert [error.reason for error in JENKINS.iter_errors(root)] == []
+    assert root.findtext(".//system-out").splitlines() == ["warning: mind, the: gap", "warning: and more"]
+    assert (root.find(".//failure") is None) == (found.exit_code is ExitCode.OK)
+    results = [
+        (result["ruleId"], result["level"], result["message"]["text"]) for result in sarif_results(sarif([found]))
+    ]
+    assert results[-2:] == [("warning", level, "mind, the: gap"), ("warning", level, "and more")]
+    assert len(results) == (2 if verdict is ExitCode.OK else 3)
+
+
+@pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
+def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
+    """Gains with a ratio of 1.05 and more, absolutely stable, under a safety factor of 1.5."""
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
+    (tmp_path / "x.toml").write_text(DEVICE + "[stability]\nsafety_factor = 1.5\n")
+    done = run("x.toml", "gains.toml", "--format", style, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
+    said = done.stdout
+    if style == "json":
+        found = json.loads(said)
+        assert (found["status"], found["certificate"]["verdict"], found["certificate"]["proved_ratio"]) == (
+            "violated", "refuted", 1.0,
+        )  # fmt: skip
+        assert 1.05 < found["certificate"]["min_ratio"] < 1.5
+        assert {"safety_factor"} <= {repair["key"].rpartition(".")[2] for repair in found["repairs"]}
+        said = found["reason"]
+    else:
+        assert "instead of" in said and "would pass" in said
+    assert "absolutely stable, but the least Re Z_c / R, 1.1" in said and "is below the safety factor 1.5" in said
+
+
 @pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
 def test_formats_in_any_locale(tmp_path, style):
     name = os.fsdecode(b"gr\xc3\xb6\xc3\x9fe \xff \x1b[31m.toml")
     (tmp_path / name).write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(60.0))
+    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
     for env in ({"LC_ALL": "C"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"NO_COLOR": "1"}):
         done = run(".", "--format", style, cwd=tmp_path, **env)
         assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "")

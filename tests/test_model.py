@@ -27,12 +27,12 @@ LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
 ZOH = Device(0.5, 2.0, 1e-3, 0.0, "zoh")
 
 
-def response(device, gains, omega, *, integrator=True):
-    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), integrator=integrator)
+def response(device, gains, omega):
+    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), FLOATS)
 
 
-def R(device, gains, omega, *, integrator=True):
-    return required_resistance(response(device, gains, omega, integrator=integrator), FLOATS)
+def R(device, gains, omega):
+    return required_resistance(response(device, gains, omega), FLOATS)
 
 
 def ratio(device, gains, coupling, omega):
@@ -68,7 +68,7 @@ def test_required_resistance_agrees_with_50_digits(case, place):
     assume(abs(across - along) > 1e-6 * max(abs(across), abs(along)))  # R is nearly 0 where G_he is nearly real
     exact = exact_required_resistance(case, omega)
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
-    ours = float(R(device, Gains(case.K_v, case.K_p), omega, integrator=case.K_p > 0))
+    ours = float(R(device, Gains(case.K_v, case.K_p), omega))
     assert abs(ours - exact) <= 1e-9 * abs(exact)
 
 
@@ -118,7 +118,7 @@ def test_low_frequency_limit(case):
     gains, coupling = Gains(case.K_v, case.K_p), Coupling(3.0, 0.7, 0.2 if case.K_p > 0 else 0.0)
     assume(case.damping + case.K_v > 1.5 * device.lag * case.K_p)
     assume(case.K_p == 0 or case.damping > 0)
-    limit = low_frequency_limit(device, gains, coupling, integrator=case.K_p > 0)
+    limit = low_frequency_limit(device, gains, coupling)
     corners = [1 / device.lag, case.K_v / case.mass, coupling.damping / coupling.mass]
     corners += [case.K_p / (case.K_v + case.damping), case.K_p / case.damping] if case.K_p > 0 else []
     corners += [case.damping / case.mass] if case.damping > 0 else []
@@ -149,7 +149,7 @@ def test_keemink_handle_is_passive_from_9_5238_kg():
         handle = (1 + 100.0 / (mass * s)) / (10.0 * s + 5.0 + 100.0)
         assert np.all(handle.real >= 0) == passive
         device = Device(10.0, 5.0, 1e-9, 0.0, "zoh")
-        law = response(device, Gains(100.0, 0.0), omega, integrator=False)
+        law = response(device, Gains(100.0, 0.0), omega)
         D, C = law.D.re + 1j * law.D.im, law.C.re + 1j * law.C.im
         Z_c = coupling_impedance(Coupling(1e15, mass, 0.0), omega)
         ours = 1 / D + C / D / (Z_c.re + 1j * Z_c.im)
@@ -168,13 +168,13 @@ def test_all_three_arithmetics_agree(case, place):
     assume(abs(in_floats.resistance) > 1e-3 * (case.damping + case.K_v))
     hold = hold_response(device, omega, FLOATS)
     K_v, K_p = ca.SX.sym("K_v"), ca.SX.sym("K_p")
-    symbolic = loop_response(device, Gains(K_v, K_p), omega, hold)
+    symbolic = loop_response(device, Gains(K_v, K_p), omega, hold, SYMBOLS)
     in_symbols = ca.Function("R", [K_v, K_p], [required_resistance(symbolic, SYMBOLS)])(case.K_v, case.K_p)
     assert float(in_symbols) == pytest.approx(float(required_resistance(in_floats, FLOATS)), rel=1e-12)
     with ctx.workprec(128):
         exact, law = device_ball(device), gains_ball(gains)
         at = arb(omega)
-        in_balls = loop_response(exact, law, at, hold_response(exact, at, BALLS))
+        in_balls = loop_response(exact, law, at, hold_response(exact, at, BALLS), BALLS)
         assert float(G_hh_abs2(in_balls)) == pytest.approx(float(G_hh_abs2(in_floats)), rel=1e-6)
         assert float(tracking_abs2(in_balls)) == pytest.approx(float(tracking_abs2(in_floats)), rel=1e-6)
 

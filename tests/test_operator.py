@@ -29,6 +29,7 @@ from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
@@ -83,7 +84,7 @@ def test_required_resistance_is_that_of_the_two_port_that_has_absorbed_the_opera
         K = (2 * mp.re(h11) * mp.re(Z_c + h22) - mp.re(h12 * h21)) / abs(h12 * h21)
         relief = 2 * device.operator.damping * abs(mp.re(C)) / (2 * abs(mp.re(C + W)))
     at = np.array([omega])
-    response = loop_response(device, gains, at, hold_response(device, at, FLOATS), integrator=gains.position > 0)
+    response = loop_response(device, gains, at, hold_response(device, at, FLOATS), FLOATS)
     assert abs(float(required_resistance(response, FLOATS)[0]) - R) < 1e-10 * (abs(R) + relief)
     assert rollett_factor_at(device, gains, virtual, omega) == pytest.approx(float(K), rel=1e-9, abs=1e-9)
     ratio = float(stability_ratio(device, gains, virtual, at)[0])
@@ -107,10 +108,10 @@ def test_a_vanishing_operator_gives_the_numbers_of_none():
 @pytest.mark.parametrize("seed", range(30))
 def test_limits_at_both_ends(seed):
     device, gains, virtual = random_case(np.random.default_rng(seed), hold="lag")
-    virtual, integrator = replace(virtual, drag=0.1), gains.position > 0
+    virtual = replace(virtual, drag=0.1)
     with mp.workdps(80):
         for limit, omega in (
-            (low_frequency_limit(device, gains, virtual, integrator=integrator), mp.mpf(10) ** -14),
+            (low_frequency_limit(device, gains, virtual), mp.mpf(10) ** -14),
             (high_frequency_limit(device, gains, virtual), mp.mpf(10) ** 16),
         ):
             C, D, Z_h, W = exact(device, gains, omega)
@@ -139,7 +140,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     worst = np.max(R / Z_c)
     if 0 < worst < inf:  # scale the coupling next to its limit
         virtual = Coupling(virtual.damping * worst * clear, virtual.mass * worst * clear, 0.0)
-    certificate = certify(Design(device, gains, virtual), band, (1.0,), 100.0)
+    certificate = certify(Design(device, gains, virtual), Demands(device, band, 1.0, 100.0))
     conditions = certificate.outcomes[Claim.CONDITIONS].verdict
     if worst == inf or (worst > 0 and clear < 1 - 1e-6):
         assert conditions is Verdict.REFUTED
@@ -159,7 +160,7 @@ def test_a_loop_that_a_heavy_hand_makes_unstable_is_refused():
     assert case == [Verdict.PROVED, Verdict.REFUTED]
     for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES):
         design = Design(heavy, gains, Coupling(10.0, 1.0, 0.0))
-        assert certify(design, (600.0, 700.0), (1.0,), 100.0).outcomes[claim].verdict is Verdict.REFUTED
+        assert certify(design, Demands(heavy, (600.0, 700.0), 1.0, 100.0)).outcomes[claim].verdict is Verdict.REFUTED
 
 
 WHOLE_AXIS = """

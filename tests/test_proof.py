@@ -184,10 +184,8 @@ def test_polynomials_decide_as_balls_do(seed):
     found = exact.conditions(design, 1.0)
     outcome = exact.prove(found, *band)
     with ctx.workprec(PRECISION):
-        integrator, numbers = design.gains.position > 0, design_ball(design)
-        balls = prove_positive(
-            lambda omega: conditions_margin(numbers, omega, arb(1), BALLS, integrator=integrator), *band
-        )
+        numbers = design_ball(design)
+        balls = prove_positive(lambda omega: conditions_margin(numbers, omega, arb(1), BALLS), *band)
     assert outcome.verdict is balls.verdict is not Verdict.UNDECIDED
     if outcome.verdict is Verdict.REFUTED:
         assert band[0] < outcome.witness < band[1]
@@ -235,7 +233,7 @@ def test_sensitivity_is_decided_close_to_its_peak():
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
     """DESIGN 1.4 (i): far beyond the stability limit |S| is small all over the band."""
     design = Design(Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(3e4, 0.0), Coupling(1e5, 1.0, 0.0))
-    certificate = certify(design, (pi, 60 * pi), (1.0,), 2.0)
+    certificate = certify(design, Demands(design.device, (pi, 60 * pi), 1.0, 2.0))
     assert certificate.outcomes[Claim.SAMPLED_POLES].verdict is Verdict.REFUTED
     assert certificate.outcomes[Claim.MODEL_POLES].verdict is Verdict.REFUTED
     assert certificate.verdict is Verdict.REFUTED
@@ -274,7 +272,7 @@ def test_turned_angle_counts_turns(turns, radius):
 def test_margin_without_a_loop_is_the_device_and_the_coupling_alone():
     design = Design(LAG, Gains(0.0, 0.0), Coupling(3.0, 1.0, 0.5))
     with ctx.workprec(PRECISION):
-        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS, integrator=False)
+        margin = conditions_margin(design_ball(design), arb(2), arb(1), BALLS)
         assert float(margin) == pytest.approx(2 * 2.0 * (0.5 + 3 * 4 / (9 + 4)))
 
 

@@ -11,6 +11,7 @@ import pytest
 from conftest import DEVICE, ROOT
 from oracles import Demand, best_damping, surpluses
 
+from vctune.design.judge import demands_of
 from vctune.design.variables import KEYS, ranges
 from vctune.document.reading import problem_file
 from vctune.model.quantities import Coupling, Gains
@@ -267,7 +268,6 @@ def test_witnesses_are_certified_by_arb(name):
     problem, cells = posed(text), found(text, x, y, 6)
     feasible = np.flatnonzero(cells.kinds == Kind.FEASIBLE)
     assert np.isnan(cells.damping[cells.kinds != Kind.FEASIBLE]).all()
-    band, stability = (problem.stability.band.min, problem.stability.band.max), problem.stability
     for cell in feasible[:: len(feasible) // 5]:
         for corner in ((0, 2), (1, 2), (0, 3), (1, 3)):
             v = [bounds.max for bounds in ranges(problem.bounds)]
@@ -275,8 +275,7 @@ def test_witnesses_are_certified_by_arb(name):
             for place, axis in enumerate(cells.plane.axes):
                 v[axis] = float(cells.plane.edges[place][cells.squares[corner[place], cell]])
             design = Design(problem.device, Gains(*v[:2]), Coupling(*v[2:]))
-            proof = certify(design, band, (stability.safety_factor,), stability.max_sensitivity)
-            assert proof.verdict is Verdict.PROVED
+            assert certify(design, demands_of(problem)).verdict is Verdict.PROVED
 
 
 def test_no_loop_is_judged_and_takes_no_memory():

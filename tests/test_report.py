@@ -23,7 +23,7 @@ from vctune.report.curves import handle_impedance, llewellyn, nyquist, transpare
 from vctune.report.report import write_report
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.35\n"
+FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
 LAG = 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
 CHROMIUM = shutil.which("chromium")
 CASES = {
@@ -68,8 +68,7 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert json.loads(embedded) == record
     drawn = {path.stem for path in (tmp_path / "report").glob("*.svg")}
     assert ("llewellyn" in drawn) == (record["gains"] is not None)
-    assert ("convergence" in drawn) == bool(record["solver"])
-    assert drawn == {path.stem for path in (tmp_path / "report").glob("*.png")}
+    assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
 def test_the_same_design_gives_the_same_bytes(records, tmp_path):
@@ -149,7 +148,7 @@ def test_in_a_browser(records, tmp_path, scheme):
         browser.close()
     assert said == []
     assert len(asked) == 1
-    assert len(boxes) == 5
+    assert len(boxes) == 4
     assert all(box["width"] > 500 and box["height"] > 200 for box in boxes)
     ink, ground, figure_ink = (luminance(colour) for colour in colours)
     assert figure_ink == ink
@@ -190,7 +189,6 @@ def test_report_command(tmp_path):
         (lambda record: record["coupling"].pop("mass"), "coupling.mass: "),
         (lambda record: record["certificate"].update(min_ratio=float("nan")), "NaN is no finite number"),
         (lambda record: record["certificate"].pop("proved_band_hz"), "certificate.proved_band_hz: "),
-        (lambda record: record["solver"]["rounds"][0].pop("primal"), "solver.rounds[0].primal: "),
         (lambda record: record.update(certificate=None), "must be there, or null, together"),
         (lambda record: record["problem"].update(text=3), "problem.text: "),
         (lambda record: record["problem"].update(text="[["), "not valid TOML"),

@@ -49,8 +49,8 @@ def test_crossings_of_the_negative_axis_count_the_turns(case):
     """The scan's count against np.unwrap, and against the poles wherever those are not too near the circle."""
     device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
     gains, integrator = Gains(np.array([case.K_v]), np.array([case.K_p])), case.K_p > 0
-    circle = unit_circle(device, integrator=integrator)
-    F = circle.closed(gains, integrator=integrator)
+    circle = unit_circle(device, position=integrator)
+    F = circle.closed(gains)
     stable = bool(makes_no_turn(F))
     turns = np.unwrap(np.arctan2(F.im, F.re))
     assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
@@ -82,8 +82,8 @@ def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree
     whole, fraction = whole_samples(case.delay, case.sample_time)
     plant = sampled_plant(device, whole, FLOATS, fractional=fraction > 0)
     gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
-    F = return_difference(plant, theta, FLOATS, integrator=integrator).closed(gains, integrator=integrator)
-    polynomial = [float(c) for c in characteristic_polynomial(plant, gains, integrator=integrator)]
+    F = return_difference(plant, theta, FLOATS, position=integrator).closed(gains)
+    polynomial = [float(c) for c in characteristic_polynomial(plant, gains)]
     z = np.exp(1j * theta)
     assert F.re + 1j * F.im == pytest.approx(np.polyval(polynomial, z) / z ** (len(polynomial) - 1), rel=1e-9, abs=1e-9)
 

@@ -102,7 +102,7 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     assert corner["points"] == 3 and corner["share"] == 1.0
     assert corner["from"] == {"device.damping": 1.0, "stability.band_hz[1]": 600.0}
     assert {file.name for file in folder.iterdir()} == {
-        "rows.jsonl", "table.csv", "table.parquet", "error.svg", "error.png",
+        "rows.jsonl", "table.csv", "table.parquet", "error.svg",
     }  # fmt: skip
 
 
@@ -249,12 +249,22 @@ def kill_and_resume(folder, path, stops, signals=(signal.SIGKILL,)):
     return rows_in(file)
 
 
+def test_an_empty_file_of_rows_is_begun(tmp_path):
+    path = write_study(tmp_path, FEW, FIXED)
+    for options in ([], ["--restart"]):
+        rows = tmp_path / "results/study/rows.jsonl"
+        rows.parent.mkdir(parents=True, exist_ok=True)
+        rows.write_text("")
+        done = run(tmp_path, "sweep", path, "--jobs", "1", *options)
+        assert done.stderr == "" and len(rows.read_text().splitlines()) == 7
+
+
 def test_killed_again_and_again_nothing_is_lost_repeated_or_torn(tmp_path):
     path = write_study(tmp_path, MANY, FIXED)
     plain = tmp_path / "plain"
     plain.mkdir()
     table = swept(path, plain, jobs=2)
-    rows = kill_and_resume(tmp_path, path, [0, 3, 60, 200], (signal.SIGKILL, signal.SIGINT))
+    rows = kill_and_resume(tmp_path, path, [0, 3, 60, 200], (signal.SIGKILL, signal.SIGINT, signal.SIGTERM))
     assert rows == rows_in(plain / "rows.jsonl") and len(rows) == 400
     assert (tmp_path / "results/study/table.csv").read_text() == csv_text(table)
 
@@ -304,7 +314,8 @@ def test_a_point_that_breaks_its_worker_is_a_failed_row_until_it_is_mended(tmp_p
 
 def test_the_key_is_of_every_number_and_of_no_name():
     key = key_of(parse_problem(FREE, "x", "one"))
-    assert key_of(parse_problem('name = "other"\n' + FREE, "y", "two")) == key
+    other = 'name = "other"\n' + FREE + '[[experiment]]\nname = "e"\n'
+    assert key_of(parse_problem(other, "y", "two")) == key
     for old, new in (("0.4", "0.41"), ("2.0", "2.1"), ("1e-3", "1.1e-3"), ("[0.5", "[0.6"), ("100.0", "99.0")):
         assert key_of(parse_problem(FREE.replace(old, new), "x", "one")) != key
     assert key_of(parse_problem(FREE + "safety_factor = 1.06\n", "x", "one")) != key
@@ -341,6 +352,14 @@ def test_files_of_one_study_may_be_concatenated_torn_or_not(tmp_path_factory, fi
         assert len(rows.places) == 3
         assert rows.dropped == (whole[cut - 1 : cut] != b"\n")
         assert {row["point"]["device.damping"] for row in rows.read(rows.places)} == {1.0, 2.0, 3.0}
+
+
+def test_an_empty_file_is_begun(tmp_path):
+    """What a full disk leaves of a file of rows is one without any."""
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    (tmp_path / "rows.jsonl").write_bytes(b"")
+    assert len(swept(path, tmp_path).status) == 2
+    assert len(rows_in(tmp_path / "rows.jsonl")) == 2
 
 
 def test_restart_begins_anew(tmp_path):
@@ -396,7 +415,7 @@ def test_what_is_refused_touches_nothing(tmp_path, finished, case):
     assert sorted(file.name for file in folder.iterdir()) == ["rows.jsonl", "table.csv"]
 
 
-@pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b"\xff\xfe\n"])
+@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b"\xff\xfe\n"])
 def test_a_file_that_is_no_file_of_rows_is_left_alone(tmp_path, finished, content):
     path = tmp_path / "rows.jsonl"
     path.write_bytes(content)
@@ -466,7 +485,7 @@ def test_front_of_a_problem(tmp_path):
     done = run(tmp_path, "front", "device.toml")
     assert done.returncode == ExitCode.OK and done.stderr == ""
     folder = tmp_path / "results/device/front"
-    assert {f"{name}.{kind}" for name in ("terms", "band") for kind in ("csv", "svg", "png", "rows.jsonl")} <= {
+    assert {f"{name}.{kind}" for name in ("terms", "band") for kind in ("csv", "svg", "rows.jsonl")} <= {
         file.name for file in folder.iterdir()
     }
     with (folder / "band.csv").open(newline="") as file:

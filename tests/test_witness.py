@@ -13,6 +13,7 @@ from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
+from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 
 PAIRS = 1000
@@ -133,7 +134,7 @@ def reactance(X, omega):
 def test_refuted_means_a_passive_pair_that_puts_a_pole_at_the_witness(hold):
     """The worst lossless environment turns Re Y negative; the operator -1/Y is passive and closes the loop there."""
     device, gains, virtual = Device(0.5, 2.0, 1e-3, 0.0, hold), Gains(40.0, 4000.0), Coupling(25000.0, 5.0, 0.0)
-    certificate = certify(Design(device, gains, virtual), (60.0, 1000.0), (1.0,), 2.0)
+    certificate = certify(Design(device, gains, virtual), Demands(device, (60.0, 1000.0), 1.0, 2.0))
     outcome = certificate.outcomes[Claim.CONDITIONS]
     assert outcome.verdict is Verdict.REFUTED
     case, omega = case_of(device, gains, virtual), outcome.witness

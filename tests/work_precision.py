@@ -1,6 +1,6 @@
 """Error against processor time of every way to integrate the friction.
 
-`OMP_NUM_THREADS=1 python tests/work_precision.py` writes results/work-precision.csv and .png.
+`OMP_NUM_THREADS=1 python tests/work_precision.py` writes results/work-precision.csv and .svg.
 
 The friction wheel's spring experiment, one cycle, without quantisation, with its regular PID and with its design. The
 error is the greatest difference of the hand's force from CVODES at a tolerance of 1e-12. scipy's solvers integrate
@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.report.page import svg
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import friction_force
@@ -121,9 +122,11 @@ def draw(rows):
     """Return the figure of the rows."""
     figure = Figure(figsize=(9, 4.2), layout="constrained")
     for axes, name in zip(figure.subplots(1, 2, sharey=True), ("baseline", "design"), strict=True):
-        for scheme, colour in COLOURS.items():
+        for (scheme, colour), mark in zip(COLOURS.items(), "os^Dv*P", strict=False):
             points = sorted((row[4], row[3]) for row in rows if row[:2] == [name, scheme])
-            axes.loglog(*zip(*points, strict=True), "o-", color=colour, label=scheme, markersize=4, linewidth=1.2)
+            axes.loglog(
+                *zip(*points, strict=True), marker=mark, color=colour, label=scheme, markersize=4, linewidth=1.2
+            )
         axes.axhline(1e-4, color="#8a8f98", linewidth=1, linestyle=":")
         axes.set(title=f"spring, {name}", xlabel="processor time, s")
         axes.grid(alpha=0.3)
@@ -142,4 +145,4 @@ if __name__ == "__main__":
         for row in measured:
             times = advantage(measured, row)
             writer.writerow([*row[:3], f"{row[3]:.3g}", f"{row[4]:.3g}", "" if times is None else f"{times:.3g}"])
-    draw(measured).savefig(ROOT / "results/work-precision.png", dpi=120)
+    (ROOT / "results/work-precision.svg").write_text(svg(draw(measured), "work-precision"))

@@ -17,4 +17,4 @@ class ExitCode(IntEnum):
     INTERNAL = 4
     """A fault of vctune's own."""
     INTERRUPTED = 130
-    """Interrupted; nothing half-written is left behind."""
+    """Interrupted by SIGINT (Ctrl-C) or SIGTERM; nothing half-written is left behind."""

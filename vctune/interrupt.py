@@ -1,4 +1,4 @@
-"""Ctrl-C while compiled code runs that would swallow or garble it."""
+"""Ctrl-C and SIGTERM while compiled code runs that would swallow or garble them, or while files change places."""
 
 from __future__ import annotations
 
@@ -8,41 +8,47 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from types import FrameType
 
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Let SIGINT only be noted within the block; yield a function that tells whether there was one.
+    """Let SIGINT and SIGTERM only be noted within the block; yield a function that tells whether there was one.
 
     For work that is worth something wherever it stops. Only the main thread is ever interrupted.
     """
-    noted = False
-
-    def remember(_signal: int, _frame: FrameType | None) -> None:
-        nonlocal noted
-        noted = True
-
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: False
-        return
-    previous = signal.signal(signal.SIGINT, remember)
-    try:
-        yield lambda: noted
-    finally:
-        signal.signal(signal.SIGINT, previous)
+    with _held() as came:
+        yield lambda: bool(came)
 
 
 @contextmanager
 def interrupt_deferred() -> Iterator[None]:
-    """Let SIGINT wait until the block is left, then deliver it to whoever handled it before.
+    """Let SIGINT and SIGTERM wait until the block is left, then deliver the first to whoever handled it before.
 
     CasADi checks for signals in the middle of its work and turns KeyboardInterrupt into failures of other names.
     """
+    came: list[int] = []
 
     def deliver() -> None:
-        if interrupted():
-            signal.raise_signal(signal.SIGINT)
+        if came:
+            signal.raise_signal(came[0])
 
     with ExitStack() as stack:
-        stack.callback(deliver)  # last of all, when the handler from before is back
-        interrupted = stack.enter_context(interrupt_noted())
+        stack.callback(deliver)  # last of all, when the handlers from before are back
+        came = stack.enter_context(_held())
         yield
+
+
+@contextmanager
+def _held() -> Iterator[list[int]]:
+    """Yield the list of the signals that have come, which nobody else hears of within the block."""
+    came: list[int] = []
+
+    def remember(number: int, _frame: FrameType | None) -> None:
+        came.append(number)
+
+    with ExitStack() as stack:
+        if threading.current_thread() is threading.main_thread():
+            for number in INTERRUPTS:
+                stack.callback(signal.signal, number, signal.signal(number, remember))
+        yield came

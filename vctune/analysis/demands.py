@@ -25,9 +25,7 @@ QUADRATURE_TOLERANCE = 1e-9
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
     """Return the velocity loop at frequencies omega > 0, rad/s."""
-    return loop_response(
-        device, gains, omega, hold_response(device, omega, FLOATS), integrator=bool(np.any(gains.position))
-    )
+    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), FLOATS)
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:

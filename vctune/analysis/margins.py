@@ -41,7 +41,7 @@ class Margins:
 
 def loop_margins(device: Device, gains: Gains) -> Margins:
     """Return the margins of a stable loop, read off L on the upper half of the unit circle."""
-    if gains.velocity == 0 and gains.position == 0:
+    if not gains.closed:
         return Margins(inf, inf, inf)
     grid, nyquist = _grid(device), pi / device.sample_time
 
@@ -74,8 +74,7 @@ def _grid(device: Device) -> Floats:
 
 def _circle(device: Device, gains: Gains) -> Pair:
     """Return F on the upper half of the unit circle."""
-    integrator = gains.position > 0
-    return unit_circle(device, integrator=integrator).closed(gains, integrator=integrator)
+    return unit_circle(device, position=gains.position > 0).closed(gains)
 
 
 def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
@@ -101,18 +100,18 @@ def _delay_margin(device: Device, gains: Gains, estimate: float) -> float:
 
 def _at_zero(device: Device, gains: Gains, delay: float) -> float:
     """Return the delay with which F = 0 somewhere on the circle, by Newton's method in (log omega, delay)."""
-    integrator, unit = gains.position > 0, device.sample_time
+    position, unit = gains.position > 0, device.sample_time
 
     def F(at: Floats) -> Floats:
         later = replace(device, delay=device.delay + float(at[1]) * unit)
-        parts = return_difference_at(later, np.exp(at[:1]), integrator=integrator)
-        closed, openness = parts.closed(gains, integrator=integrator), np.sqrt(parts.open.abs2())
+        parts = return_difference_at(later, np.exp(at[:1]), position=position)
+        closed, openness = parts.closed(gains), np.sqrt(parts.open.abs2())
         return np.array([closed.re[0], closed.im[0]]) / openness[0]
 
     def size(omega: Floats) -> Floats:
         later = replace(device, delay=device.delay + delay)
-        parts = return_difference_at(later, omega, integrator=integrator)
-        return np.asarray(parts.closed(gains, integrator=integrator).abs2() / parts.open.abs2())
+        parts = return_difference_at(later, omega, position=position)
+        return np.asarray(parts.closed(gains).abs2() / parts.open.abs2())
 
     at = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
     for _ in range(NEWTON_STEPS):

@@ -26,28 +26,25 @@ def plant_of(device: Device) -> SampledPlant:
     return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
 
 
-def return_difference_at(device: Device, omega: Floats, *, integrator: bool) -> ReturnDifference:
+def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
     """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s."""
-    return return_difference(plant_of(device), omega * device.sample_time, FLOATS, integrator=integrator)
+    return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
 def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
     """Return |S| at frequencies omega > 0, rad/s."""
-    integrator = bool(np.any(gains.position))
-    found = sensitivity_abs2(return_difference_at(device, omega, integrator=integrator), gains, integrator=integrator)
-    return np.asarray(np.sqrt(found))
+    parts = return_difference_at(device, omega, position=bool(np.any(gains.position)))
+    return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
 
 
-def pulse_transfer(device: Device, omega: Floats, *, integrator: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x = 0 without an integrator."""
-    parts = return_difference_at(device, omega, integrator=integrator)
-    openness = parts.open.re + 1j * parts.open.im
-    return (parts.velocity.re + 1j * parts.velocity.im) / openness, (
-        parts.position.re + 1j * parts.position.im
-    ) / openness
+def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop."""
+    parts = return_difference_at(device, omega, position=position)
+    openness, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
+    return velocity / openness, travel / openness
 
 
 def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
     """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L)."""
-    G_v, G_x = pulse_transfer(device, omega, integrator=bool(np.any(gains.position)))
+    G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x

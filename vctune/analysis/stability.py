@@ -25,14 +25,14 @@ Curve = Callable[[Floats, Floats, Floats], Complex]
 """F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
 
 
-def sampled_curve(device: Device, *, integrator: bool) -> Curve:
+def sampled_curve(device: Device, *, position: bool) -> Curve:
     """Return the return difference of the sampled loop over that of the open loop."""
     plant = plant_of(device)
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
-        parts = return_difference(plant, theta, FLOATS, integrator=integrator)
-        openness, velocity, position = (p.re + 1j * p.im for p in (parts.open, parts.velocity, parts.position))
-        return 1 + (K_v * velocity + K_p * position) / openness
+        parts = return_difference(plant, theta, FLOATS, position=position)
+        openness, velocity, travel = (p.re + 1j * p.im for p in (parts.open, parts.velocity, parts.position))
+        return 1 + (K_v * velocity + K_p * travel) / openness
 
     return curve
 
@@ -59,9 +59,9 @@ def angles(first: float = FIRST_ANGLE) -> Floats:
     return found
 
 
-def unit_circle(device: Device, first: float = FIRST_ANGLE, *, integrator: bool) -> ReturnDifference:
+def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -> ReturnDifference:
     """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
-    return return_difference(plant_of(device), angles(first), FLOATS, integrator=integrator)
+    return return_difference(plant_of(device), angles(first), FLOATS, position=position)
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
@@ -82,9 +82,9 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
     """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell."""
     if gains.velocity == 0 and gains.position == 0:
         return None
-    theta, integrator = angles(), gains.position > 0
+    theta = angles()
     stable = True
-    for curve in (sampled_curve(device, integrator=integrator), model_curve(device)):
+    for curve in (sampled_curve(device, position=gains.position > 0), model_curve(device)):
         F = curve(theta, np.array(gains.velocity), np.array(gains.position))
         turns = np.unwrap(np.angle(F))
         if np.abs(F).min() < TOO_CLOSE or np.abs(np.diff(turns)).max() > 1:
@@ -114,8 +114,8 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
     inside, outside : stable and unstable gains
     level : distance kept from the tangent, as a share of F with the loop open
     """
-    integrator = inside.position > 0 or outside.position > 0
-    for curve in (sampled_curve(device, integrator=integrator), model_curve(device)):
+    position = inside.position > 0 or outside.position > 0
+    for curve in (sampled_curve(device, position=position), model_curve(device)):
         crossing = _crossing(curve, inside, outside)
         if crossing is not None:
             theta = _lowest(curve, crossing)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from vctune.bench.benchmark import Measured
-from vctune.document.files import write_together
+from vctune.document.files import Content, write_together
 from vctune.report.benchmarks import benchmark_figure
-from vctune.report.page import png, svg
+from vctune.report.page import svg
 
 PAGE = "index.md"
 NAMES = ("sampling", "solvers", "stress", "scaling", "scene")
@@ -58,7 +58,7 @@ def section(name: str, measured: Measured, command: str, machine: str) -> str:
         "",
         f"`{command}` on {machine}: {tables}",
         "",
-        f"![{measured.title}]({name}.png)",
+        f"![{measured.title}]({name}.svg)",
         "",
         measured.reading,
         "",
@@ -95,9 +95,7 @@ def write_measured(folder: Path, name: str, measured: Measured, command: str, ma
     path = folder / PAGE
     page = path.read_text() if path.exists() else ""
     figure = benchmark_figure(measured.panels)
-    files: dict[Path, str | bytes | memoryview] = {
-        folder / f"{table}.csv": csv_of(rows) for table, rows in measured.tables.items()
-    }
-    files |= {folder / f"{name}.svg": svg(figure, name), folder / f"{name}.png": png(figure)}
+    files: dict[Path, Content] = {folder / f"{table}.csv": csv_of(rows) for table, rows in measured.tables.items()}
+    files[folder / f"{name}.svg"] = svg(figure, name)
     files[path] = with_section(page, name, section(name, measured, command, machine))
     write_together(files)

@@ -23,7 +23,7 @@ class Worth:
     error : transparency error, by the independent evaluator
     violation : by how much the demands are exceeded at the worst, relative; also where the prover pointed
     stable : whether the sampled loop is stable, by the eigenvalues of its companion matrix
-    verdict : the prover's, at the problem's own safety factor
+    verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other
     """
 
@@ -37,13 +37,9 @@ class Worth:
 def worth(problem: Problem, gains: Gains, coupling: Coupling) -> Worth:
     """Judge an answer twice."""
     judged = judge(problem, gains, coupling)
-    proof = judged.certificate
-    doubts = [*proof.outcomes.values(), *([proof.shortfall] if proof.shortfall else [])]
-    witnesses = [doubt.witness for doubt in doubts if doubt.witness]
+    witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]
     seen = opinion(problem, gains, coupling, [*witnesses, judged.worst, judged.worst_sensitivity])
     verdict = judged.status
-    if verdict is Status.CERTIFIED and proof.factor < problem.stability.safety_factor:
-        verdict = Status.VIOLATED
     same = abs(judged.transparency.error - seen.error) <= AGREEMENT * seen.error or not seen.error < inf
     sound = verdict is not Status.CERTIFIED or (seen.violation == 0 and seen.stable)
     return Worth(seen.error, seen.violation, seen.stable, verdict, same and sound)

@@ -125,7 +125,7 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
 
     device, gains, coupling = problem.device, judgement.gains, judgement.coupling
     impedance = problem.transparency.reference_impedance
-    factor, faults = judgement.certificate.factor, []
+    factor, faults = problem.stability.safety_factor, []
     inside = [*np.geomspace(*sampled_span(problem), FREQUENCIES), judgement.worst]
     below = [*np.geomspace(1e-3 * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
     largest = 0.0

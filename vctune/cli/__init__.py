@@ -22,9 +22,14 @@ def run() -> None:
 
         code = execute()
     except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        _ignore_interrupts()
         sys.stderr.write("interrupted\n")
         sys.stderr.flush()
         os._exit(130)  # CPython may remember the interrupt and die by the signal instead of exiting with a code
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _ignore_interrupts()
     sys.exit(code)
+
+
+def _ignore_interrupts() -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)

@@ -67,8 +67,8 @@ def bound(
                 _keep(file, path.parent / SAVED, found)
             text = json.dumps(record, indent=2, allow_nan=False)
             _write(file, path, record, text, best)
-            progress("drawing the report")
-            write_report(record, path.parent, simulation_beside(path.parent, record))
+        progress("drawing the report")
+        write_report(record, path.parent, simulation_beside(path.parent, record))
     if as_json:
         emit(text)
     else:
@@ -127,8 +127,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | No
     if record["gains"] is None:
         return record, None
     best = judge(file.problem, Gains(**record["gains"]), Coupling(**record["coupling"]))
-    factor = file.problem.stability.safety_factor
-    if best.status is not Status.CERTIFIED or best.certificate.factor < factor:
+    if best.status is not Status.CERTIFIED:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError(str(path), [Mistake("gains", message)])
     return record, best
@@ -194,8 +193,7 @@ def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict
 
     if found.improved is not None:
         click.echo("found a better design than the one known, whose basin the scan had missed", err=True)
-        seconds = {"bound": found.rest.seconds}
-        solved = Solved(file.problem, found.improved, None, 0, None, None, seconds, found)
+        solved = Solved(file.problem, found.improved, None, 0, None, None, {}, found)
         return design_record(file, solved, ipopt_version())
     added: dict[str, Any] = {"optimality": optimality_record(found)}
     if record["gains"] is None and found.proved:
@@ -207,8 +205,9 @@ def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict
 def _write(file: ProblemFile, path: Path, record: dict[str, Any], text: str, best: Judgement | None) -> None:
     from vctune.cli.solve import write_design
     from vctune.document.files import write_together
+    from vctune.report.contents import report_paths
 
     if path.name == "design.json":
         write_design(path.parent, file, record, text, (best.gains, best.coupling) if best else None)
     else:
-        write_together({path: text + "\n"})
+        write_together({path: text + "\n"}, report_paths(path.parent))

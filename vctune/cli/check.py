@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 @click.option(
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
 )
+@click.option("--strict", is_flag=True, help="A warning fails the check.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Folder for OUT/NAME/lost.json and its picture when a region has lost cells.",
 )
-def check(paths: tuple[Path, ...], style: str, baseline: Path | None, out: Path) -> int:
+def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bool, out: Path) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
@@ -40,13 +41,16 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, out: Path)
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
     be proved.
     """
+    from dataclasses import replace
+
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
     from vctune.design.check import check as check_files
     from vctune.exits import ExitCode
 
     files = [file for path in paths for file in _files(path)]
-    checks = check_files(files) if baseline is None else _against(baseline, files, out)
+    found = check_files(files) if baseline is None else _against(baseline, files, out)
+    checks = [replace(checked, strict=strict) for checked in found]
     emit(FORMATS[style](checks))
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
     return max((checked.exit_code for checked in checks), key=severity.index)
@@ -62,17 +66,28 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
 
     problem, gains = files[0], files[1:]
     checked, again = guard(problem, baseline)
-    if again.lost and checked.finding:
-        from vctune.report.page import figure_files
+    folder = out / folder_name(checked.name)
+    if not again.lost:
+        _forget_lost(folder)
+    elif checked.finding:
+        from vctune.report.page import figure_file
         from vctune.report.region import lost_figure
 
-        folder = out / folder_name(checked.name)
         make_folder(folder)
         record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
-        pictures = figure_files(lost_figure(again), folder, "lost")
+        pictures = figure_file(lost_figure(again), folder, "lost")
         write_together({folder / "lost.json": record + "\n", **pictures})
-        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg, lost.png", err=True)
+        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg", err=True)
     return [checked, *(check_files(files) if gains else [])]
+
+
+def _forget_lost(folder: Path) -> None:
+    """Remove what an earlier check had lost and this one has not."""
+    gone = [path for name in ("lost.json", "lost.svg") if (path := folder / name).exists()]
+    for path in gone:
+        path.unlink()
+    if gone:
+        click.echo(f"nothing is lost any more: removed {', '.join(path.name for path in gone)} from {folder}", err=True)
 
 
 def _files(path: Path) -> list[Path]:

@@ -29,16 +29,13 @@ def text(checks: list[Checked]) -> str:
     for checked in checks:
         message = checked.message if checked.finding is None else printable(checked.message)
         where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
-        lines.append(f"{WORDS[checked.exit_code]:9}  {where}{message}")
-        lines += [f"           warning: {warning}" for warning in _warnings(checked)]
+        why = "; fails for its warnings" if checked.failed_by_warnings else ""
+        lines.append(f"{WORDS[checked.exit_code]:9}  {where}{message}{why}")
+        lines += [f"           warning: {warning}" for warning in checked.warnings]
     if len(checks) > 1:
         counts = {word: sum(WORDS[c.exit_code] == word for c in checks) for word in WORDS.values()}
         lines.append(", ".join(f"{count} {word}" for word, count in counts.items() if count))
     return "\n".join(lines)
-
-
-def _warnings(checked: Checked) -> list[str]:
-    return checked.finding.warnings if checked.finding else []
 
 
 def as_json(checks: list[Checked]) -> str:
@@ -57,17 +54,20 @@ def _refused(checked: Checked) -> dict[str, Any]:
 
 
 def github(checks: list[Checked]) -> str:
-    """Return workflow commands that annotate the lines of the files."""
+    """Return workflow commands that annotate the lines of the files: the verdict of each check, then its warnings."""
+    levels = {ExitCode.OK: "notice", ExitCode.UNDECIDED: "warning"}
     lines = []
     for checked in checks:
-        if checked.exit_code is ExitCode.OK:
-            continue
-        level = "warning" if checked.exit_code is ExitCode.UNDECIDED else "error"
         place = (
             f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
         )
-        lines.append(f"::{level} {place}::{_data(checked.message)}")
+        lines.append(f"::{levels.get(checked.verdict, 'error')} {place}::{_data(checked.message)}")
+        lines += [f"::{_warning_level(checked)} {place}::{_data(warning)}" for warning in checked.warnings]
     return "\n".join(lines)
+
+
+def _warning_level(checked: Checked) -> str:
+    return "error" if checked.strict else "warning"
 
 
 def _data(message: str) -> str:
@@ -91,14 +91,29 @@ def junit(checks: list[Checked]) -> str:
         case = {"classname": printable(checked.name), "name": source, "time": f"{seconds:.6f}"}
         element = ElementTree.SubElement(suite, "testcase", case)
         if fails or breaks:
-            message = "\n".join(printable(line) for line in checked.message.splitlines())
+            said = _warning_lines(checked) if checked.failed_by_warnings else checked.message.splitlines()
+            message = "\n".join(printable(line) for line in said)
             attributes = {"message": message, "type": WORDS[checked.exit_code]}
             problem = ElementTree.SubElement(element, "failure" if fails else "error", attributes)
             problem.text = f"{source}:{checked.line}: {message}" if fails else message
+        if checked.warnings:
+            ElementTree.SubElement(element, "system-out").text = "\n".join(_warning_lines(checked))
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="us-ascii", xml_declaration=True).decode()
 
 
+def _warning_lines(checked: Checked) -> list[str]:
+    return [f"warning: {printable(warning)}" for warning in checked.warnings]
+
+
+WARNING = (
+    "warning",
+    "warning",
+    "The gains deserve a second look.",
+    "Whatever is proved, there is something that the designer should know: what limits the design, that it hardly uses "
+    "its velocity loop, or that it was made for another problem.",
+    "Read the message; `vctune check --strict` fails until there is none.",
+)
 RULES = {
     ExitCode.FAILED: (
         "violated",
@@ -123,12 +138,19 @@ RULES = {
         "Correct the key on the line that the message names.",
     ),
 }
-"""Of a check that does not pass: rule id, level, short description, full description, help."""
+"""Of a warning and of a check that does not pass: rule id, level, short description, full description, help."""
+
+
+_RULES = [*RULES.values(), WARNING]
 
 
 def sarif(checks: list[Checked]) -> str:
-    """Return a SARIF 2.1.0 log with what GitHub code scanning requires: a result for each check that did not pass."""
-    results = [_result(checked) for checked in checks if checked.exit_code in RULES]
+    """Return a SARIF 2.1.0 log with what GitHub code scanning requires: a result for each refusal and each warning."""
+    results = []
+    for checked in checks:
+        if rule := RULES.get(checked.verdict):
+            results.append(_result(checked, rule[0], rule[1], checked.message))
+        results += [_result(checked, WARNING[0], _warning_level(checked), warning) for warning in checked.warnings]
     driver = {
         "name": "vctune",
         "version": __version__,
@@ -140,7 +162,7 @@ def sarif(checks: list[Checked]) -> str:
                 "help": {"text": remedy},
                 "defaultConfiguration": {"level": level},
             }
-            for rule, level, short, full, remedy in RULES.values()
+            for rule, level, short, full, remedy in _RULES
         ],
     }
     log = {
@@ -151,14 +173,13 @@ def sarif(checks: list[Checked]) -> str:
     return json.dumps(log, indent=2, allow_nan=False)
 
 
-def _result(checked: Checked) -> dict[str, Any]:
-    rule, level, *_ = RULES[checked.exit_code]
+def _result(checked: Checked, rule: str, level: str, message: str) -> dict[str, Any]:
     place = {"artifactLocation": {"uri": _uri(checked.source)}, "region": {"startLine": checked.line}}
     return {
         "ruleId": rule,
-        "ruleIndex": list(RULES).index(checked.exit_code),
+        "ruleIndex": [known for known, *_ in _RULES].index(rule),
         "level": level,
-        "message": {"text": checked.message},
+        "message": {"text": message},
         "locations": [{"physicalLocation": place}],
     }
 

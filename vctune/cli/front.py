@@ -38,7 +38,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
 
     from vctune.cli.output import emit
     from vctune.document import toml
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError, Mistake, printable
     from vctune.document.files import folder_name, make_folder, write_together
     from vctune.document.reading import read_problem
 
@@ -56,16 +56,14 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
         make_folder(folder)
         terms = _solved(terms_study(document, file.problem), terms_front, folder, crew)
         band = _solved(band_study(document, file.problem), band_front, folder, crew)
-    from vctune.report.page import figure_files
+    from vctune.report.page import figure_file
     from vctune.report.sweep import band_figure, terms_figure
 
     edge = file.problem.transparency.band.max / (2 * pi)
     tables = table_files(terms, folder, "terms") | table_files(band, folder, "band")
-    pictures = figure_files(terms_figure(terms), folder, "terms") | figure_files(
-        band_figure(band, edge), folder, "band"
-    )
+    pictures = figure_file(terms_figure(terms), folder, "terms") | figure_file(band_figure(band, edge), folder, "band")
     write_together({**tables, **pictures})
-    emit(f"{file.problem.name}: {len(terms.status)} designs on the front of the three terms,")
+    emit(f"{printable(file.problem.name)}: {len(terms.status)} designs on the front of the three terms,")
     emit(f"{len(band.status)} on the front of error against band; written to {folder}")
     return ExitCode.OK if terms.status and band.status else ExitCode.FAILED
 

@@ -21,7 +21,7 @@ from vctune.exits import ExitCode
 
 EPILOG = (
     "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "
-    "3 undecided, 4 internal error, 130 interrupted."
+    "3 undecided, 4 internal error, 130 interrupted (SIGINT or SIGTERM)."
 )
 
 

@@ -28,10 +28,11 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
 
     The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
     or undecided at the resolution. Where the coupling is free, feasible means that some coupling within its bounds will
-    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg and region.png.
+    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg.
+
+    Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved.
     """
     from math import ceil, log2
-    from time import perf_counter
 
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
@@ -56,21 +57,23 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
     from vctune.study.region import region as find
 
     with progress_on_stderr(f"vctune region {problem.name}", shown=True) as progress:
-        began = perf_counter()
         across = plane(file.problem, x, y, ceil(-log2(resolution)))
         found = find(file.problem, across, across.whole(), progress)
-        seconds = perf_counter() - began
-        best = solve(file.problem, progress).judgement
-        designs = [(best.gains, best.coupling)] if best and best.status is Status.CERTIFIED else []
-        record = region_record(file, found, designs, seconds)
+        solved = solve(file.problem, progress)
+        best = solved.judgement if solved.status is Status.CERTIFIED else None
+        designs = [(best.gains, best.coupling)] if best else []
+        record = region_record(file, found, designs)
         progress("drawing")
-        from vctune.report.page import figure_files
+        from vctune.report.page import figure_file
         from vctune.report.region import region_figure
 
         text = json.dumps(record, allow_nan=False)
-        pictures = figure_files(region_figure(file.problem, found, designs), folder, "region")
+        pictures = figure_file(region_figure(file.problem, found, designs), folder, "region")
         write_together({folder / "region.json": text + "\n", **pictures})
     for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED):
         emit(f"{kind.name.lower():10} {100 * found.area(kind):7.2f} %")
     emit(f"of the plane {x} by {y}; written to {folder}")
-    return ExitCode.OK if found.area(Kind.FEASIBLE) > 0 else ExitCode.FAILED
+    if found.area(Kind.FEASIBLE) > 0 or designs:
+        return ExitCode.OK
+    impossible = solved.status is Status.INFEASIBLE or found.area(Kind.UNDECIDED) == 0
+    return ExitCode.FAILED if impossible else ExitCode.UNDECIDED

@@ -90,37 +90,38 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
     from vctune.design.solve import solve
+    from vctune.document.errors import printable
 
     solved = solve(file.problem, progress)
     record, judgement = design_record(file, solved, ipopt_version()), solved.judgement
     design = (judgement.gains, judgement.coupling) if judgement else None
     write_design(folder, file, record, json.dumps(record, indent=2, allow_nan=False), design)
     if design is None:
-        click.echo(f"{file.problem.name}: nothing to simulate: {record['reason']}", err=True)
+        click.echo(f"{printable(file.problem.name)}: nothing to simulate: {record['reason']}", err=True)
     return design
 
 
 def _write(folder: Path, record: dict[str, Any], text: str, simulated: list[Simulated]) -> None:
-    """Write record, traces and figure, and the report again if it is of this design."""
+    """Write record, traces and figure, and the report again if the design beside them is this one."""
     from io import BytesIO
 
     import numpy as np
 
     from vctune.document.design import read_design
     from vctune.document.errors import InputError
-    from vctune.document.files import write_together
-    from vctune.document.simulation import FILE, simulation_beside
-    from vctune.report.report import write_report, write_simulation
+    from vctune.document.files import Content, write_together
+    from vctune.document.simulation import FILE, is_of
+    from vctune.report.report import report_files, simulation_files
     from vctune.simulation.record import trace_arrays
 
     traces = BytesIO()
     np.savez(traces, **trace_arrays(simulated))  # type: ignore[arg-type]
-    write_together({folder / "traces.npz": traces.getbuffer(), folder / FILE: text + "\n"})
     try:
         design = read_design(folder / "design.json")
     except InputError:
         design = None
-    if design is not None and simulation_beside(folder, design) is not None:
-        write_report(design, folder, record)
+    measured: dict[Path, Content] = {folder / FILE: text + "\n", folder / "traces.npz": traces.getbuffer()}
+    if design is not None and is_of(record, design):
+        write_together({**measured, **report_files(design, folder, record)})
     else:
-        write_simulation(record, folder)
+        write_together({**measured, **simulation_files(record, folder)})

@@ -18,8 +18,9 @@ if TYPE_CHECKING:
     "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
-@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is renamed.")
+@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is removed.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
+@click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
 @click.option(
     "--prove-gap",
     "gap",
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     metavar="GAP",
     help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
 )
-def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, gap: float | None) -> int:
+def solve(
+    problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, strict: bool, gap: float | None
+) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
     PROBLEM is a TOML file; only [device] mass, damping and sample_time are required in it.
@@ -47,23 +50,19 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
     from vctune.design.repaired import repaired
     from vctune.design.solve import solve as solve_problem
     from vctune.exits import ExitCode
-    from vctune.interrupt import interrupt_deferred
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = repaired(file, solve_problem(file.problem, progress, gap=gap), progress)
         record = design_record(file, solved, ipopt_version())
         text = json.dumps(record, indent=2, allow_nan=False)
         judgement = solved.judgement
-        with interrupt_deferred():  # the files of a design agree with each other, or are those of the earlier one
-            write_design(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
-            if no_report:
-                _set_report_aside(folder)
-            else:
-                progress("drawing the report")
-                from vctune.document.simulation import simulation_beside
-                from vctune.report.report import write_report
+        write_design(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+        if not no_report:
+            progress("drawing the report")
+            from vctune.document.simulation import simulation_beside
+            from vctune.report.report import write_report
 
-                write_report(record, folder, simulation_beside(folder, record))
+            write_report(record, folder, simulation_beside(folder, record))
     if as_json:
         emit(text)
     elif not quiet:
@@ -71,6 +70,8 @@ def solve(problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool,
 
         with reader_may_leave():
             print_design(record, folder)
+    if strict and record["warnings"]:
+        return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
     return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]
 
@@ -99,9 +100,13 @@ def design_folder(file: ProblemFile, problem: Path, out: Path) -> Path:
 def write_design(
     folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
 ) -> None:
-    """Write design.json, and gains.toml with it; without a design older gains are set aside, not left beside it."""
-    from vctune.document.files import set_aside, write_together
+    """Write design.json, and gains.toml with it, and remove the report of an earlier design.
+
+    Without a design older gains are renamed, not left beside it.
+    """
+    from vctune.document.files import previous, write_together
     from vctune.document.gains import gains_text
+    from vctune.report.contents import report_paths
 
     texts = {folder / "design.json": text + "\n"}
     if design is not None:
@@ -111,21 +116,8 @@ def write_design(
             "vctune": record["versions"]["vctune"],
             "verdict": record["certificate"]["verdict"],
         }
-        texts = {folder / "gains.toml": gains_text(*design, origin), **texts}
-    write_together(texts)
-    stale = folder / "gains.toml"
-    if design is None and stale.exists():
-        click.echo(f"{stale}: gains of an earlier run, renamed to {set_aside(stale).name}", err=True)
-
-
-def _set_report_aside(folder: Path) -> None:
-    """Leave no report of an earlier design beside this one."""
-    from vctune.report.contents import REPORT, set_report_aside
-
-    previous = set_report_aside(folder)
-    if previous is not None:
-        click.echo(
-            f"{folder / REPORT}: report of an earlier run, renamed to {previous.name}, its figures removed; "
-            f"`vctune report {folder / 'design.json'}` makes the report of this run",
-            err=True,
-        )
+        texts[folder / "gains.toml"] = gains_text(*design, origin)
+    earlier = [path for path in (folder / "gains.toml",) if design is None and path.exists()]
+    write_together(texts, report_paths(folder), earlier)
+    for path in earlier:
+        click.echo(f"{path}: gains of an earlier run, renamed to {previous(path).name}", err=True)

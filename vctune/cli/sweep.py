@@ -44,7 +44,7 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
     Each finished point is a line of OUT/STUDY/rows.jsonl; an interrupted sweep goes on where it was. At the end
-    table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg and error.png.
+    table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg.
     """
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import InputError, Mistake
@@ -71,12 +71,12 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
             with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
                 keys = run(plan, rows, crew, tick)
             table = table_of(plan, rows, keys)
-    from vctune.report.page import figure_files
+    from vctune.report.page import figure_file
     from vctune.report.sweep import sweep_figure
 
     figure = sweep_figure(table, grid=plan.sample.kind == "grid")
-    pictures = figure_files(figure, folder, "error") if figure else {}
-    write_together({**table_files(table, folder, "table"), **pictures})
+    pictures = figure_file(figure, folder, "error") if figure else {}
+    write_together({**table_files(table, folder, "table"), **pictures}, [] if figure else [folder / "error.svg"])
     found = summary(plan.name, table)
     _print(found, folder, style)
     return _exit_code(found)

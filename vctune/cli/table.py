@@ -23,7 +23,9 @@ def print_design(record: dict[str, Any], folder: Path) -> None:
     with console.capture() as page:  # written in one piece, whole or not at all
         status = record["status"]
         name = escape(printable(record["problem"]["name"]))
-        console.print(f"[bold]{name}[/bold]: [bold {COLOURS[status]}]{status}[/]")
+        idle = ", but it hardly uses its velocity loop" if record.get("idle") else ""
+        colour = COLOURS["undecided" if idle else status]
+        console.print(f"[bold]{name}[/bold]: [bold {colour}]{status}{idle}[/]")
         if record["reason"]:
             console.print(escape(record["reason"]), soft_wrap=True)
         if record["gains"] is not None:

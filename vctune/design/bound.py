@@ -47,9 +47,9 @@ Improve = Callable[[Gains, float], Judgement | None]
 
 @dataclass(frozen=True, slots=True)
 class Glance:
-    """Where the search stood: seconds, lower bound, error of the best design known, open boxes."""
+    """Where the search stood: boxes worked out, lower bound, error of the best design known, open boxes."""
 
-    seconds: float
+    boxes: int
     bound: float
     incumbent: float
     open: int
@@ -141,17 +141,17 @@ def bound(
     stopped : whether to give up now
     progress : told where the search stands, every round
     """
-    began, axes = perf_counter(), axes_of(problem)
+    axes = axes_of(problem)
     incumbent = best.error if best else inf
-    leaves, fallen, boxes, spent = root(axes), inf, 0, 0.0
+    leaves, fallen, boxes = root(axes), inf, 0
     if rest is not None and rest.fallen >= incumbent / (1 + gap):
-        leaves, fallen, boxes, spent = rest.leaves, rest.fallen, rest.boxes, rest.seconds
+        leaves, fallen, boxes = rest.leaves, rest.fallen, rest.boxes
     search = _Search(_relaxed(problem, best), incumbent, None, fallen, boxes, [])
     rounds, ready = 0, perf_counter()
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
-            leaves, seconds = _pruned(leaves, search, gap), perf_counter() - began
-            search.history.append(_glance(search, leaves, spent + seconds))
+            leaves = _pruned(leaves, search, gap)
+            search.history.append(_glance(search, leaves))
             progress(search.history[-1])
             late = perf_counter() - ready > time_limit
             if not len(leaves.bound) or search.boxes > most_boxes or late or stopped():
@@ -161,7 +161,7 @@ def bound(
             leaves = _halved(problem, axes, search, leaves, pool)
             rounds += 1
     last, proved = search.history[-1], not len(leaves.bound)
-    rest = Unfinished(leaves, search.fallen, search.boxes, last.seconds)
+    rest = Unfinished(leaves, search.fallen, search.boxes)
     return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, rest)
 
 
@@ -184,9 +184,9 @@ def _pruned(leaves: Leaves, search: _Search, gap: float) -> Leaves:
     return leaves.taken(open_)
 
 
-def _glance(search: _Search, leaves: Leaves, seconds: float) -> Glance:
+def _glance(search: _Search, leaves: Leaves) -> Glance:
     reached = min(search.fallen, float(leaves.bound.min(initial=inf)), search.incumbent)
-    return Glance(seconds, reached, search.incumbent, len(leaves.bound))
+    return Glance(search.boxes, reached, search.incumbent, len(leaves.bound))
 
 
 def _halved(

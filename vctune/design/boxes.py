@@ -14,7 +14,7 @@ from vctune.document.problem import Problem
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
-from vctune.proof.many_designs import by_integrator, encirclements
+from vctune.proof.many_designs import by_law, encirclements
 from vctune.proof.quadratics import Boxes
 
 
@@ -100,11 +100,9 @@ def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]
     count = low.shape[1]
     cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
-    for integrator, at in by_integrator(cells):
+    for at in by_law(cells):
         part = cells.taken(at)
-        number = np.concatenate(
-            [encirclements(demands_of(case), part, integrator=integrator).number for case in cases_of(problem)]
-        )
+        number = np.concatenate([encirclements(demands_of(case), part).number for case in cases_of(problem)])
         stable[at] = (number == 0).all(axis=0)
         unstable[at] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable

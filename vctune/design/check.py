@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
+from vctune.design.levers import levers
 from vctune.design.record import design_record, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, repairs
 from vctune.design.result import Solved
@@ -21,8 +22,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.interval import Verdict
+from vctune.model.quantities import Coupling, Gains
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,18 +33,35 @@ class Checked:
     ----------
     source : the file that holds the numbers
     name : of the problem
-    exit_code : of this check alone
+    verdict : what is proved, as an exit code
     message : one line: proved, or what fails and what would mend it, or what is wrong with the input
     line : of the source, that the message is about
     finding : None for bad input
+    strict : whether a warning fails the check
     """
 
     source: Path
     name: str
-    exit_code: ExitCode
+    verdict: ExitCode
     message: str
     line: int
     finding: Finding | None
+    strict: bool = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know beside the verdict."""
+        return self.finding.warnings if self.finding else []
+
+    @property
+    def failed_by_warnings(self) -> bool:
+        """Whether it is for its warnings alone that the check fails."""
+        return self.strict and bool(self.warnings) and self.verdict in (ExitCode.OK, ExitCode.UNDECIDED)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """Of this check alone."""
+        return ExitCode.FAILED if self.failed_by_warnings else self.verdict
 
 
 class Finding(Protocol):
@@ -169,11 +186,13 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     judgements = judge_all(file.problem, [design for _, design, _ in given])
     proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
-    for (source, design, made_for), judgement in zip(given, judgements, strict=True):
+    for (source, _, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        mends = _repairs(file, *design) if judgement.status is Status.VIOLATED else None
+        mends = _mends(file, judgement)
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        found += warnings(file.problem, judgement)
+        found += warnings(file.problem, judgement, mends)
+        if judgement.idle and mends is None:
+            found.append("solving the problem finds a design that does use its velocity loop")
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
         finding = DesignFinding(file, judgement, mends, found, proving + perf_counter() - began)
@@ -182,30 +201,34 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     return checks
 
 
-def _repairs(file: ProblemFile, gains: Gains, coupling: Coupling) -> list[Repair]:
-    """Return the repairs of a problem with a design pasted into it."""
-    pasted = {"gains": asdict(gains), "coupling": asdict(coupling)}
-    document = toml.parse(file.text, file.problem.name) | pasted
-    problem, _ = pose(document, file.problem.name)
+def _mends(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others."""
+    if judgement.status is not Status.VIOLATED and not judgement.idle:
+        return None
+    stated = toml.parse(file.text, file.problem.name)
+    pasted = stated | {"gains": asdict(judgement.gains), "coupling": asdict(judgement.coupling)}
+    problem, _ = pose(pasted, file.problem.name)
     assert problem is not None, "a valid problem with valid gains is one"
-    return repairs(document, problem)
+    if not judgement.idle:
+        return repairs(pasted, levers(pasted, problem))
+    from vctune.design.repaired import cures, has_design_in_use  # the optimiser, for the sake of idle gains alone
+
+    if has_design_in_use(file.problem):
+        return None
+    return cures(pasted, problem) if file.problem.bounds.fixed else cures(stated, file.problem)
 
 
 def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
     if judgement.status is Status.CERTIFIED:
-        return f"proved, least Re Z_c / R {judgement.min_ratio:.6g}"
-    failing = []
-    for claim, outcome in judgement.certificate.outcomes.items():
-        if outcome.verdict is not Verdict.PROVED:
-            place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
-            place += f" with {_device(outcome.device)}" if outcome.device else ""
-            failing.append(f"{outcome.verdict.value}{place}: {claim.value}")
+        demands = judgement.certificate.demands
+        low, high = (edge / (2 * pi) for edge in demands.band)
+        return (
+            f"proved, least Re Z_c / R {judgement.min_ratio:.6g} from {low:.6g} to {high:.6g} Hz, "
+            f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
+        )
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
-    return "; ".join([*failing, worst, *([_remedy(mends)] if mends is not None else [])])
-
-
-def _device(device: Device) -> str:
-    return f"mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
+    known = judgement.reserve_missed or worst
+    return "; ".join([*judgement.open_claims, known, *([_remedy(mends)] if mends is not None else [])])
 
 
 def _remedy(mends: list[Repair]) -> str:

@@ -7,8 +7,7 @@ stable, because the demands on single frequencies are also met by unstable loops
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf
-from time import perf_counter
+from math import exp, inf
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.violations import Violations, least_resistance, near_peak, violations
 from vctune.document.problem import Problem
-from vctune.model.quantities import Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles
@@ -78,7 +77,7 @@ def polish(
     frequencies = _first_frequencies(problem, start, seen)
     _join(frequencies, Violations(witnesses.ratio, witnesses.sensitivity))
     _follow(frequencies, near_peak(cases, design_of(reference)[0]))
-    search = _Search(start, cases, perf_counter(), tightening, incumbent, frequencies, reference, reference)
+    search = _Search(start, cases, tightening, incumbent, frequencies, reference, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(problem, search)
     return search.best
@@ -94,22 +93,24 @@ class _Search:
     reference : the last point with sound loops, centre of the box
     warm : where IPOPT starts
     radius : half the box's width in log coordinates
-    start_error : of the start, inf if that is not admissible; None as long as nobody had to know
+    known, known_error : the best admissible design that is known, an answer or the start
+    looked : whether the start was looked at for that
     """
 
     start: Start
     cases: list[Problem]
-    began: float
     tightening: float
     incumbent: float
     frequencies: WorkingSet
     reference: Point
     warm: Point
+    known: Point
     radius: float = RADIUS
     panels: int = PANELS
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
-    start_error: float | None = None
+    known_error: float = inf
+    looked: bool = False
     finished: bool = False
 
 
@@ -129,8 +130,7 @@ def _step(problem: Problem, search: _Search) -> None:
     if search.finished:
         return
     demands = violations(problem, search.cases, values, search.tightening)
-    seconds, size = perf_counter() - search.began, sum(frequencies.sizes())
-    search.rounds.append(Round(seconds, demands.greatest, solution.error, size, solution))
+    search.rounds.append(Round(sum(frequencies.sizes()), solution))
     if unstable is not None:
         if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
             search.radius /= 2
@@ -142,29 +142,44 @@ def _step(problem: Problem, search: _Search) -> None:
     uphill = False
     if admissible:
         error = error_of(problem, *design_of(values))
-        uphill = error > (1 + UPHILL) * _known_error(problem, search, error)
+        _look_at_start(problem, search, error)
+        uphill = error > (1 + UPHILL) * search.known_error
+        _know(search, values, error)
         found = Polished(search.start, values, error, shape, asked, solution, search.rounds)
         search.best = min(search.best or found, found, key=lambda design: design.error)
         search.finished = settled and not uphill and not _sharper_objective(problem, search, found, joined=joined)
-    if demands.positive and not uphill:
+    if uphill:
+        search.reference = search.known
+    elif demands.positive:
         search.reference = values
     search.warm = search.reference
     progress = not uphill and (joined or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
-def _known_error(problem: Problem, search: _Search, error: float) -> float:
-    """Return the error of the best admissible design that is known: an answer, or the start if that is admissible.
+def _look_at_start(problem: Problem, search: _Search, error: float) -> None:
+    """Get to know the start, its coupling raised by what it lacks, if it may be better than an admissible answer.
 
     IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
-    The start is only looked at where its scanned error is below that of an answer.
     """
-    best = search.best.error if search.best is not None else inf
-    if search.start.error < min(best, error) and search.start_error is None:
-        at = violations(problem, search.cases, search.reference, search.tightening)
-        admissible = at.positive and at.greatest <= UPHILL
-        search.start_error = error_of(problem, *design_of(search.reference)) if admissible else inf
-    return best if search.start_error is None else min(best, search.start_error)
+    if search.looked or not search.start.error < error:
+        return
+    search.looked = True
+    gains, coupling, bounds = search.start.gains, search.start.coupling, problem.bounds
+    if not all(_stable(case, gains) for case in search.cases):
+        return
+    lack = violations(problem, search.cases, point(gains, coupling), search.tightening).greatest
+    more = exp(lack + search.tightening) if lack > 0 else 1.0
+    b_c, m_c = min(coupling.damping * more, bounds.damping.max), min(coupling.mass * more, bounds.mass.max)
+    values = point(gains, Coupling(b_c, m_c, coupling.drag))
+    demands = violations(problem, search.cases, values, search.tightening)
+    if demands.positive and demands.greatest == 0:
+        _know(search, values, error_of(problem, *design_of(values)))
+
+
+def _know(search: _Search, values: Point, error: float) -> None:
+    if error < search.known_error:
+        search.known, search.known_error = values, error
 
 
 def _sharper_objective(problem: Problem, search: _Search, found: Polished, *, joined: bool) -> bool:

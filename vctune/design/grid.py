@@ -196,9 +196,7 @@ def _scores(
 
 def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
     """Return the response of loops at the samples of the stability band, on each device."""
-    return [
-        there.band.response(there.device, spread(gains), integrator=there.integrator) for there in samples.everywhere
-    ]
+    return [there.band.response(there.device, spread(gains)) for there in samples.everywhere]
 
 
 def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
@@ -224,7 +222,7 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: len(counted_of(problem))]
-    loops = [there.nodes.response(there.device, spread(gains), integrator=there.integrator) for there in counted]
+    loops = [there.nodes.response(there.device, spread(gains)) for there in counted]
     error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)

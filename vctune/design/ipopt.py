@@ -77,7 +77,6 @@ def solve(shape: Shape, given: Posed) -> Solution:
         )
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
-        history = stats.get("iterations", {})
     gains = len(shape.free)
     peaks = slice(gains, gains + shape.moving)
     room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
@@ -88,8 +87,6 @@ def solve(shape: Shape, given: Posed) -> Solution:
         followed=bool(np.all(room > NEAR_SIDE)),
         iterations=int(stats["iter_count"]),
         multipliers=np.abs(multipliers[given.least > -inf]),
-        primal=[float(value) for value in history.get("inf_pr", [])],
-        dual=[float(value) for value in history.get("inf_du", [])],
     )
 
 
@@ -115,7 +112,7 @@ def _parameters(
         shape.slots,
         (
             _at_places(shape, frequencies.ratio),
-            _pulses(frequencies.sensitivity, integrator=shape.integrator),
+            _pulses(frequencies.sensitivity, position=shape.integrator),
             cuts,
             _at_places(shape, frequencies.peak),
         ),
@@ -132,10 +129,10 @@ def _at_places(shape: Shape, places: Sequence[Place]) -> Floats:
     return _columns(shape, *stacked(places)) if places else np.zeros((COLUMN[shape.uncertain], 0))
 
 
-def _pulses(places: Sequence[Place], *, integrator: bool) -> Floats:
+def _pulses(places: Sequence[Place], *, position: bool) -> Floats:
     if not places:
         return np.zeros((PULSE, 0))
-    G_v, G_x = pulse_transfer(*stacked(places), integrator=integrator)
+    G_v, G_x = pulse_transfer(*stacked(places), position=position)
     return np.vstack((G_v.real, G_v.imag, G_x.real, G_x.imag))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import inf
+from math import inf, pi
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox, device_box
 from vctune.proof.enclosed import Demands
-from vctune.proof.interval import Verdict
+from vctune.proof.interval import Outcome, Verdict
 
 
 class Status(StrEnum):
@@ -49,6 +49,10 @@ EXIT_CODES = {
     Status.UNDECIDED: ExitCode.UNDECIDED,
     Status.INFEASIBLE: ExitCode.FAILED,
 }
+
+
+IDLE = 0.5
+"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used; without a loop it is 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,20 +86,43 @@ class Judgement:
         """The certificate's verdict as a status."""
         return STATUS_OF[self.certificate.verdict]
 
+    @property
+    def idle(self) -> bool:
+        """Whether the design is certified, and hardly uses its velocity loop."""
+        return self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
+
+    @property
+    def open_claims(self) -> list[str]:
+        """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        return [
+            f"{outcome.verdict.value}{_place(outcome)}: {claim.value}"
+            for claim, outcome in self.certificate.outcomes.items()
+            if outcome.verdict is not Verdict.PROVED
+        ]
+
+    @property
+    def reserve_missed(self) -> str | None:
+        """What is proved of a design that is absolutely stable but misses the safety factor; None for any other."""
+        if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
+            return None
+        return (
+            f"absolutely stable, but the least Re Z_c / R, {self.min_ratio:.6g} at {self.worst / (2 * pi):.6g} Hz, "
+            f"is below the safety factor {self.certificate.demands.factor:g}"
+        )
+
+
+def _place(outcome: Outcome) -> str:
+    place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
+    if (device := outcome.device) is None:
+        return place
+    return f"{place} with mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
+
 
 @np.errstate(all="ignore")
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
-    """Judge given gains against a problem's demands.
-
-    The certificate proves the problem's own safety factor where the design seems to have it, else absolute stability.
-    """
-    seen = _seen(problem, gains, coupling)
-    demands, factor = demands_of(problem), problem.stability.safety_factor
-    factors = (factor, 1.0) if seen["min_ratio"] >= factor else (1.0,)
-    certificate = certify(
-        Design(problem.device, gains, coupling), demands.band, factors, demands.max_sensitivity, devices_of(problem)
-    )
-    return Judgement(gains, coupling, certificate=certificate, **seen)
+    """Judge given gains against a problem's demands."""
+    certificate = certify(Design(problem.device, gains, coupling), demands_of(problem), devices_of(problem))
+    return Judgement(gains, coupling, certificate=certificate, **_seen(problem, gains, coupling))
 
 
 @np.errstate(all="ignore")
@@ -147,7 +174,7 @@ def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[flo
     minima = ratio_minima(problem, gains, coupling)
     candidates = [(float(minima.value[0]), float(minima.omega[0]))]
     if band.min == 0:
-        limit = low_frequency_limit(device, gains, coupling, integrator=gains.position > 0)
+        limit = low_frequency_limit(device, gains, coupling)
         candidates.append((_quotient(limit.coupling, limit.required), 0.0))
     if band.max == inf:
         limit = high_frequency_limit(device, gains, coupling)

@@ -53,13 +53,12 @@ class Unfinished:
     ----------
     leaves : boxes that are still open
     fallen : the least lower bound of the boxes that have fallen
-    boxes, seconds : what it took so far
+    boxes : lower bounds worked out so far
     """
 
     leaves: Leaves
     fallen: float
     boxes: int
-    seconds: float
 
     def arrays(self) -> dict[str, Floats]:
         """Return everything as arrays, to be kept in a file."""
@@ -69,15 +68,15 @@ class Unfinished:
             "high": leaves.boxes.high,
             "bound": leaves.bound,
             "settled": leaves.settled.astype(float),
-            "rest": np.array([self.fallen, self.boxes, self.seconds]),
+            "counts": np.array([self.fallen, self.boxes]),
         }
 
 
-ARRAYS = {"low", "high", "bound", "settled", "rest"}
+ARRAYS = {"low", "high", "bound", "settled", "counts"}
 
 
 def unfinished(arrays: dict[str, Floats]) -> Unfinished:
     """Return what `Unfinished.arrays` had made of a search."""
-    fallen, boxes, seconds = arrays["rest"].tolist()
+    fallen, boxes = arrays["counts"].tolist()
     leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
-    return Unfinished(leaves, fallen, int(boxes), seconds)
+    return Unfinished(leaves, fallen, int(boxes))

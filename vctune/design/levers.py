@@ -131,7 +131,12 @@ def levers(document: dict[str, Any], problem: Problem) -> list[Lever]:
     document : parsed TOML
     problem : that it states
     """
-    return [*_of_device(problem), *_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
+    return [*_of_device(problem), *levers_of_demands(document, problem)]
+
+
+def levers_of_demands(document: dict[str, Any], problem: Problem) -> list[Lever]:
+    """Return what may be changed about a problem while its device stays as it is."""
+    return [*_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
 
 
 def _of_device(problem: Problem) -> Iterator[Lever]:

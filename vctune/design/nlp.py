@@ -123,12 +123,13 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     values = ca.vertsplit(fixed)
     for k, (index, from_zero) in enumerate(shape.free):
         values[index] = scale[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
-    gains, coupling = Gains(values[0], values[1]), Coupling(values[2], values[3], values[4])
+    gains = Gains(values[0], values[1] if shape.integrator else 0.0)
+    coupling = Coupling(values[2], values[3], values[4])
 
     column, weight, cut = ca.SX.sym("column", COLUMN[shape.uncertain]), ca.SX.sym("weight"), ca.SX.sym("cut", 3)
     here = replace(device, mass=column[3], damping=column[4]) if shape.uncertain else device
     hold = HoldResponse(column[1], column[2])
-    loop = loop_response(here, gains, column[0], hold, integrator=shape.integrator)
+    loop = loop_response(here, gains, column[0], hold, SYMBOLS)
     Z_c = coupling_impedance(coupling, column[0])
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
@@ -140,8 +141,8 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     if shape.integrator:
         inverse_S += Pair(pulse[2], pulse[3]).scaled(gains.position)
     sampled = SampledPlant(plant[0], plant[1], plant[2], (plant[3], plant[4]), (plant[5], plant[6]), plant[7], True)
-    followed = return_difference(sampled, ca.exp(y), SYMBOLS, integrator=shape.integrator)
-    log_peak = ca.log(sensitivity_abs2(followed, gains, integrator=shape.integrator)) / 2
+    followed = return_difference(sampled, ca.exp(y), SYMBOLS, position=shape.integrator)
+    log_peak = ca.log(sensitivity_abs2(followed, gains)) / 2
     return _AtOneFrequency(
         z,
         common,

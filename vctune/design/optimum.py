@@ -93,22 +93,22 @@ def nominal_start(problem: Problem) -> Start | None:
 
 
 @np.errstate(all="ignore")
-def attainable(problem: Problem) -> bool:
-    """Return whether the optimiser finds a certified design of a problem that leaves something free; proves nothing.
+def attained(problem: Problem) -> Judgement | None:
+    """Return a certified design of a problem that leaves something free, if the optimiser finds one; proves no more.
 
     It stops at the first, and where it finds none no box is searched: an opinion in a fraction of the time of `solve`.
     """
     if impossible(problem) is not None:
-        return False
+        return None
     scaled = dimensionless(problem)
     seen = scan(scaled)
     for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
         hopeful = start.workable and start.violation < NEARLY
         optimum = polish(scaled, start, seen) if hopeful else None
         judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
-        if judgement is not None and _meets_demands(problem, judgement):
-            return True
-    return False
+        if judgement is not None and judgement.status is Status.CERTIFIED:
+            return judgement
+    return None
 
 
 @np.errstate(all="ignore")
@@ -123,7 +123,7 @@ def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | No
     seen = scan(scaled)
     optimum = polish(scaled, start, seen, incumbent=target)
     judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
-    if judgement is None or not _meets_demands(problem, judgement) or judgement.error >= incumbent:
+    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.error >= incumbent:
         return None
     return judgement
 
@@ -160,7 +160,7 @@ def _best_proved(
     doubtful: tuple[Polished, Judgement] | None = None
     for optimum in optima:
         for polished, judgement in _attempts(problem, scaled, seen, optimum):
-            if _meets_demands(problem, judgement):
+            if judgement.status is Status.CERTIFIED:
                 return polished, judgement
             if judgement.status is Status.UNDECIDED and doubtful is None:
                 doubtful = polished, judgement
@@ -170,7 +170,7 @@ def _best_proved(
 def _attempts(
     problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
 ) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; until it is proved, polish again with its witness, more sharply, to more digits."""
+    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
     for again in range(PROOF_ROUNDS):
@@ -180,7 +180,7 @@ def _attempts(
         judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values), digits)))
         yield polished, judgement
         certificate = judgement.certificate
-        _collect(witnesses.ratio, certificate.shortfall or certificate.outcomes[Claim.CONDITIONS], problem)
+        _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], problem)
         _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], problem)
         tightening *= SHARPENING
         if _undecided(judgement):
@@ -189,9 +189,7 @@ def _attempts(
 
 
 def _undecided(judgement: Judgement) -> bool:
-    certificate = judgement.certificate
-    outcomes = [*certificate.outcomes.values(), *([certificate.shortfall] if certificate.shortfall else [])]
-    return any(outcome.verdict is Verdict.UNDECIDED for outcome in outcomes)
+    return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
 def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
@@ -213,10 +211,4 @@ def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
     if least is None:
         return judgement
     lighter = judge(problem, gains, least.coupling)
-    return lighter if _meets_demands(problem, lighter) else judgement
-
-
-def _meets_demands(problem: Problem, judgement: Judgement) -> bool:
-    """Return whether the design is certified with the safety factor that the problem asks for."""
-    certified = judgement.status is Status.CERTIFIED
-    return certified and judgement.certificate.factor >= problem.stability.safety_factor
+    return lighter if lighter.status is Status.CERTIFIED else judgement

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import cache
 from importlib.metadata import version
@@ -14,7 +15,7 @@ from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
-from vctune.design.repair import CUT_SHORT, LONGEST
+from vctune.design.repair import CUT_SHORT, LONGEST, Repair
 from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
@@ -34,8 +35,6 @@ if TYPE_CHECKING:
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
-HARDLY_TRACKING = 0.9
-"""A mean or greatest |1 - G_he| above which the velocity loop is said to be hardly used."""
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
@@ -60,6 +59,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "inner_loop": None,
         "active": active(solved),
         "proved": solved.infeasibility.proved if solved.infeasibility else None,
+        "idle": judgement is not None and judgement.idle,
         "repairs": None if solved.repairs is None else [asdict(repair) for repair in solved.repairs],
         "at_bound": [],
         "left_out": left_out(solved),
@@ -67,14 +67,13 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
         "solver": solver_record(solved),
         "optimality": optimality_record(solved.optimality) if solved.optimality else None,
         "versions": dict(versions(ipopt)),
-        "seconds": {**solved.seconds, "total": sum(solved.seconds.values())},
     }
     if solved.seconds.get("repairs", 0.0) > LONGEST:
         record["warnings"] = [CUT_SHORT]
     if judgement is not None:
         record |= _judged(problem, judgement)
         record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
-        record["warnings"] += warnings(problem, judgement)
+        record["warnings"] += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
             record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     checked: dict[str, Any] = finite(record)
@@ -107,31 +106,43 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
     return found
 
 
-def warnings(problem: Problem, judgement: Judgement) -> list[str]:
-    """Return what the designer should know about a design that is otherwise in order."""
+def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[str]:
+    """Return what the designer should know about a design that is otherwise in order.
+
+    Parameters
+    ----------
+    problem, judgement : the design
+    cures : of an idle design, the changes after which it is not, the smallest first; None if not looked for
+    """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
         if not (key in ("gains.position", "coupling.drag") and side == "lower"):
             found.append(f"{key} is on its {side} bound; the bound, not the device, limits the design there")
     band, demand = problem.stability.band, problem.stability.safety_factor
-    if judgement.min_ratio < demand:
-        found.append(
-            f"the least Re Z_c / R is {judgement.min_ratio:.4g} at {judgement.worst / (2 * pi):.4g} Hz, "
-            f"below the safety factor {demand:g}"
-        )
-    elif judgement.min_ratio < demand * 1.001:
+    if demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
             if judgement.worst == edge and 0 < edge < inf:
                 found.append(
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
                     "outside the proved band a passive hand or environment can make it oscillate"
                 )
-    if judgement.transparency.tracking > HARDLY_TRACKING:
+    if judgement.idle:
         found.append(
             f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
-            "and 1 means no loop at all"
+            f"and 1 means no loop at all{_cured(cures)}"
         )
     return found
+
+
+def _cured(cures: Sequence[Repair] | None) -> str:
+    """Return which demand keeps a design from using its loop: the one of the smallest change that cures it."""
+    if cures is None:
+        return ""
+    if not cures:
+        return "; no change of one demand was found that cures it"
+    first, *others = cures
+    also = f"; so would {', or '.join(cure.needs for cure in others)}" if others else ""
+    return f"; {first.needs} would cure it, {first.change}{also}"
 
 
 @np.errstate(all="ignore")
@@ -152,7 +163,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             "verdict": certificate.verdict.value,
             "band_hz": [_hz(band.min), _hz(band.max)],
             "proved_band_hz": _proved_hz(problem, proved_band) if proved_band else None,
-            "proved_ratio": certificate.factor if certificate.verdict is Verdict.PROVED else None,
+            "proved_ratio": certificate.proved_ratio,
             "min_ratio": judgement.min_ratio,
             "worst_hz": _hz(worst),
             "rollett_k": rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
@@ -208,9 +219,8 @@ def optimality_record(found: Optimality) -> dict[str, Any]:
             "gap": found.gap,
             "verdict": "proved" if found.proved else "open",
             "boxes": found.rest.boxes,
-            "seconds": found.rest.seconds,
             "history": [
-                {"seconds": at.seconds, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
+                {"boxes": at.boxes, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
                 for at in [*found.history[:-1:every], found.history[-1]]
             ],
             "open": [

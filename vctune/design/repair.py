@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 from time import perf_counter
@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import sensitivity_maxima
+from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.design.cases import cases_of
-from vctune.design.judge import Judgement, Status, judge, least_ratio
-from vctune.design.levers import Lever, levers
+from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
+from vctune.design.levers import Lever
 from vctune.document.problem import Problem
 from vctune.document.reading import pose
 from vctune.model.quantities import Coupling, Gains
@@ -82,7 +82,7 @@ def _seems_in_order(problem: Problem) -> bool:
 
 
 def _in_order_with(problem: Problem, gains: Gains, coupling: Coupling) -> bool:
-    if least_ratio(problem, gains, coupling)[0] < 1 + SLACK:
+    if least_ratio(problem, gains, coupling)[0] < problem.stability.safety_factor * (1 + SLACK):
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
         return False
@@ -95,13 +95,26 @@ def _judged(problem: Problem) -> Judgement | None:
     return judgement if judgement.status is Status.CERTIFIED else None
 
 
+def in_use(judgement: Judgement | None) -> Judgement | None:
+    """Return a design that uses its velocity loop; None for any other, or for none."""
+    return None if judgement is None or judgement.idle else judgement
+
+
+def _seems_in_use(problem: Problem) -> bool:
+    return transparency_error(problem, *problem.fixed_design).tracking <= IDLE and _seems_in_order(problem)
+
+
 JUDGED = Trial(_seems_in_order, _judged, 2e-3)
-"""Of problems that fix every number."""
+JUDGED_IN_USE = Trial(_seems_in_use, lambda problem: in_use(_judged(problem)), 2e-3)
+"""Of problems that fix every number; of the same until the design uses its velocity loop."""
 
 
 @np.errstate(all="ignore")
 def repairs(
-    document: dict[str, Any], problem: Problem, trial: Trial = JUDGED, progress: Progress = lambda stage: None
+    document: dict[str, Any],
+    changes: Sequence[Lever],
+    trial: Trial = JUDGED,
+    progress: Progress = lambda stage: None,
 ) -> list[Repair]:
     """Return the least changes of one number that repair a problem, the smallest first, as many as `LONGEST` allows.
 
@@ -111,12 +124,12 @@ def repairs(
     Parameters
     ----------
     document : parsed TOML
-    problem : that it states
+    changes : the numbers that may be changed
     trial : how changed problems are tried
     progress : told what is tried
     """
     found, last = [], perf_counter() + LONGEST
-    for lever in levers(document, problem):
+    for lever in changes:
         progress(f"looking for repairs: {lever.change}")
         repair = _least(document, lever, trial, lambda: perf_counter() > last)
         found += [repair] if repair is not None else []

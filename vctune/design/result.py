@@ -30,7 +30,6 @@ class Solution:
     converged : whether IPOPT says so; no evidence of anything
     followed : whether the peak of |S| that it was to follow stayed within its reach
     iterations : number of IPOPT iterations
-    primal, dual : infeasibilities per iteration
     multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
     """
 
@@ -40,26 +39,18 @@ class Solution:
     followed: bool
     iterations: int
     multipliers: Floats
-    primal: list[float]
-    dual: list[float]
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """One NLP of an exchange: the picture of error against run time.
+    """One NLP of an exchange.
 
     Attributes
     ----------
-    seconds : since the exchange began
-    violation : greatest relative violation of a demand anywhere, at the NLP's answer
-    error : the NLP's objective
     frequencies : how many frequencies it knew
     solution : where IPOPT stopped
     """
 
-    seconds: float
-    violation: float
-    error: float
     frequencies: int
     solution: Solution
 
@@ -125,9 +116,9 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, and the smallest repair if repairs were looked for, else what may be one."""
+        """Why there is no design, with the smallest repair or what may be one; or by how little a given one fails."""
         if self.infeasibility is None:
-            return None
+            return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:
             return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
         return self.infeasibility.reason

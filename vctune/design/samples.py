@@ -29,9 +29,9 @@ class Spectrum:
     omega: Floats
     hold: HoldResponse
 
-    def response(self, device: Device, gains: Gains, *, integrator: bool) -> LoopResponse:
+    def response(self, device: Device, gains: Gains) -> LoopResponse:
         """Return the velocity loop at every frequency for every pair of gains."""
-        return loop_response(device, gains, self.omega, self.hold, integrator=integrator)
+        return loop_response(device, gains, self.omega, self.hold, FLOATS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +76,7 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
 
     def samples(device: Device, others: list[Samples]) -> Samples:
         band, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
-        circles = [unit_circle(loop, first, integrator=integrator) for loop in device.loops]
+        circles = [unit_circle(loop, first, position=integrator) for loop in device.loops]
         return Samples(device, integrator, band, seen, averages, circles, others)
 
     return samples(problem.device, [samples(case.device, []) for case in cases_of(problem)[1:]])

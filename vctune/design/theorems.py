@@ -12,6 +12,9 @@ from vctune.document.problem import Problem
 from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
 from vctune.model.quantities import Coupling, Device, Gains
 
+LEAST_POSITION = 5e-324
+"""The smallest K_p > 0: with an integrator the limits at omega = 0 are others than without, however weak it is."""
+
 
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem of DESIGN 1.6 that excludes every design of the problem, or None."""
@@ -75,7 +78,7 @@ def _at_zero(problem: Problem) -> tuple[str, str] | None:
 def _with_integrator(problem: Problem) -> tuple[str, str] | None:
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
-    limit = low_frequency_limit(device, Gains(bounds.velocity.max, bounds.position.min), most, integrator=True)
+    limit = low_frequency_limit(device, Gains(bounds.velocity.max, max(bounds.position.min, LEAST_POSITION)), most)
     if _met(limit, factor):
         return None
     drag = factor * limit.required
@@ -97,10 +100,7 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v."""
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
     most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
-    limits = [
-        low_frequency_limit(device, Gains(K_v, 0.0), most, integrator=False)
-        for K_v in (bounds.velocity.min, bounds.velocity.max)
-    ]
+    limits = [low_frequency_limit(device, Gains(K_v, 0.0), most) for K_v in (bounds.velocity.min, bounds.velocity.max)]
     if any(_met(limit, factor) for limit in limits):
         return None
     need = factor * min(limit.required for limit in limits)

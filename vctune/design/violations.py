@@ -63,7 +63,7 @@ def violations(problem: Problem, cases: list[Problem], values: Point, tightening
         sensitivity=[place for part in parts for place in part.sensitivity],
         peak=[place for case in counted for place in _error_peaks(case, gains, coupling)],
         greatest=max(part.greatest for part in parts),
-        near_peak=_near_peak(cases, peaks),
+        near_peak=_near_peak(cases, gains, peaks),
         positive=all(part.positive for part in parts),
     )
 
@@ -106,12 +106,17 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima
 
 
 def near_peak(cases: list[Problem], gains: Gains) -> Place | None:
-    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency."""
-    return _near_peak(cases, [sensitivity_maxima(case, gains) for case in cases])
+    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
+
+    None where no gain is free: the NLP could not follow the peak, whose rounding alone may have passed the limit.
+    """
+    return _near_peak(cases, gains, [sensitivity_maxima(case, gains) for case in cases])
 
 
-def _near_peak(cases: list[Problem], peaks: list[Minima]) -> Place | None:
+def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> Place | None:
     case, there = min(zip(cases, peaks, strict=True), key=lambda pair: float(pair[1].value[0]))
+    if case.bounds.velocity.fixed and (case.bounds.position.fixed or gains.position == 0):
+        return None
     near = -there.value[0] > FOLLOWED * case.stability.max_sensitivity
     return Place(float(there.omega[0]), case.device) if near and there.omega[0] < case.nyquist * (1 - 1e-6) else None
 

@@ -1,7 +1,8 @@
 """Defaults as formulas in the device's own scales (DESIGN 2.1), so that a change of units changes nothing.
 
 With tau = T/2 + delay, the loop's lag, and Z = m/tau + b, the impedance at which the loop runs out of phase:
-the transparency band is [0.00025, 0.015]/tau, Z_0 = 2 pi f m at the band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
+the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of the sampling rate without
+delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
 
 
 def _stability(table: StabilityTable, device: Device, f1: float) -> Stability:
-    low, high = table.band_hz or (f1, 0.1 / device.sample_time)
+    low, high = table.band_hz or (f1, 0.05 / device.lag)
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
     )

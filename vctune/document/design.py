@@ -63,18 +63,6 @@ class _Active(_Part):
     multiplier: float
 
 
-class _Round(_Part):
-    seconds: float
-    violation: float
-    error: float
-    primal: list[float]
-    dual: list[float]
-
-
-class _Solver(_Part):
-    rounds: list[_Round] = []
-
-
 class _Numbers(_Part):
     mass: float
     damping: float
@@ -89,7 +77,7 @@ class _Uncertainty(_Part):
 
 
 class _Glance(_Part):
-    seconds: float
+    boxes: int
     lower_bound: Number
     error: Number
     open: int
@@ -105,7 +93,6 @@ class _Optimality(_Part):
     gap: Number
     verdict: Literal["proved", "open"]
     boxes: int
-    seconds: float
     history: Annotated[list[_Glance], Field(min_length=1)]
     open: list[_Box]
 
@@ -125,6 +112,7 @@ class _Design(_Part):
     problem: _Problem
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
+    idle: bool = False
     repairs: list[_Repair] | None = None
     gains: FixedGainsTable | None
     coupling: FixedCouplingTable | None
@@ -135,11 +123,9 @@ class _Design(_Part):
     at_bound: list[str]
     left_out: list[str]
     warnings: list[str]
-    solver: _Solver
     optimality: _Optimality | None = None
     uncertainty: _Uncertainty | None = None
     versions: dict[str, str | None]
-    seconds: dict[str, float]
 
     @model_validator(mode="after")
     def _whole(self) -> _Design:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import unicodedata
 from dataclasses import dataclass
 
 
@@ -23,16 +23,20 @@ class Mistake:
 
 
 def printable(text: str) -> str:
-    """Return a text whose control characters, and what no encoding or XML can carry, are escaped.
+    """Return a text whose characters that do not print are escaped.
 
-    It stays one line, cannot steer a terminal, and fits into any document.
+    It stays one line, cannot steer a terminal or turn its direction, and fits into any document.
     """
-    return re.sub(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]", _escaped, text)
+    return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
 
 
-def _escaped(found: re.Match[str]) -> str:
-    code = ord(found[0])
-    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+def is_plain(char: str) -> bool:
+    """Whether a character prints as itself: no control, format, line separator, lone surrogate or noncharacter."""
+    return unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Zl", "Zp") and ord(char) & 0xFFFE != 0xFFFE
+
+
+def _escaped(code: int) -> str:
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 class InputError(Exception):

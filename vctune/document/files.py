@@ -1,65 +1,69 @@
-"""Files that appear whole or not at all: written beside their place, then renamed."""
+"""Files of one run: completed beside their places, then moved there in an order that never leaves two runs mixed."""
 
 from __future__ import annotations
 
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError, Mistake, is_plain
 from vctune.interrupt import interrupt_deferred
 
+Content = str | bytes | memoryview
 MAX_NAME_BYTES = 100
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
+"""Names of devices on Windows, which no file or folder can have there."""
 
 
-def write_together(files: Mapping[Path, str | bytes | memoryview]) -> None:
-    """Write files that belong together, replacing older ones only when all the new ones are complete.
+def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
+    """Write the files of one run in the place of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
 
-    Ctrl-C waits until they are in place.
+    When all the new files are complete, the older ones go, the last first; then the first is replaced; then the others
+    come in their order. So the files that are there are of one run whenever the process ends, even killed. The first
+    has to be worth something alone, and the last should be the one that shows the others.
+
+    Parameters
+    ----------
+    files : contents by place
+    stale : files of an earlier run that the new one has not; they go first
+    aside : files that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to NAME.previous.SUFFIX
 
     Raises
     ------
     InputError
         If a place cannot be written; the older files are then untouched.
     """
+    first, *others = files
+    renamed = {path: previous(path) for path in aside if path.exists()}
     with interrupt_deferred():
-        temporary: dict[Path, str] = {}
-        path = Path()
+        complete: dict[Path, str] = {}
+        place = first
         try:
-            for path, content in files.items():
-                if path.is_dir():
+            for place in (*files, *stale, *renamed.values()):
+                if place.is_dir():
                     raise IsADirectoryError(21, "Is a directory")
-                handle, temporary[path] = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-                with os.fdopen(handle, "wb") as file:
-                    file.write(content.encode() if isinstance(content, str) else content)
-                    file.flush()
-                    os.fsync(file.fileno())
-                os.chmod(temporary[path], 0o666 & ~_umask())
-            for path in files:
-                os.replace(temporary.pop(path), path)
+            for place, content in files.items():
+                handle, complete[place] = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
+                _fill(handle, content)
+                os.chmod(complete[place], 0o666 & ~_umask())
+            for place in (*stale, *reversed(others)):
+                place.unlink(missing_ok=True)
+            for place, kept in renamed.items():
+                os.replace(place, kept)
+            for place in files:
+                os.replace(complete.pop(place), place)
         except OSError as error:
-            raise _unwritable(path, error) from None
+            raise _unwritable(place, error) from None
         finally:
-            for name in temporary.values():
+            for name in complete.values():
                 Path(name).unlink(missing_ok=True)
 
 
-def set_aside(path: Path) -> Path:
-    """Rename a file NAME.SUFFIX that is not up to date any more to NAME.previous.SUFFIX, and return that path.
-
-    Raises
-    ------
-    InputError
-        If it cannot be renamed.
-    """
-    previous = path.with_suffix(f".previous{path.suffix}")
-    try:
-        path.replace(previous)
-    except OSError as error:
-        raise _unwritable(previous, error) from None
-    return previous
+def previous(path: Path) -> Path:
+    """Return where `write_together` sets a file aside."""
+    return path.with_suffix(f".previous{path.suffix}")
 
 
 def make_folder(path: Path) -> None:
@@ -82,9 +86,20 @@ def make_folder(path: Path) -> None:
 
 
 def folder_name(name: str) -> str:
-    """Return a design's name as the name of one folder: without separators, control characters or leading dots."""
-    plain = re.sub(r'[\x00-\x1f\x7f/\\:*?"<>|]', "_", name).encode()[:MAX_NAME_BYTES].decode(errors="ignore")
-    return plain.strip().lstrip(".").rstrip(". ") or "design"
+    """Return a design's name as the name of one folder on any system.
+
+    Without separators, characters that do not print, leading dots or names of devices.
+    """
+    plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
+    short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")
+    return f"_{short}" if RESERVED.match(short) else short or "design"
+
+
+def _fill(handle: int, content: Content) -> None:
+    with os.fdopen(handle, "wb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _umask() -> int:

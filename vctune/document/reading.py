@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from hashlib import sha256
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
+from vctune.document.digest import problem_digest
 from vctune.document.problem import Problem
 from vctune.document.schema import GainsDocument, ProblemDocument
 from vctune.document.validation import Fault, examined, refusal, validated
@@ -26,8 +26,8 @@ class ProblemFile:
 
     @property
     def sha256(self) -> str:
-        """The digest that ties a design to its problem."""
-        return sha256(self.text.encode()).hexdigest()
+        """The digest that ties a design to its problem: of its meaning, not of its text (`problem_digest`)."""
+        return problem_digest(self.problem)
 
 
 def read_problem(path: Path) -> ProblemFile:
@@ -101,9 +101,9 @@ def gains_file(text: str, path: Path) -> GainsFile:
 
 
 def _empty_default_band(problem: Problem) -> Fault:
-    low, high = problem.transparency.band.min / (2 * pi), 0.1 / problem.device.sample_time
+    low, high = problem.transparency.band.min / (2 * pi), problem.stability.band.max / (2 * pi)
     message = (
-        f"with the lower edge {low:g} Hz the default stability band, from there to a tenth of the sampling rate "
-        f"({high:g} Hz), is empty; set stability.band_hz"
+        f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
+        f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
     )
     return ("transparency", "band_hz"), message

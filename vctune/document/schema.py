@@ -115,10 +115,12 @@ class StabilityTable(Table):
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
-        description="Band, Hz. Default: the transparency band's lower edge to a tenth of the sampling rate. The "
-        'lower edge may be 0, the upper inf with hold "lag" and no delay.',
+        description="Band, Hz. Default: the transparency band's lower edge to 0.05/tau, a tenth of the sampling rate "
+        'without delay. The lower edge may be 0, the upper inf with hold "lag" and no delay.',
     )
-    safety_factor: Positive = Field(1.05, description="Least Re Z_c / R, at least 1.")
+    safety_factor: Positive = Field(
+        1.05, description="Least Re Z_c / R on the band, at least 1. Gains below it are refused; 1 asks for no reserve."
+    )
     max_sensitivity: Positive = Field(
         2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
     )
@@ -178,7 +180,11 @@ class GainsDocument(Table):
 
     gains: FixedGainsTable
     coupling: FixedCouplingTable
-    design: dict[str, Text] = Field(default_factory=dict)
+    design: dict[str, Text] = Field(
+        default_factory=dict,
+        description="Where the gains come from. sha256 is of what the problem means: resolved, without comments, name, "
+        "description and experiments.",
+    )
 
 
 def json_schema() -> dict[str, Any]:

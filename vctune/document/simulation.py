@@ -6,6 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from vctune.document.digest import experiments_digest
+from vctune.document.reading import parse_problem
+
 SCHEMA = "vctune/simulation/1"
 FILE = "simulation.json"
 
@@ -22,15 +25,15 @@ def simulation_beside(folder: Path, design: dict[str, Any]) -> dict[str, Any] | 
         record = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return record if isinstance(record, dict) and _is_of(record, design) else None
+    return record if isinstance(record, dict) and is_of(record, design) else None
 
 
-def _is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
-    same = all(record.get(key) == design[key] for key in ("gains", "coupling"))
-    problem = record.get("problem")
-    return (
-        record.get("schema") == SCHEMA
-        and same
-        and isinstance(problem, dict)
-        and problem.get("sha256") == design["problem"]["sha256"]
+def is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+    """Whether the object of a simulation.json is of the very design and experiments of a design.json."""
+    made_for, given = record.get("problem"), design["problem"]
+    if record.get("schema") != SCHEMA or not isinstance(made_for, dict) or made_for.get("sha256") != given["sha256"]:
+        return False
+    experiments = parse_problem(given["text"], given["name"], given["name"]).experiments
+    return made_for.get("experiments_sha256") == experiments_digest(experiments) and all(
+        record.get(key) == design[key] for key in ("gains", "coupling")
     )

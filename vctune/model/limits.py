@@ -23,7 +23,7 @@ class EndLimit:
     required: Number
 
 
-def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, *, integrator: bool) -> EndLimit:
+def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
     """Return the limits for omega -> 0 (any hold).
 
     With K_p > 0, R -> b^2/(4 (b + K_v - tau K_p)) while Re Z_c -> b_0. With K_p = 0, R vanishes like omega^2, and so
@@ -36,15 +36,16 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, *, int
     """
     m, b, tau = device.mass, device.damping, device.lag
     K_v, K_p, b_0 = gains.velocity, gains.position, coupling.drag
-    stiffness = K_v - tau * K_p if integrator else K_v
+    integral = not _is_zero(K_p)
+    stiffness = K_v - tau * K_p if integral else K_v
     b_h = device.operator.damping if device.operator is not None else 0
     loop = b + b_h + stiffness
     series = coupling.mass * coupling.mass / coupling.damping if _is_zero(b_0) else b_0
     if loop < 0 or _is_zero(loop):
         return EndLimit(series, inf)
     if not _is_zero(b_h):
-        return EndLimit(b_0, ((b * b if integrator else 0) - 4 * b_h * stiffness) / (4 * loop))
-    if integrator:
+        return EndLimit(b_0, ((b * b if integral else 0) - 4 * b_h * stiffness) / (4 * loop))
+    if integral:
         return EndLimit(series, 0) if _is_zero(b) else EndLimit(b_0, b * b / (4 * loop))
     inertia = m + b * tau
     return EndLimit(series, K_v * inertia * inertia / (4 * loop * loop) if _is_zero(b_0) else 0)

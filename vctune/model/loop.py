@@ -74,22 +74,20 @@ class LoopResponse:
     relief: Number | None
 
 
-def loop_response(
-    device: Device, gains: Gains, omega: Number, hold: HoldResponse, *, integrator: bool = True
-) -> LoopResponse:
+def loop_response(device: Device, gains: Gains, omega: Number, hold: HoldResponse, ops: Arithmetic) -> LoopResponse:
     """Evaluate the velocity loop from its hold.
 
     Parameters
     ----------
     device : only mass, damping and operator are used
-    gains : K_v, K_p; K_p is not looked at when `integrator` is false
+    gains : K_v, K_p; without K_p, for certain, the law has no integrator
     omega : rad/s, > 0, or >= 0 in ball arithmetic
     hold : the hold and delay at omega
-    integrator : whether the law has its K_p/s term
+    ops : arithmetic of all of these
     """
     mass_reactance = device.mass * omega
     proportional = gains.velocity * hold.re
-    if integrator:
+    if not ops.is_zero(gains.position):
         re_C = proportional - gains.position * hold.im
         im_C = -(gains.velocity * hold.im * (omega * omega) + gains.position * hold.re)
         C = Pair(re_C * omega, im_C)

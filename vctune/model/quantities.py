@@ -83,6 +83,11 @@ class Gains:
     velocity: Number
     position: Number
 
+    @property
+    def closed(self) -> bool:
+        """Whether there is a loop at all; of plain numbers."""
+        return bool(self.velocity != 0 or self.position != 0)
+
 
 @dataclass(frozen=True, slots=True)
 class Coupling:

@@ -99,21 +99,20 @@ class ReturnDifference:
     velocity: Pair
     position: Pair
 
-    def closed(self, gains: Gains, *, integrator: bool) -> Pair:
+    def closed(self, gains: Gains) -> Pair:
         """Return F for the given gains."""
-        F = self.open + self.velocity.scaled(gains.velocity)
-        return F + self.position.scaled(gains.position) if integrator else F
+        return self.open + self.velocity.scaled(gains.velocity) + self.position.scaled(gains.position)
 
 
-def return_difference(
-    plant: SampledPlant, theta: Number, ops: Arithmetic, *, integrator: bool = True
-) -> ReturnDifference:
-    """Evaluate the parts of F at z = e^{j theta}; without an integrator those of the velocity loop alone.
+def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
+    """Evaluate the parts of F at z = e^{j theta}.
 
     Parameters
     ----------
     plant : SampledPlant
     theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
     """
 
     def delayed(steps: int) -> Pair:
@@ -130,15 +129,15 @@ def return_difference(
     difference = Pair(2 * half_sine * half_sine, ops.sin(theta))
     decay = Pair(plant.slack + plant.pole * difference.re, plant.pole * difference.im)
     velocity = input_path(plant.velocity)
-    if not integrator:
-        return ReturnDifference(decay, velocity, Pair(0.0, 0.0))
-    position = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position) * decay
-    return ReturnDifference(decay * difference, velocity * difference, position)
+    if not position:
+        return ReturnDifference(decay, velocity, Pair(0, 0))
+    travel = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position) * decay
+    return ReturnDifference(decay * difference, velocity * difference, travel)
 
 
-def sensitivity_abs2(parts: ReturnDifference, gains: Gains, *, integrator: bool) -> Number:
+def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
     """Return |S|^2 of the sampled loop at one point of the unit circle."""
-    return parts.open.abs2() / parts.closed(gains, integrator=integrator).abs2()
+    return parts.open.abs2() / parts.closed(gains).abs2()
 
 
 def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
@@ -147,13 +146,13 @@ def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))
 
 
-def characteristic_polynomial(plant: SampledPlant, gains: Gains, *, integrator: bool) -> list[Number]:
+def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
     """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first."""
     delay = [*plant.velocity] if plant.fractional else [plant.velocity[0]]
     travel = [*plant.position] if plant.fractional else [plant.position[0]]
     a, K_v, K_p = plant.pole, gains.velocity, gains.position
     order = plant.whole + len(delay)
-    if not integrator:
+    if K_p == 0:
         coefficients = [1, -a] + [0] * (order - 1)
         for i, beta in enumerate(delay):
             coefficients[plant.whole + 1 + i] = coefficients[plant.whole + 1 + i] + K_v * beta

@@ -36,7 +36,7 @@ from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity
 class Claim(StrEnum):
     """What a certificate claims."""
 
-    CONDITIONS = "Re G_hh > 0 and Re Z_c >= R on the band"
+    CONDITIONS = "Re G_hh > 0 and Re Z_c >= safety_factor R on the band"
     SENSITIVITY = "|S| <= max_sensitivity of the sampled loop up to Nyquist"
     MODEL_POLES = "no pole of the frequency model in the closed right half plane"
     SAMPLED_POLES = "spectral radius of the sampled loop below 1"
@@ -48,18 +48,17 @@ class Certificate:
 
     Attributes
     ----------
+    design : what it is about
+    demands : what the design has to meet
     outcomes : for each claim, its verdict, boxes and witness [rad/s]
-    design, band : what it is about, rad/s
-    factor : the ratio Re Z_c / R that was demanded of the band
-    shortfall : why a greater factor that was tried first is not proved, else None
+    without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
     box : the devices that it is about, None for the design's own alone
     """
 
     design: Design
-    band: tuple[float, float]
+    demands: Demands
     outcomes: dict[Claim, Outcome]
-    factor: float
-    shortfall: Outcome | None
+    without_factor: Outcome | None = None
     box: DeviceBox | None = None
 
     @property
@@ -74,50 +73,54 @@ class Certificate:
         return sum(outcome.boxes for outcome in self.outcomes.values())
 
     @property
-    def proved_band(self) -> tuple[float, float] | None:
-        """The widest band around the requested one with ratio >= 1, rad/s, proved on demand; None unless proved."""
-        if self.outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED:
+    def proved_ratio(self) -> float | None:
+        """The least Re Z_c / R that is proved of the band, of a stable loop: the demanded one, or 1, or None."""
+        if any(
+            self.outcomes[claim].verdict is not Verdict.PROVED for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)
+        ):
             return None
-        family = _family(self.design, self.box, Demands(self.design.device, self.band, 1.0, inf))
+        if self.outcomes[Claim.CONDITIONS].verdict is Verdict.PROVED:
+            return self.demands.factor
+        return 1.0 if self.without_factor and self.without_factor.verdict is Verdict.PROVED else None
+
+    @property
+    def proved_band(self) -> tuple[float, float] | None:
+        """The widest band around the demanded one with ratio >= 1, rad/s, proved on demand; None unless that is."""
+        conditions = self.without_factor or self.outcomes[Claim.CONDITIONS]
+        if conditions.verdict is not Verdict.PROVED:
+            return None
+        family = _family(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
         if family is not None:
             return widest_band_over(family)
         with ctx.workprec(PRECISION):
-            return widest_band(self.design, *self.band)
+            return widest_band(self.design, *self.demands.band)
 
 
-def certify(
-    design: Design,
-    band: tuple[float, float],
-    factors: tuple[float, ...],
-    max_sensitivity: float,
-    box: DeviceBox | None = None,
-) -> Certificate:
-    """Prove a design, its numbers taken as the decimals that they are written as.
+def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
+    """Prove that a design meets its demands, its numbers taken as the decimals that they are written as.
 
     Parameters
     ----------
     design : device, gains, coupling
-    band : rad/s, may be (0, inf) for hold "lag" without delay
-    factors : ratios to prove on the band, at least 1, the greatest first; the first that is proved counts
-    max_sensitivity : bound on |S| up to the Nyquist frequency
+    demands : of its device; the band may be (0, inf) for hold "lag" without delay
     box : devices for all of which it is to be proved, around the design's own
     """
-    shortfall: Outcome | None = None
-    claim = _everywhere(design, box, Demands(design.device, band, 1.0, max_sensitivity))
+    (low, high), limit = demands.band, demands.max_sensitivity
+    claim = _everywhere(design, box, demands)
+
+    def conditions(factor: float) -> Outcome:
+        return claim(partial(prove_conditions, low=low, high=high, factor=factor), conditions_over, factor)
+
     with ctx.workprec(PRECISION):
-        for factor in factors:
-            alone = partial(prove_conditions, low=band[0], high=band[1], factor=factor)
-            conditions = claim(alone, conditions_over, factor)
-            if conditions.verdict is Verdict.PROVED or factor == factors[-1]:
-                break
-            shortfall = conditions
         outcomes = {
-            Claim.CONDITIONS: conditions,
-            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, max_sensitivity), sensitivity_over),
+            Claim.CONDITIONS: conditions(demands.factor),
+            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, limit), sensitivity_over),
             Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), model_poles_over),
             Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), sampled_poles_over),
         }
-    return Certificate(design, band, outcomes, factor, shortfall, box)
+        missed = demands.factor > 1 and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
+        without_factor = conditions(1.0) if missed else None
+    return Certificate(design, demands, outcomes, without_factor, box)
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
@@ -154,22 +157,16 @@ def _family(design: Design, box: DeviceBox | None, demands: Demands) -> Family |
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
-    """Prove several designs of one device, at the greater of the ratios `demands.factor` and 1 that can be proved.
+    """Prove that several designs of one device meet its demands, as `certify` does.
 
     Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices each is proved
     by itself.
     """
     found: list[Certificate | None] = [None] * len(designs)
-    for factor in (demands.factor, 1.0):
-        left = [index for index, certificate in enumerate(found) if certificate is None and box is None]
-        if left:
-            values = np.array([astuple(designs[i].gains) + astuple(designs[i].coupling) for i in left]).T
-            proofs = prove(replace(demands, factor=factor), Cells(values, values))
-            for index, proved, boxes in zip(left, proofs.proved, proofs.boxes.T.tolist(), strict=True):
-                outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=True)}
-                found[index] = Certificate(designs[index], demands.band, outcomes, factor, None) if proved else None
-    factors, limit = (demands.factor, 1.0), demands.max_sensitivity
-    return [
-        certificate or certify(design, demands.band, factors, limit, box)
-        for design, certificate in zip(designs, found, strict=True)
-    ]
+    if designs and box is None:
+        values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
+        proofs = prove(demands, Cells(values, values))
+        for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
+            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=True)}
+            found[index] = Certificate(designs[index], demands, outcomes) if proved else None
+    return [certificate or certify(design, demands, box) for design, certificate in zip(designs, found, strict=True)]

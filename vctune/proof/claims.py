@@ -26,18 +26,18 @@ class Design:
     coupling: Coupling
 
 
-def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *, integrator: bool) -> Number:
+def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return 2 Re(D + Z_h) (Re Z_c - factor R) at omega > 0, (N s/m)^2 (DESIGN 1.4).
 
     Where it is positive Re(D + Z_h) > 0 and ratio >= factor: with N = |C||D| - Re(C conj D) >= 0 it is
     2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C - N), which for Re(D + Z_h) <= 0, hence Re C <= 0, is not positive.
     """
     device = design.device
-    loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), integrator=integrator)
+    loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), ops)
     return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * demanded(loop, ops)
 
 
-def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *, integrator: bool) -> Number:
+def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
     Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together, and Re Z_c >= b_0 is all
@@ -46,7 +46,7 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *
     """
     device, coupling = design.device, design.coupling
     hold = hold_response(device, omega, ops)
-    loop = loop_response(device, design.gains, omega, hold, integrator=integrator)
+    loop = loop_response(device, design.gains, omega, hold, ops)
     weight = ops.sqrt(loop.C.abs2() * loop.D.abs2()) + re_conj_product(loop.C, loop.D)
     if device.operator is not None and not ops.is_zero(device.operator.damping):
         eased = 2 * loop.resistance * coupling.drag + factor * loop.relief
@@ -57,9 +57,10 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic, *
     slope = b_c * (m_c * m_c) / (b_c * b_c + reactance * reactance)
     re_C = loop.resistance - device.damping
     turn = device.mass * re_C
-    if integrator and not ops.is_zero(device.damping):
+    integral = not ops.is_zero(design.gains.position)
+    if integral and not ops.is_zero(device.damping):
         return -weight
-    turn = turn * omega if integrator else turn + device.damping * design.gains.velocity * hold.im
+    turn = turn * omega if integral else turn + device.damping * design.gains.velocity * hold.im
     return 2 * loop.resistance * slope * weight - factor * (turn * turn)
 
 
@@ -83,22 +84,18 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     return 2 * (re_D + b_h) * re_Z_c + factor * (2 * b_h * re_C - excess)
 
 
-def sensitivity_margin(
-    plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic, *, integrator: bool
-) -> Number:
+def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit."""
-    parts = return_difference(plant, theta, ops, integrator=integrator)
-    return limit * limit * parts.closed(gains, integrator=integrator).abs2() - parts.open.abs2()
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
+    return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
-def gain_margin(
-    plant: SampledPlant, gains: Gains, theta: Number, share: Number, ops: Arithmetic, *, integrator: bool
-) -> Number:
+def gain_margin(plant: SampledPlant, gains: Gains, theta: Number, share: Number, ops: Arithmetic) -> Number:
     """Return share^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < share and |S| < 1/(1 - share), whatever the phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
     """
-    parts = return_difference(plant, theta, ops, integrator=integrator)
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
     return share * share * parts.open.abs2() - loop.abs2()
 
@@ -120,9 +117,9 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
     Where the former is not 0, F is not 0 for any K_p.
     """
-    velocity_loop = return_difference(plant, theta, ops, integrator=False)
-    P, slope = return_difference(plant, theta, ops, integrator=True).position, difference_slope(theta, ops)
-    turning = velocity_loop.closed(gains, integrator=False) * slope
+    velocity_loop = return_difference(plant, theta, ops, position=False)
+    P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
+    turning = velocity_loop.closed(gains) * slope
     return turning.im * P.re - turning.re * P.im, (velocity_loop.open * slope).abs2() * P.abs2()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosed import Demands, claims_of
 from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.many_designs import by_integrator, least_at
+from vctune.proof.many_designs import by_law, least_at
 
 GUARD = 1e-14
 """Covers the rounding of the few operations here, relative."""
@@ -44,8 +44,9 @@ def no_damping(demands: Demands, cells: Cells, omega: Floats) -> Flags:
     """
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
-    for integrator, at in by_integrator(cells):
-        claims, part = claims_of(demands, integrator=integrator), cells.taken(at)
+    claims = claims_of(demands)
+    for at in by_law(cells):
+        part = cells.taken(at)
         for frequency in omega:
             bound = np.nan_to_num(least_at(claims.required, part, frequency[at]), nan=0.0)
             needed = (demands.factor * bound - part.high[4] * (1 + GUARD)) * (1 - GUARD)

@@ -84,38 +84,40 @@ class Claims:
     quiet_gain: Margin
 
 
-def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return the claims with the device's decimals enclosed; the integrator is there for K_p > 0.
+def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
+    """Return the claims with the device's decimals enclosed.
 
     Parameters
     ----------
     demands : what is to be met
-    integrator : whether the law has its K_p/s term
     uncertain : numbers of the device that each claim takes from among its values
     """
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
 
+    def has_integrator(v: Values) -> bool:
+        return not OPS.is_zero(gains_of(v).position)
+
     def loop(omega: Number, v: Values) -> LoopResponse:
         hold = hold_response(device(v), omega, OPS)
-        return loop_response(device(v), gains_of(v), omega, hold, integrator=integrator)
+        return loop_response(device(v), gains_of(v), omega, hold, OPS)
 
     def model_curve(omega: Enclosure, v: Values) -> Pair:
         D = loop(omega, v).D
-        return Pair(-D.im, D.re) if integrator else D
+        return Pair(-D.im, D.re) if has_integrator(v) else D
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
-        parts = return_difference(plant(v), theta, OPS, integrator=integrator)
-        return parts.closed(gains_of(v), integrator=integrator)
+        parts = return_difference(plant(v), theta, OPS, position=has_integrator(v))
+        return parts.closed(gains_of(v))
 
     def design(v: Values) -> Design:
         return Design(device(v), gains_of(v), coupling_of(v))
 
     return Claims(
-        lambda omega, v: conditions_margin(design(v), omega, factor, OPS, integrator=integrator),
-        lambda omega, v: low_margin(design(v), omega, factor, OPS, integrator=integrator),
+        lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
+        lambda omega, v: low_margin(design(v), omega, factor, OPS),
         lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS, integrator=integrator),
+        lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
         lambda omega, v: loop(omega, v).resistance,
         lambda omega, v: required_resistance(loop(omega, v), OPS),
         lambda theta, v: sensitivity_floor(plant(v), gains_of(v), theta, limit, OPS),
@@ -123,8 +125,8 @@ def claims_of(demands: Demands, *, integrator: bool, uncertain: tuple[str, ...] 
         sampled_curve,
         lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
         lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
-        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS, integrator=integrator),
-        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS, integrator=integrator),
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
+        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
     )
 
 

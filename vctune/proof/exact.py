@@ -18,6 +18,7 @@ from flint import arb, fmpq, fmpq_poly
 from vctune.model.loop import HoldResponse, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.balls import BALLS
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
 
@@ -51,12 +52,12 @@ def is_rational(device: Device) -> bool:
 def conditions(design: Design, factor: float) -> Conditions:
     """Return the conditions of a design's decimals, `factor` times R demanded."""
     omega, f = fmpq_poly([0, 1]), _rational(factor)
-    given, integrator = design.device.over(_rational), design.gains.position > 0
+    given = design.device.over(_rational)
     half = given.sample_time / 2
     clearing = 1 + half * half * omega * omega
     cleared = given.over(lambda x: x * clearing)
     gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
-    loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), integrator=integrator)
+    loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), BALLS)
     coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
     b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
     below = b_c * b_c + reactance2

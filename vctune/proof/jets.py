@@ -132,7 +132,9 @@ class _EnclosureArithmetic:
 
     @staticmethod
     def is_zero(x: Number) -> bool:
-        return isinstance(x, Enclosure) and bool(np.all(x.mid == 0) and np.all(x.rad == 0))
+        if isinstance(x, Jet):
+            return False
+        return bool(np.all(x.mid == 0) and np.all(x.rad == 0)) if isinstance(x, Enclosure) else bool(x == 0)
 
     @staticmethod
     def sqrt(x: Number) -> Number:

@@ -25,15 +25,15 @@ LOWEST_EDGE = 1e-18
 
 def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     """Return `conditions_margin` of a design's decimals as a function of omega; without a loop C = N = 0."""
-    exact, integrator, threshold = design_ball(design), design.gains.position > 0, arb(repr(factor))
-    if design.gains.velocity == 0 and not integrator:
+    exact, threshold = design_ball(design), arb(repr(factor))
+    if not design.gains.closed:
         damping = exact.device.held.damping
         return lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re
     series, in_series = design_series(exact), lifted(threshold)
 
     def margin(omega: Number) -> Number:
         given, demand = (exact, threshold) if isinstance(omega, arb) else (series, in_series)
-        return conditions_margin(given, omega, demand, BALLS, integrator=integrator)
+        return conditions_margin(given, omega, demand, BALLS)
 
     return margin
 

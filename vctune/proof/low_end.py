@@ -18,8 +18,8 @@ END_BOXES = 64
 
 def low_end_verdict(design: Design) -> Verdict:
     """Compare the exact limits of Re Z_c and R for omega -> 0; undecided where they are equal."""
-    exact, integrator = design_ball(design), design.gains.position > 0
-    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling, integrator=integrator)
+    exact = design_ball(design)
+    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling)
     if limit.coupling < limit.required:
         return Verdict.REFUTED
     return Verdict.PROVED if limit.coupling > limit.required else Verdict.UNDECIDED
@@ -27,10 +27,10 @@ def low_end_verdict(design: Design) -> Verdict:
 
 def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None."""
-    exact, integrator, threshold = design_ball(design), design.gains.position > 0, arb(repr(factor))
-    if design.gains.velocity == 0 and not integrator:  # no loop, R = 0
+    exact, threshold = design_ball(design), arb(repr(factor))
+    if not design.gains.closed:  # no loop, R = 0
         return below if design.device.held.damping > 0 else None
-    return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS, integrator=integrator), below)
+    return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS), below)
 
 
 def _largest(margin: Callable[[arb], arb], start: float) -> float | None:

@@ -55,21 +55,21 @@ def prove(demands: Demands, cells: Cells) -> Certified:
     whose K_p is 0 throughout does.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
-    for integrator, at in by_integrator(cells):
-        part = _proofs(demands, cells.taken(at), integrator)
+    for at in by_law(cells):
+        part = _proofs(demands, cells.taken(at))
         proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
     return proofs
 
 
-def by_integrator(cells: Cells) -> list[tuple[bool, Integers]]:
-    """Return which cells have an integrator and which have not."""
-    parts = [(integrator, np.flatnonzero((cells.high[1] > 0) == integrator)) for integrator in (True, False)]
-    return [(integrator, at) for integrator, at in parts if len(at)]
+def by_law(cells: Cells) -> list[Integers]:
+    """Return the cells with and those without K_p: with K_p = 0 the law has no integrator."""
+    parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
+    return [at for at in parts if len(at)]
 
 
-def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Certified:
+def _proofs(demands: Demands, cells: Cells) -> Certified:
     """Prove claim after claim for the cells that are left."""
-    claims = claims_of(demands, integrator=integrator)
+    claims = claims_of(demands)
 
     def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
         low, high = outwards(demands.band)
@@ -86,7 +86,7 @@ def _proofs(demands: Demands, cells: Cells, integrator: bool) -> Certified:
         return found.proved, found.boxes
 
     def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
-        turned = encirclements(demands, cells, integrator=integrator)
+        turned = encirclements(demands, cells)
         return (turned.number == 0).all(axis=0), turned.boxes
 
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
@@ -119,13 +119,13 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, theta_S: Floats) -> F
     theta_S : rad, for each cell an angle omega T at which |S| may be too great throughout
     """
     fails = np.zeros(len(cells), bool)
-    for integrator, at in by_integrator(cells):
-        claims, part = claims_of(demands, integrator=integrator), cells.taken(at)
+    for at in by_law(cells):
+        claims, part = claims_of(demands), cells.taken(at)
         lost = negative_at(claims.conditions, part, omega[at])
         lost |= negative_at(claims.damped, part, omega[at])
         lost |= negative_at(claims.sensitivity, part, theta_S[at])
         left = np.flatnonzero(~lost)
-        number = encirclements(demands, part.taken(left), integrator=integrator).number
+        number = encirclements(demands, part.taken(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
         fails[at] = lost
     return fails
@@ -156,32 +156,32 @@ class Encirclements:
     boxes: Integers
 
 
-def encirclements(demands: Demands, cells: Cells, *, integrator: bool) -> Encirclements:
-    """Return how often the curves of each cell go around 0."""
-    parts = [_encirclements(replace(demands, device=loop), cells, integrator) for loop in demands.device.loops]
+def encirclements(demands: Demands, cells: Cells) -> Encirclements:
+    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none."""
+    parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     number, boxes = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
     return Encirclements(np.concatenate(number), boxes.sum(axis=0))
 
 
-def _encirclements(demands: Demands, cells: Cells, integrator: bool) -> Encirclements:
+def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
-    claims, device = claims_of(demands, integrator=integrator), demands.device
+    claims, device = claims_of(demands), demands.device
     same = steady(claims, device, cells) if cells.extended else np.ones((2, len(cells)), bool)
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))
-    counted, boxes[:, calm] = _turns_at(claims, device, cells.taken(calm).centres(), integrator=integrator)
+    counted, boxes[:, calm] = _turns_at(claims, device, cells.taken(calm).centres())
     number[:, calm] = np.where(same[:, calm], counted, np.nan)
     return Encirclements(number, boxes)
 
 
-def _turns_at(claims: Claims, device: Device, points: Cells, *, integrator: bool) -> tuple[Floats, Integers]:
+def _turns_at(claims: Claims, device: Device, points: Cells) -> tuple[Floats, Integers]:
     """Return the number of each point, nan where not settled, and the pairs looked at.
 
     The arguments are those of `vctune.proof.poles`: the model's curve ends within a quarter turn of where it goes; the
     sampled loop's begins at F(1) > 0 and ends on the real axis.
     """
     curves = (
-        (claims.model_poles, stiffest(device, points), 2 * pi, pi if integrator else pi / 2),
+        (claims.model_poles, stiffest(device, points), 2 * pi, pi if points.high[1].any() else pi / 2),
         (claims.sampled_poles, HALF_TURN, pi, 0.0),
     )
     numbers, boxes = [], []

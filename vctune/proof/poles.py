@@ -21,18 +21,18 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     |C| < |m omega|/2 because |H| <= 1: from there arg D tends to pi/2 without another turn. With no zero on the axis,
     there is none to its right if and only if the argument has turned by less than a turn there.
     """
-    exact, law, integrator = device_ball(device), gains_ball(gains), gains.position > 0
-    if gains.velocity == 0 and not integrator:
+    exact, law, integral = device_ball(device), gains_ball(gains), gains.position > 0
+    if not gains.closed:
         return Outcome(Verdict.PROVED if device.damping > 0 else Verdict.REFUTED, 1)
 
     def curve(omega: arb) -> Pair:
-        D = loop_response(exact, law, omega, hold_response(exact, omega, BALLS), integrator=integrator).D
-        return Pair(-D.im, D.re) if integrator else D
+        D = loop_response(exact, law, omega, hold_response(exact, omega, BALLS), BALLS).D
+        return Pair(-D.im, D.re) if integral else D
 
     last = 4 * max(gains.velocity / device.mass, (gains.position / device.mass) ** 0.5)
     outcome, angle = turned_angle(curve, 0.0, last)
     if outcome.verdict is not Verdict.PROVED:
         return outcome
-    least = pi / 2 if integrator else 0.0
+    least = pi / 2 if integral else 0.0
     upright = least - 1e-6 < angle < least + pi + 1e-6
     return outcome if upright else Outcome(Verdict.REFUTED, outcome.boxes)

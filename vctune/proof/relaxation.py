@@ -60,8 +60,8 @@ class Coefficients:
 def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients:
     """Return the coefficients at a frequency omega > 0 from the loops of unit gains."""
     hold = hold_response(device, omega, ops)
-    one = loop_response(device, Gains(1, 0), omega, hold, integrator=False)
-    two = loop_response(device, Gains(0, 1), omega, hold, integrator=True)
+    one = loop_response(device, Gains(1, 0), omega, hold, ops)
+    two = loop_response(device, Gains(0, 1), omega, hold, ops)
     squared = omega * omega
     return Coefficients(
         one.Z_d.abs2(),
@@ -228,7 +228,7 @@ def _sensitivity(device: Device, omega: Floats) -> Share:
     whole, fraction = whole_samples(device.delay, device.sample_time)
     exact = device.bare.over(decimal)
     plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
-    F = return_difference(plant, exact.sample_time * omega, ENCLOSURES)
+    F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
     along = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
     squares = F.velocity.abs2(), F.position.abs2()
     cross = 2 * _top(re_conj_product(F.velocity, F.position))

@@ -51,11 +51,6 @@ class Family:
     demands: Demands
 
     @property
-    def integrator(self) -> bool:
-        """Whether the law has its K_p/s term."""
-        return bool(self.design.gains.position > 0)
-
-    @property
     def values(self) -> Values:
         """The five numbers of the design, enclosed."""
         return dict(zip(DESIGN, map(decimal, astuple(self.design.gains) + astuple(self.design.coupling)), strict=True))
@@ -80,7 +75,7 @@ class Family:
     def claims(self) -> Claims:
         """Return the claims as functions of the uncertain numbers too."""
         demands = replace(self.demands, device=self.box.nominal)
-        return claims_of(demands, integrator=self.integrator, uncertain=self.box.moving)
+        return claims_of(demands, self.box.moving)
 
     def device(self, numbers: Floats) -> Device:
         """Return a device of the box from its uncertain numbers."""

@@ -31,10 +31,9 @@ ROOT_TOLERANCE = 1e-16
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s."""
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
-    integrator = design.gains.position > 0
 
     def margin(theta: Number) -> Number:
-        return sensitivity_margin(plant, gains, theta, limit, BALLS, integrator=integrator)
+        return sensitivity_margin(plant, gains, theta, limit, BALLS)
 
     return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN), design.device)
 
@@ -45,10 +44,10 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     z^-n times the characteristic polynomial of degree n is followed along the upper half of the unit circle: real at
     both ends, it must come back without a turn. The witness is in rad/s.
     """
-    law, integrator, plant = gains_ball(gains), gains.position > 0, exact_plant(device)
+    law, plant = gains_ball(gains), exact_plant(device)
 
     def curve(theta: arb) -> Pair:
-        return return_difference(plant, theta, BALLS, integrator=integrator).closed(law, integrator=integrator)
+        return return_difference(plant, theta, BALLS, position=gains.position > 0).closed(law)
 
     outcome, angle = turned_angle(curve, 0.0, HALF_TURN)
     if outcome.verdict is not Verdict.PROVED:
@@ -74,9 +73,9 @@ def exact_plant(device: Device) -> SampledPlant:
 
 def spectral_radius(device: Device, gains: Gains) -> float:
     """Return the greatest modulus of the sampled loop's poles, from enclosures wherever they can be isolated."""
-    law, integrator = gains_ball(gains), gains.position > 0
+    law = gains_ball(gains)
     with ctx.workprec(PRECISION):
-        coefficients = characteristic_polynomial(exact_plant(device), law, integrator=integrator)
+        coefficients = characteristic_polynomial(exact_plant(device), law)
         if len(coefficients) <= ISOLATED_DEGREE:
             try:
                 return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))

@@ -8,11 +8,13 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from vctune.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
+from vctune.report.style import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
 
 INKS = (BLUE, ORANGE, GREEN, RED, GREY, "#8e5bb5", "#a0703c", "#cc5fa0", "#2aa5a0", "#9aa11e", INK)
 MARKS = "osD^vP*X<>hd"
 PANEL_WIDTH, PANEL_HEIGHT = 5.4, 4.2
+MANY = 400
+"""Points beyond which a picture of them is smaller than their places."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,13 @@ def benchmark_figure(panels: list[Panel]) -> Figure:
                 y = [max(value, panel.floor) for value in series.y] if panel.floor else series.y
                 style = {"color": INKS[k % len(INKS)], "marker": MARKS[k % len(MARKS)], "markersize": 5}
                 axes.plot(
-                    series.x, y, linestyle="-" if series.joined else "", linewidth=1.2, label=series.label, **style
+                    series.x,
+                    y,
+                    linestyle="-" if series.joined else "",
+                    linewidth=1.2,
+                    label=series.label,
+                    rasterized=len(series.x) > MANY,
+                    **style,
                 )
             if panel.floor:
                 axes.axhline(panel.floor, color=GREY, linewidth=1, linestyle=":")

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
-
-from vctune.document.files import set_aside
 
 REPORT = "report.html"
 READINGS = {
     "llewellyn": (
         "Absolute stability",
         "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "
-        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved.",
+        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved. "
+        "The lower axis shows the ratios around 1 alone.",
     ),
     "nyquist": (
         "Velocity loop",
-        "The loop must pass -1 without encircling it and stay out of the circle around it: |S| then keeps its limit.",
+        "The loop must pass -1 without encircling it and stay out of the hatched circle around it: |S| then keeps its "
+        "limit.",
     ),
     "transparency": (
         "Transparency",
@@ -25,13 +24,9 @@ READINGS = {
     ),
     "impedance": (
         "What the hand feels",
-        "Each full line should lie on its dashed ideal; between the lines for a free and for a rigid environment lies "
-        "everything that the device can render (its Z-width).",
-    ),
-    "convergence": (
-        "Convergence",
-        "Error against run time of this very solve: each round of IPOPT, on the left, poses the demands at more "
-        "frequencies, until, on the right, none is violated anywhere.",
+        "In the transparency band each line with marks should lie on its thin ideal; outside the stability band "
+        "nothing is promised. Between the lines for a free and for a rigid environment lies everything that the device "
+        "can render (its Z-width).",
     ),
     "simulation": (
         "Experiments",
@@ -41,28 +36,13 @@ READINGS = {
     ),
     "optimality": (
         "How much better could any design be?",
-        "No design that meets the demands has an error below the blue line, proved by searching every box of gains and "
-        "couplings; what lies between it and the green line is all that could still be gained.",
+        "No design that meets the demands has an error below the full line, proved by searching every box of gains and "
+        "couplings; what lies between it and the dashed line is all that could still be gained.",
     ),
 }
 """Title and reading of each figure, by name."""
 
 
-def set_report_aside(folder: Path) -> Path | None:
-    """Rename the report of an earlier design and remove the files of its figures, which that page has in it.
-
-    Returns the report's new path; None if there is no report.
-    """
-    report = folder / REPORT
-    if not report.exists():
-        return None
-    previous = set_aside(report)
-    remove_figures(folder, READINGS)
-    return previous
-
-
-def remove_figures(folder: Path, names: Iterable[str]) -> None:
-    """Remove the files of figures that do not show the folder's design."""
-    for name in names:
-        for suffix in ("svg", "png"):
-            (folder / f"{name}.{suffix}").unlink(missing_ok=True)
+def report_paths(folder: Path) -> list[Path]:
+    """Return where a folder's report is, and the files of its figures."""
+    return [folder / REPORT, *(folder / f"{name}.svg" for name in READINGS)]

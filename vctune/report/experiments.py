@@ -9,7 +9,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vctune.report.figures import BLUE, GREY, ORANGE, RED, STYLE
+from vctune.report.style import BLUE, GREY, ORANGE, RED, STYLE, canvas
 
 HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
 UNITS = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
@@ -19,7 +19,8 @@ def simulation_figure(simulation: dict[str, Any]) -> Figure:
     """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
     experiments = simulation["experiments"]
     with rc_context(STYLE):
-        figure = Figure(figsize=(8, 3.1 * len(experiments)), layout="constrained")
+        height = 3.1 * len(experiments)
+        figure = canvas(8, height, top=0.35, gaps=(0.06, 0.4))
         rows = figure.subplots(len(experiments), 2, squeeze=False, sharey="row", sharex="row")
         for (left, right), experiment in zip(rows, experiments, strict=True):
             _draw(left, experiment, "baseline", "a) regular PID", ORANGE)
@@ -29,7 +30,7 @@ def simulation_figure(simulation: dict[str, Any]) -> Figure:
 
 
 def _draw(axes: Axes, experiment: dict[str, Any], name: str, title: str, colour: str) -> None:
-    axes.set_title(f"{experiment['name']}: {title}", fontsize=10)
+    axes.set_title(f"{experiment['name']}: {title}")
     axes.set_xlabel({"position": "position, m", "velocity": "velocity, m/s"}[experiment["axis"]])
     run = experiment[name]
     if run is None:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from vctune.document.problem import Problem
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
-from vctune.report.figures import INK
+from vctune.report.style import INK, PAPER
 
 
 def page(
@@ -50,30 +50,30 @@ def page(
 
 
 def inline(text: str) -> str:
-    """Return an SVG file as an element that takes its ink from the page's text colour."""
+    """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through."""
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return text.replace(INK, "currentColor")
+    return text.replace(INK, "currentColor").replace(PAPER, "none")
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG, the same bytes for the same figure."""
+    """Return a figure as SVG: the same bytes for the same figure, places to a hundredth of a point, no idle names."""
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
-        figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, transparent=True)
-    return stream.getvalue().decode()
+        figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
+    text = re.sub(r"\n +", "\n", stream.getvalue().decode())
+    for long, short in ((r"font-family: [^;\"]*", "font-family: sans-serif"), (r'<g id="[^"]*">', "<g>")):
+        text = re.sub(long, short, text)
+    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _rounded, text)
 
 
-def png(figure: Figure) -> bytes:
-    """Return a figure as PNG on white, the same bytes for the same figure."""
-    stream = BytesIO()
-    figure.savefig(stream, format="png", dpi=120, facecolor="white", metadata={"Software": None})
-    return stream.getvalue()
+def _rounded(attribute: re.Match[str]) -> str:
+    return re.sub(r"-?\d+\.\d{3,}(e-?\d+)?", lambda number: f"{float(number[0]):.2f}", attribute[0])
 
 
-def figure_files(figure: Figure, folder: Path, stem: str) -> dict[Path, str | bytes | memoryview]:
-    """Return a figure as SVG and PNG files."""
-    return {folder / f"{stem}.svg": svg(figure, stem), folder / f"{stem}.png": png(figure)}
+def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
+    """Return a figure as an SVG file."""
+    return {folder / f"{stem}.svg": svg(figure, stem)}
 
 
 def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -19,13 +19,15 @@ from vctune.design.grid import least_errors
 from vctune.design.variables import KEYS, point
 from vctune.document.problem import Problem
 from vctune.model.quantities import Gains
-from vctune.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, STYLE
+from vctune.report.style import INK, PAPER, RED, STYLE, canvas
 from vctune.study.baseline import Design, Recheck
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 
-COLOURS = {Kind.FEASIBLE: GREEN, Kind.INFEASIBLE: RED, Kind.UNDECIDED: GREY}
-LABELS = {kind: f"proved {kind.name.lower()}" for kind in COLOURS} | {Kind.UNDECIDED: "undecided"}
+GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
+"""Colour and hatching, apart for every kind of sight and in grey."""
+FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
+LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
 STRIP, GAP = 0.03, 0.008
 """Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
 APART = (0.07, 0.035)
@@ -40,9 +42,9 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
     plane = region.plane
     with rc_context(STYLE):
         figure, axes = _frame(plane)
-        for kind, colour in COLOURS.items():
-            _fill(axes, plane, region.squares[:, region.kinds == kind], colour, LABELS[kind])
-        _stars(axes, plane, designs, ORANGE, "optimum")
+        for kind, fill in FILLS.items():
+            _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
+        _marked(axes, plane, designs, "*", PAPER, "optimum")
         if set(plane.axes) == {0, 1}:
             _contours(axes, problem, region)
             _limit(axes, problem, plane)
@@ -55,17 +57,20 @@ def lost_figure(again: Recheck) -> Figure:
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
         figure, axes = _frame(plane)
-        _fill(axes, plane, again.region.squares[:, kept], GREEN, "proved again")
-        _fill(axes, plane, again.region.squares[:, ~kept], RED, "lost")
-        for holds, colour, label in ((True, GREEN, "gain set, proved again"), (False, RED, "gain set, lost")):
+        _fill(axes, plane, again.region.squares[:, kept], GOOD, "proved again")
+        _fill(axes, plane, again.region.squares[:, ~kept], BAD, "lost")
+        for holds, mark, colour, label in (
+            (True, "*", PAPER, "gain set, proved again"),
+            (False, "X", RED, "gain set, lost"),
+        ):
             listed = zip(again.designs, again.certified, strict=True)
-            _stars(axes, plane, [design for design, certified in listed if certified is holds], colour, label)
+            _marked(axes, plane, [design for design, certified in listed if certified is holds], mark, colour, label)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 
 
 def _frame(plane: Plane) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(8.6, 5.6), layout="constrained")
+    figure = canvas(8.6, 5.2, left=0.95, right=2.1)
     axes = figure.subplots()
     axes.grid(visible=False)
     for place, axis in enumerate(plane.axes):
@@ -114,8 +119,11 @@ def _spot(plane: Plane, k: int, value: float) -> float:
     return -(STRIP + GAP) / 2 if on_line else float(_place(plane, k, np.array([value]))[0])
 
 
-def _fill(axes: Axes, plane: Plane, squares: Squares, colour: str, label: str) -> None:
+def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], label: str) -> None:
     """Draw cells as one path, without seams; those of the line K_p = 0 on the strip."""
+    colour, hatch = fill
+    lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
+    squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
     low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
     on_line = low == high
     (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
@@ -124,15 +132,27 @@ def _fill(axes: Axes, plane: Plane, squares: Squares, colour: str, label: str) -
     )
     codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(corners)
     cells = Path(corners.reshape(-1, 2), codes) if codes else Path(np.zeros((1, 2)))
-    axes.add_patch(PathPatch(cells, facecolor=colour, edgecolor="none", alpha=0.45, label=label))
+    axes.add_patch(PathPatch(cells, facecolor=colour, hatch=hatch, linewidth=0, label=label))
 
 
-def _stars(axes: Axes, plane: Plane, designs: Sequence[Design], colour: str, label: str) -> None:
+def _joined(squares: Squares, along: int) -> Squares:
+    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
+    low, high = 2 * along, 2 * along + 1
+    start, end = 2 - low, 3 - low
+    ordered = squares[:, np.lexsort(squares[[low, end, start]])]
+    apart = (ordered[low, 1:] != ordered[high, :-1]) | (np.diff(ordered[[start, end]]) != 0).any(axis=0)
+    first = np.flatnonzero(np.append(True, apart))[: ordered.shape[1]]
+    joined = ordered[:, first]
+    joined[high] = ordered[high, np.append(first[1:] - 1, -1)[: len(first)]]
+    return joined
+
+
+def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colour: str, label: str) -> None:
     if designs:
         x, y = np.array(
             [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
         )
-        axes.scatter(x, y, s=180, c=colour, marker="*", edgecolors=INK, label=label, zorder=5, clip_on=False)
+        axes.scatter(x, y, s=180, c=colour, marker=mark, edgecolors=INK, label=label, zorder=5, clip_on=False)
 
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
@@ -150,10 +170,10 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
         return
     levels = np.unique([float(f"{level:.2g}") for level in np.quantile(errors[sound], (0.02, 0.1, 0.3, 0.6, 0.9))])
     place = marks / marks[-1]
-    drawn = axes.contour(place, place, np.where(sound, errors, np.nan).T, levels=levels, colors=BLUE, linewidths=1)
+    drawn = axes.contour(place, place, np.where(sound, errors, np.nan).T, levels=levels, colors=INK, linewidths=0.8)
     axes.clabel(drawn, fmt="%g", fontsize=8)
     if any(drawn.allsegs):
-        axes.plot([], [], color=BLUE, linewidth=1, label="least error")
+        axes.plot([], [], color=INK, linewidth=0.8, label="least error")
 
 
 def _feasible(region: Region) -> NDArray[np.bool_]:
@@ -173,4 +193,4 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     x, y = (K_p, K_v) if swapped else (K_v, K_p)
     at = _place(plane, 0, x), _place(plane, 1, y)
     if np.isfinite(sum(at)).any():
-        axes.plot(*at, color=INK, linewidth=1.2, label="τ K_p = b + K_v")
+        axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")

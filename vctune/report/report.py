@@ -1,4 +1,4 @@
-"""From a design's record to its report: report.html, figures as SVG and PNG."""
+"""From a design's record to its report: report.html and its figures as SVG."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
-from vctune.report.contents import READINGS, REPORT, remove_figures
+from vctune.report.contents import REPORT, report_paths
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
-from vctune.report.page import figure_files, page, png, svg
+from vctune.report.page import figure_file, page, svg
 
 
 def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> None:
@@ -30,20 +30,23 @@ def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any
     InputError
         If the record's problem cannot be read or the folder cannot be written.
     """
+    files = report_files(record, folder, simulation)
+    write_together(files, [path for path in report_paths(folder) if path not in files])
+
+
+def report_files(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> dict[Path, str]:
+    """Return what `write_report` writes, the page last."""
     problem = parse_problem(record["problem"]["text"], record["problem"]["name"], record["problem"]["name"])
     drawn: dict[str, Figure] = {}
     if record["gains"] is not None:
         drawn = figures(Design(problem, Gains(**record["gains"]), Coupling(**record["coupling"]), record))
     if simulation is not None:
         drawn["simulation"] = simulation_figure(simulation)
-    vector = {name: svg(figure, name) for name, figure in drawn.items()}
-    files: dict[Path, str | bytes | memoryview] = {folder / REPORT: page(record, problem, vector, simulation)}
-    files |= {folder / f"{name}.svg": text for name, text in vector.items()}
-    files |= {folder / f"{name}.png": png(figure) for name, figure in drawn.items()}
-    write_together(files)
-    remove_figures(folder, set(READINGS) - set(drawn))  # of an earlier design that had them
+    pictures = {name: svg(figure, name) for name, figure in drawn.items()}
+    files = {folder / f"{name}.svg": text for name, text in pictures.items()}
+    return {**files, folder / REPORT: page(record, problem, pictures, simulation)}
 
 
-def write_simulation(simulation: dict[str, Any], folder: Path) -> None:
-    """Write the figure of a simulation alone."""
-    write_together(figure_files(simulation_figure(simulation), folder, "simulation"))
+def simulation_files(simulation: dict[str, Any], folder: Path) -> dict[Path, str]:
+    """Return the figure of a simulation alone."""
+    return figure_file(simulation_figure(simulation), folder, "simulation")

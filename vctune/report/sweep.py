@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.report.figures import BLUE, GREY, RED, STYLE
+from vctune.report.style import BLUE, GREY, RED, STYLE, canvas
 from vctune.study.table import Table
 
 WIDE = 10.0
@@ -112,7 +112,7 @@ def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
 
 
 def _frame() -> tuple[Figure, Axes]:
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    figure = canvas(8, 5, right=0.3, top=0.45)
     return figure, figure.subplots()
 
 

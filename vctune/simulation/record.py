@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
+from vctune.document.digest import experiments_digest
 from vctune.document.experiment import Environment
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import SCHEMA
@@ -16,9 +16,11 @@ from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import Run, Simulated
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
+from vctune.simulation.thinning import thinned
 from vctune.version import __version__
 
-CURVE_BINS = 800
+TOLERANCE = 1.5e-3
+"""By how much of the range that a figure shows a curve may differ: less than the line is wide."""
 
 
 def simulation_record(
@@ -26,11 +28,15 @@ def simulation_record(
 ) -> dict[str, Any]:
     """Return the JSON object of simulated experiments; every number in it is finite or null.
 
-    Curves are thinned for drawing: of each of `CURVE_BINS` equal times the least and the greatest force.
+    Curves are thinned for drawing, to `TOLERANCE`.
     """
     return {
         "schema": SCHEMA,
-        "problem": {"name": file.problem.name, "sha256": file.sha256},
+        "problem": {
+            "name": file.problem.name,
+            "sha256": file.sha256,
+            "experiments_sha256": experiments_digest(file.problem.experiments),
+        },
         "gains": asdict(gains),
         "coupling": asdict(coupling),
         "experiments": [_experiment(one) for one in simulated],
@@ -52,17 +58,23 @@ def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
 
 def _experiment(one: Simulated) -> dict[str, Any]:
     experiment, pid = one.experiment, one.experiment.baseline
-    least = one.least_virtual
+    least, runs = one.least_virtual, {"baseline": one.baseline, "design": one.design}
+    over, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
+    curves = {name: _curve(made.traces, over, cycle) for name, made in runs.items() if made is not None}
+    x_range, y_range = (max(np.ptp(curve[k]) for curve in curves.values()) for k in (0, 1))
+    tolerance = (TOLERANCE * x_range or 1.0, TOLERANCE * y_range or 1.0)
     return {
         "name": experiment.name,
         "environment": asdict(experiment.environment),
-        "axis": axis(experiment.environment),
+        "axis": over,
         "samples": len(one.design.traces.time),
         "least_virtual": None
         if least is None or pid is None
         else {"share": least, "mass": least * pid.mass, "damping": least * pid.damping},
-        "baseline": _run(one, one.baseline) if one.baseline else None,
-        "design": _run(one, one.design),
+        **{
+            name: None if made is None else _run(made) | {"curve": _thinned(curves[name], tolerance)}
+            for name, made in runs.items()
+        },
     }
 
 
@@ -71,22 +83,21 @@ def axis(environment: Environment) -> str:
     return "position" if environment.stiffness > 0 else "velocity"
 
 
-def _run(one: Simulated, made: Run) -> dict[str, Any]:
+def _run(made: Run) -> dict[str, Any]:
     measured = asdict(made.metrics) if made.metrics else None
     return {
         "diverged_s": made.traces.diverged,
         "metrics": finite(measured),
         "loop": {"stable": made.mode.radius < 1, "spectral_radius": made.mode.radius, "hz": made.mode.hz},
-        "curve": _curve(made.traces, axis(one.experiment.environment), 2 * stroke_time(one.experiment.operator)),
     }
 
 
-def _curve(traces: Traces, name: str, cycle: float) -> list[list[float]]:
-    """Return the thinned curve of force over position or velocity, without the first cycle if there are more."""
+def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
+    """Return position or velocity and the force over it, without the first cycle if there are more."""
     first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
     first = first if len(traces.time) - first > 1 else 0
-    abscissa, force = getattr(traces, name)[first:], traces.force[first:]
-    edges = np.linspace(0, len(force), min(CURVE_BINS, len(force)) + 1).astype(int)
-    bins = [(int(low), force[low:high]) for low, high in itertools.pairwise(edges)]
-    kept = sorted({low + int(extreme(part)) for low, part in bins for extreme in (np.argmin, np.argmax)})
-    return [[float(f"{x:.5g}"), float(f"{f:.5g}")] for x, f in zip(abscissa[kept], force[kept], strict=True)]
+    return getattr(traces, name)[first:], traces.force[first:]
+
+
+def _thinned(curve: tuple[Floats, Floats], tolerance: tuple[float, float]) -> list[list[float]]:
+    return [[float(f"{value:.5g}") for value in point] for point in np.transpose(curve)[thinned(*curve, tolerance)]]

@@ -20,7 +20,7 @@ from vctune.study.region import Kind, Region, region
 Design = tuple[Gains, Coupling]
 
 
-def region_record(file: ProblemFile, found: Region, designs: list[Design], seconds: float) -> dict[str, Any]:
+def region_record(file: ProblemFile, found: Region, designs: list[Design]) -> dict[str, Any]:
     """Return the JSON object of a region; every number in it is finite or null.
 
     Parameters
@@ -28,7 +28,6 @@ def region_record(file: ProblemFile, found: Region, designs: list[Design], secon
     file : the problem and its text
     found : the region
     designs : proved gain sets to keep with it
-    seconds : it took
     """
     plane, stability = found.plane, file.problem.stability
     damping: list[float | None] = [None if np.isnan(b_c) else b_c for b_c in found.damping.tolist()]
@@ -54,7 +53,6 @@ def region_record(file: ProblemFile, found: Region, designs: list[Design], secon
         "edges": {"x": plane.edges[0].tolist(), "y": plane.edges[1].tolist()},
         "cells": [[*square, Kind(kind).name.lower(), b_c] for square, kind, b_c in cells],
         "versions": versions(None),
-        "seconds": seconds,
     }
 
 

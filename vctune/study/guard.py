@@ -53,7 +53,6 @@ class RegionFinding:
             "lost_cells": [[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in _lost(again).T],
             "lost_designs": [dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in gone],
             "warnings": self.warnings,
-            "seconds": {"total": self.seconds},
         }
 
 

@@ -7,12 +7,10 @@ from math import isfinite, pi
 from time import perf_counter
 from typing import Any
 
-from vctune.design.judge import Judgement, Status
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import NAMES, point
 from vctune.document.problem import Problem
-from vctune.proof.interval import Verdict
 from vctune.study.rows import FAILED
 
 TERMS = ("error", "admittance", "tracking", "coupling")
@@ -54,17 +52,6 @@ def outcome(solved: Solved) -> dict[str, Any]:
     finite = (number if isfinite(number) else None for number in numbers)
     return {
         "status": solved.status.value,
-        "reason": _open_claims(judgement),
+        "reason": "; ".join(judgement.open_claims) or None,
         **dict(zip(NUMBERS, finite, strict=True)),
     }
-
-
-def _open_claims(judgement: Judgement) -> str | None:
-    """Return the claims that are not proved, None for a certified design."""
-    if judgement.status is Status.CERTIFIED:
-        return None
-    return "; ".join(
-        f"{outcome.verdict.value}{f' at {outcome.witness / (2 * pi):.6g} Hz' if outcome.witness else ''}: {claim.value}"
-        for claim, outcome in judgement.certificate.outcomes.items()
-        if outcome.verdict is not Verdict.PROVED
-    )

@@ -11,11 +11,12 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from vctune.document.digest import digest, problem_digest
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
 from vctune.document.problem import Problem
@@ -30,9 +31,8 @@ Row = dict[str, Any]
 
 
 def key_of(problem: Problem) -> str:
-    """Return the digest of everything that determines a point's row: the problem without its name, and the version."""
-    nameless = asdict(replace(problem, name="", description=""))
-    return sha256(json.dumps([__version__, nameless], sort_keys=True).encode()).hexdigest()
+    """Return the digest of everything that determines a point's row: what the problem means, and the version."""
+    return digest([__version__, problem_digest(problem)])
 
 
 def invalid_key(document: dict[str, Any]) -> str:
@@ -100,12 +100,12 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
         If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
     """
     header = json.dumps({"schema": SCHEMA, "study": study.sha256, "axes": [axis.key for axis in study.axes]}) + "\n"
-    if restart and path.exists():
+    if not path.exists() or not path.stat().st_size:
+        write_together({path: header})
+    elif restart:
         with _opened(path) as handle:
             _index(path, handle, study)
             write_together({path: header})
-    elif not path.exists():
-        write_together({path: header})
     with _opened(path) as handle:
         yield _index(path, handle, study)
         os.fsync(handle)

@@ -1,0 +1,36 @@
+"""Digests of what a document means: the same however it is written, another when a number in it is another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from hashlib import sha256
+from typing import Any
+
+from vctune.document.experiment import Experiment
+from vctune.document.problem import Problem
+
+
+def problem_digest(problem: Problem) -> str:
+    """Return the digest of what a design depends on: the problem without name, description and experiments."""
+    return digest(asdict(replace(problem, name="", description="", experiments=())))
+
+
+def experiments_digest(experiments: Sequence[Experiment]) -> str:
+    """Return the digest of experiments."""
+    return digest([asdict(experiment) for experiment in experiments])
+
+
+def digest(value: Any) -> str:
+    """Return the SHA-256 of tables, lists, texts and numbers as JSON, its keys sorted, floats in shortest decimals."""
+    return sha256(json.dumps(_canonical(value), sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def _canonical(value: Any) -> Any:
+    """Return a value with floats as texts, for infinity is no JSON, and without the sign of 0."""
+    if isinstance(value, dict):
+        return {key: _canonical(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(entry) for entry in value]
+    return repr(value + 0.0) if isinstance(value, float) else value

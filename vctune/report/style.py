@@ -1,0 +1,102 @@
+"""What all figures share: inks, a layout that no text can move, bands, and texts of seconds."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+
+from vctune.document.problem import Band
+
+INK, PAPER = "#010203", "#fefdfc"
+"""Text and ground; a page replaces both by its own."""
+BLUE, ORANGE, GREEN, RED, GREY = "#3b82d0", "#e08a1e", "#2f9e62", "#d6453d", "#8a8f98"
+"""Never the only difference between two curves: line style or marker differs too."""
+PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
+FEW_DECADES = 100.0
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 10,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.facecolor": "none",
+    "axes.titlesize": 10,
+    "axes.titley": 1.0,
+    "figure.facecolor": PAPER,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "axes.grid": True,
+    "grid.color": GREY,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.6,
+    "hatch.linewidth": 0.6,
+    "legend.frameon": False,
+    "legend.labelcolor": INK,
+    "lines.linewidth": 1.6,
+}
+
+
+def canvas(
+    width: float,
+    height: float,
+    *,
+    left: float = 0.85,
+    right: float = 0.15,
+    bottom: float = 0.5,
+    top: float = 0.15,
+    gaps: tuple[float, float] = (0.0, 0.0),
+) -> Figure:
+    """Return a figure whose axes keep their place whatever stands beside them.
+
+    Parameters
+    ----------
+    width, height : inches
+    left, right, bottom, top : margins, inches
+    gaps : between columns and between rows, shares of the axes' size
+    """
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(
+        left / width, bottom / height, 1 - right / width, 1 - top / height, wspace=gaps[0], hspace=gaps[1]
+    )
+    return figure
+
+
+def legend_above(axes: Axes, columns: int, **options: Any) -> None:
+    """Put the legend over the axes, where it covers no curve."""
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=9, borderaxespad=0.2, **options)
+
+
+def frequency_axis(axes: Axes, low: float, high: float) -> None:
+    """Make the x axis one of frequencies, in plain decimals."""
+    axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
+    axes.xaxis.set_major_formatter(PLAIN)
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def decades(axes: Axes) -> None:
+    """Make the y axis logarithmic, marked at the powers of ten, or between them too where those are few."""
+    axes.set_yscale("log")
+    low, high = axes.get_ylim()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0,) if high > FEW_DECADES * low else (1.0, 2.0, 5.0)))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(PLAIN)
+
+
+def shade(axes: Axes, band: Band, colour: str, label: str) -> None:
+    """Shade the part of a band that is on the axis."""
+    low, high = axes.get_xlim()
+    axes.axvspan(max(band.min / (2 * pi), low), min(band.max / (2 * pi), high), color=colour, alpha=0.1, label=label)
+
+
+def time_text(seconds: float, digits: int) -> tuple[str, str]:
+    """Return a time and its unit: seconds, ms or µs, the first that gives a number from 0.1 on."""
+    for scale, unit in ((1.0, "s"), (1e3, "ms")):
+        if abs(seconds) * scale >= 0.1 or seconds == 0:
+            return f"{seconds * scale:.{digits}g}", unit
+    return f"{seconds * 1e6:.{digits}g}", "µs"
