@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from vctune.design.cases import cases_of
 from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import judge
 from vctune.design.optimum import Progress, improved, nominal_start, optimum
@@ -23,8 +24,8 @@ if TYPE_CHECKING:
     from vctune.design.leaves import Unfinished
 
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
-design it is content with."""
+"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
+devices at which a box is looked at; how good a design it is content with."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
 BOUND_BOXES = 20_000_000
@@ -95,7 +96,7 @@ def _searched(solved: Solved, progress: Progress, gap: float | None, rest: Unfin
     def tell(at: Glance) -> None:
         progress(f"searching every box: {at}")
 
-    most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
+    most, within = (SEARCH_BOXES // len(cases_of(problem)), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
     improve = partial(improved, problem)
     found = bound(problem, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
