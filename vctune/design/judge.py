@@ -16,6 +16,7 @@ from vctune.analysis.demands import (
     transparency_error,
 )
 from vctune.design.prepared import Posed, pose
+from vctune.design.worst import worst_inside
 from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -61,7 +62,7 @@ class Judgement:
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    tightest : the device on which it is least, of the nominal one and the vertices of a box
+    tightest : the device on which it is least, of the nominal one and those of a box
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
@@ -139,6 +140,9 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
     cases = posed.cases
     ratios = [least_ratio(case, gains, coupling) for case in cases]
     (min_ratio, worst), tightest = min(zip(ratios, (case.device for case in cases), strict=True), key=lambda at: at[0])
+    inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
+    if inside and inside[0].ratio < min_ratio:
+        min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(posed.problem, gains, coupling)
     return Judgement(

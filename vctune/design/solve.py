@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from vctune.design.leaves import Unfinished
 
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
-design it is content with."""
+"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
+devices at which a box is looked at; how good a design it is content with."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
 BOUND_BOXES = 20_000_000
@@ -97,7 +97,7 @@ def _searched(
     def tell(at: Glance) -> None:
         progress(f"searching every box: {at}")
 
-    most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
+    most, within = (SEARCH_BOXES // len(prepared.given.cases), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
     improve = partial(improved, prepared)
     found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}

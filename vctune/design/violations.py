@@ -85,12 +85,12 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
 def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
     """Find where the ratio fails on devices that are not among the vertices of their box."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
-    for ratio, place in worst_inside(posed, gains, coupling):
-        short = least - log(max(ratio, 1e-300))
+    for worst in worst_inside(posed, gains, coupling):
+        short = least - log(max(worst.ratio, 1e-300))
         if short > tightening / 2:
-            found.ratio.append(place)
+            found.ratio.append(Place(worst.omega, worst.device))
         found.greatest = max(found.greatest, short - tightening / 2)
-        found.positive = found.positive and ratio > 0
+        found.positive = found.positive and worst.ratio > 0
     return found
 
 
