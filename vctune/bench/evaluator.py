@@ -18,7 +18,6 @@ from vctune.document.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 POINTS = 20_001
 """Frequencies looked at in each band; odd, for Simpson's rule."""

@@ -9,8 +9,6 @@ from statistics import median
 from time import process_time
 from typing import TypeVar
 
-import numpy as np
-
 Made = TypeVar("Made")
 
 
@@ -36,8 +34,3 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
         made = work()
         seconds.append(process_time() - began)
     return made, median(seconds)
-
-
-def slope(sizes: list[float], costs: list[float]) -> float:
-    """Return the exponent p of cost ~ size^p by least squares on logarithmic axes."""
-    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])

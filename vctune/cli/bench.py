@@ -12,7 +12,6 @@ import click
 ABOUT = {
     "solvers": "vctune against other solvers and fixed grids: error against run time.",
     "stress": "Thousands of devices over ten decades, every verdict checked.",
-    "scaling": "How cost grows with the size of the work.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
