@@ -25,12 +25,17 @@ class ProblemFile:
     text: str
 
     @property
+    def document(self) -> dict[str, Any]:
+        """The text, parsed."""
+        return toml.parse(self.text, self.problem.name)
+
+    @property
     def sha256(self) -> str:
         """The digest that ties a design to its problem: of its meaning, not of its text (`problem_digest`)."""
         return problem_digest(self.problem)
 
 
-def read_problem(path: Path) -> ProblemFile:
+def read_problem(path: str | Path) -> ProblemFile:
     """Read a problem file.
 
     Raises
@@ -38,7 +43,7 @@ def read_problem(path: Path) -> ProblemFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    return problem_file(toml.read_text(path), path)
+    return problem_file(toml.read_text(Path(path)), Path(path))
 
 
 def problem_file(text: str, path: Path) -> ProblemFile:
@@ -83,9 +88,9 @@ class GainsFile:
     text: str
 
 
-def read_gains(path: Path) -> GainsFile:
+def read_gains(path: str | Path) -> GainsFile:
     """Read a gains file. Raises `InputError` like `read_problem`."""
-    return gains_file(toml.read_text(path), path)
+    return gains_file(toml.read_text(Path(path)), Path(path))
 
 
 def gains_file(text: str, path: Path) -> GainsFile:

@@ -99,8 +99,6 @@ def read_study(path: Path) -> Study:
         problem_text = toml.read_text(target)
     except InputError as error:
         raise refusal([(("problem",), f"{target}: {error.mistakes[0].message}")], text, str(path)) from None
-    except ValueError:
-        raise refusal([(("problem",), "is no path: it contains a null character")], text, str(path)) from None
     name = path.stem.encode("utf-8", "replace").decode()
     sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
     study = Study(name, toml.parse(problem_text, str(target)), tuple(axis for axis in axes if axis), sample)
