@@ -18,8 +18,8 @@ def worker_options(command: Any) -> Any:
             "--executor",
             default="processes",
             show_default=True,
-            metavar="processes|dask|dask:ADDRESS",
-            help="Who does the work: processes, a local Dask cluster, or a running one.",
+            metavar="processes|serial|dask|dask:ADDRESS",
+            help="Who does the work: processes, this process alone, a local Dask cluster, or a running one.",
         ),
         click.option(
             "--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: the cores that there are]"

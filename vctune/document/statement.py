@@ -8,6 +8,7 @@ from typing import Any
 
 from vctune.document.experiment import Experiment
 from vctune.document.problem import Band, Bounds, Problem, Range
+from vctune.model.frequency import hertz
 
 
 def statement(problem: Problem) -> dict[str, Any]:
@@ -59,7 +60,7 @@ def _hz(band: Band) -> list[float]:
 
 def _edge(omega: float) -> float:
     """Return a frequency in hertz: the short decimal that it was, if it was one."""
-    short = float(f"{omega / (2 * pi):.12g}")
+    short = hertz(omega)
     return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
 
 

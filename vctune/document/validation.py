@@ -53,7 +53,8 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text."""
     lines = toml.Lines(text) if text is not None else None
-    shown = [Mistake(dotted(path), message, lines and _line(lines, path)) for path, message in faults[:MAX_MISTAKES]]
+    listed = faults[:MAX_MISTAKES]
+    shown = [Mistake(dotted(path), message, _line(lines, path) if lines else None) for path, message in listed]
     more = [Mistake("", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
     return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
 

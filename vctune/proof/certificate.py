@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from functools import partial
-from math import inf
+from math import inf, pi
 
 import numpy as np
 from flint import ctx
 
+from vctune.model.frequency import hertz
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import PRECISION
 from vctune.proof.boxes import Cells
@@ -94,6 +95,17 @@ class Certificate:
             return widest_band_over(family)
         with ctx.workprec(PRECISION):
             return widest_band(self.design, *self.demands.band)
+
+    @property
+    def proved_band_hz(self) -> tuple[float, float] | None:
+        """The proved band, Hz, its edges rounded inwards where the ratio may be 1 next to them; None unless proved."""
+        proved, (low, high) = self.proved_band, self.demands.band
+        if proved is None:
+            return None
+        nyquist = pi / self.design.device.sample_time
+        least = proved[0] if proved[0] in (0.0, low) else min(proved[0] * (1 + 1e-9), low)
+        greatest = proved[1] if proved[1] in (inf, high, nyquist) else max(proved[1] * (1 - 1e-9), high)
+        return hertz(least), hertz(greatest)
 
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
