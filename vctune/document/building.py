@@ -1,4 +1,4 @@
-"""Problems and gains from whatever a program has of them: a path, tables, or the objects themselves."""
+"""Problems and designs from whatever a program has of them: a path, tables, or the objects themselves."""
 
 from __future__ import annotations
 
@@ -22,8 +22,6 @@ from vctune.model.quantities import Coupling, Gains
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """What states a problem: the path of its file, the file's tables, or the problem itself."""
-GainsSource = str | Path | tuple[Gains, Coupling] | GainsFile
-"""What states a design: the path of a gains file, or gains and coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,30 +82,30 @@ def problem(source: ProblemSource) -> ProblemFile:
     return ProblemFile(posed, toml_text(document))
 
 
-def gains(source: GainsSource) -> GainsFile:
+def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> GainsFile:
     """Return a design, read or built.
 
     Parameters
     ----------
-    source : path of a gains file, or `(Gains(...), Coupling(...))`
+    gains : path of a gains file, or the gains of a coupling
+    coupling : None with a path
 
     Raises
     ------
     InputError
         Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
     """
-    if isinstance(source, GainsFile):
-        return source
-    if isinstance(source, str | Path):
-        return read_gains(source)
-    match source:
-        case (Gains() as law, Coupling() as coupling):
-            _, faults = examined(GainsDocument, {"gains": plain(law), "coupling": plain(coupling)}, lambda _raw: [])
-            if faults:
-                raise refusal(faults, None, "gains")
-            return GainsFile(law, coupling, None, gains_text(law, coupling, {}))
-    message = f"{shown(source)} is no design; give the path of a gains file, or (Gains(...), Coupling(...))"
-    raise InputError("gains", [Mistake("", message)])
+    if isinstance(gains, str | Path) and coupling is None:
+        return read_gains(gains)
+    if not (isinstance(gains, Gains) and isinstance(coupling, Coupling)):
+        message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...)"
+        raise InputError("design", [Mistake("", message)])
+    raw = {"gains": plain(gains), "coupling": plain(coupling)}
+    _, faults = examined(GainsDocument, raw, lambda _raw: [])
+    if faults:
+        raise refusal(faults, None, "design")
+    gains, coupling = Gains(**raw["gains"]), Coupling(**raw["coupling"])
+    return GainsFile(gains, coupling, None, gains_text(gains, coupling, {}))
 
 
 def plain(value: Any) -> Any:

@@ -19,10 +19,18 @@ from vctune.model.quantities import Coupling, Gains
 
 @dataclass(frozen=True, slots=True)
 class ProblemFile:
-    """A problem and the text it was read from."""
+    """A problem and the text that states it.
+
+    Attributes
+    ----------
+    problem : every default filled in
+    text : TOML
+    source : the path of its file; "problem" where there is none
+    """
 
     problem: Problem
     text: str
+    source: str = "problem"
 
     @property
     def document(self) -> dict[str, Any]:
@@ -49,7 +57,7 @@ def read_problem(path: str | Path) -> ProblemFile:
 def problem_file(text: str, path: Path) -> ProblemFile:
     """Return the problem that the text of a file states. Raises `InputError` like `read_problem`."""
     name = path.stem.encode("utf-8", "replace").decode()
-    return ProblemFile(parse_problem(text, str(path), name), text)
+    return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:

@@ -20,7 +20,6 @@ from vctune.study.outcome import NUMBERS
 from vctune.study.points import points
 from vctune.study.rows import Rows
 
-
 MOST_SHOWN = 50
 """Rows that a notebook shows."""
 
