@@ -151,7 +151,18 @@ def _place(outcome: Outcome) -> str:
 
 @np.errstate(all="ignore")
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
-    """Judge given gains against a problem's demands."""
+    """Judge given gains against a problem's demands.
+
+    Parameters
+    ----------
+    problem : with every default filled in
+    gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Error, least Re Z_c / R, greatest |S| and the certificate.
+    """
     certificate = certify(Design(problem.device, gains, coupling), demands_of(problem), devices_of(problem))
     return Judgement(gains, coupling, certificate=certificate, **_seen(problem, gains, coupling))
 

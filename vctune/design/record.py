@@ -46,6 +46,11 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     file : the problem and its text
     solved : what came of it
     ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version`)
+
+    Returns
+    -------
+    dict
+        The object of design.json, in SI units and hertz.
     """
     judgement, problem = solved.judgement, solved.problem
     record: dict[str, Any] = {

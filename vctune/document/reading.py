@@ -46,6 +46,15 @@ class ProblemFile:
 def read_problem(path: str | Path) -> ProblemFile:
     """Read a problem file.
 
+    Parameters
+    ----------
+    path : of a TOML file
+
+    Returns
+    -------
+    ProblemFile
+        The `problem`, every default filled in, and the `text` that states it.
+
     Raises
     ------
     InputError

@@ -116,6 +116,11 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     design : device, gains, coupling
     demands : of its device; the band may be (0, inf) for hold "lag" without delay
     box : devices for all of which it is to be proved, around the design's own
+
+    Returns
+    -------
+    Certificate
+        Each claim proved, refuted or undecided.
     """
     (low, high), limit = demands.band, demands.max_sensitivity
     claim = _everywhere(design, box, demands)
