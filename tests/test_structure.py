@@ -10,6 +10,7 @@ from conftest import ROOT
 
 FLOORS = [
     "version",
+    "markup",
     "model",
     "exits",
     "interrupt",
@@ -20,6 +21,7 @@ FLOORS = [
     "design",
     "study",
     "report",
+    "api",
     "bench",
     "cli",
 ]

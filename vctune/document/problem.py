@@ -7,6 +7,7 @@ from math import pi
 from typing import Literal
 
 from vctune.document.experiment import Experiment
+from vctune.model.frequency import hertz
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.model.transparency import Terms
 
@@ -36,6 +37,11 @@ class Band:
 
     min: float
     max: float
+
+    @property
+    def hz(self) -> tuple[float, float]:
+        """Its edges, Hz."""
+        return hertz(self.min), hertz(self.max)
 
 
 @dataclass(frozen=True, slots=True)

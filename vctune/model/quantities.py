@@ -42,8 +42,8 @@ class Device:
     mass: Number
     damping: Number
     sample_time: Number
-    delay: Number
-    hold: Hold
+    delay: Number = 0.0
+    hold: Hold = "zoh"
     operator: LeastOperator | None = None
 
     @property
