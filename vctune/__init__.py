@@ -25,12 +25,12 @@ if TYPE_CHECKING:
     from vctune.document.building import Device as Device
     from vctune.document.building import problem as problem
     from vctune.document.errors import InputError as InputError
-    from vctune.document.experiment import Experiment as Experiment
-    from vctune.document.problem import Problem as Problem
-    from vctune.document.problem import Range as Range
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
     from vctune.exits import ExitCode as ExitCode
+    from vctune.model.experiment import Experiment as Experiment
+    from vctune.model.problem import Problem as Problem
+    from vctune.model.problem import Range as Range
     from vctune.model.quantities import Coupling as Coupling
     from vctune.model.quantities import Gains as Gains
     from vctune.model.quantities import LeastOperator as LeastOperator
@@ -44,14 +44,14 @@ _HOME = {
     "Coupling": "model.quantities",
     "Device": "document.building",
     "ExitCode": "exits",
-    "Experiment": "document.experiment",
+    "Experiment": "model.experiment",
     "Gains": "model.quantities",
     "InputError": "document.errors",
     "Judgement": "design.judge",
     "LeastOperator": "model.quantities",
-    "Problem": "document.problem",
+    "Problem": "model.problem",
     "ProblemFile": "document.reading",
-    "Range": "document.problem",
+    "Range": "model.problem",
     "Simulated": "simulation.experiment",
     "Solved": "design.result",
     "Status": "design.judge",

@@ -17,11 +17,11 @@ from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.design import read_design
 from vctune.document.errors import InputError, Mistake
-from vctune.document.experiment import Experiment
 from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, is_of
 from vctune.markup import html_table
+from vctune.model.experiment import Experiment
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run

@@ -1,4 +1,7 @@
-"""Gains that already exist, judged: the gate for continuous integration (DESIGN 2.4). Needs no optimiser."""
+"""Gains that already exist, judged: the gate for continuous integration. Needs no optimiser.
+
+See cli/README.md, section 2.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +22,10 @@ from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
-from vctune.document.problem import Problem
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
 from vctune.markup import html_facts
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 
@@ -99,7 +102,7 @@ class DesignFinding:
     seconds: float
 
     def record(self) -> dict[str, Any]:
-        """Return the object of DESIGN 2.3."""
+        """Return the object of design.json."""
         seconds = {"prove": self.seconds}
         solved = Solved(self.file.problem, self.judgement, None, 0, None, None, seconds, repairs=self.repairs)
         return design_record(self.file, solved) | {"warnings": self.warnings}

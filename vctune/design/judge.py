@@ -17,11 +17,11 @@ from vctune.analysis.demands import (
 )
 from vctune.design.prepared import Posed, pose
 from vctune.design.worst import worst_inside
-from vctune.document.problem import Problem
 from vctune.exits import ExitCode
 from vctune.markup import html_facts, span
 from vctune.model.frequency import hertz
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design

@@ -1,4 +1,7 @@
-"""A solved problem as the object of design.json (DESIGN 2.3): plain, finite or null, in SI units and hertz."""
+"""A solved problem as the object of design.json: plain, finite or null, in SI units and hertz.
+
+See document/README.md, section 3.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,10 @@ from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.design import SCHEMA
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.document.strict import finite
 from vctune.model.frequency import hertz
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict

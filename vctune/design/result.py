@@ -12,8 +12,8 @@ from vctune.design.scan import ScanResult
 from vctune.design.shape import Shape, WorkingSet
 from vctune.design.start import Start
 from vctune.design.variables import Point
-from vctune.document.problem import Problem
 from vctune.markup import html_facts
+from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality

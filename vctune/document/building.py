@@ -11,13 +11,13 @@ import numpy as np
 
 from vctune.document.errors import InputError, Mistake
 from vctune.document.gains import gains_text
-from vctune.document.problem import Problem
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema import DeviceTable, GainsDocument
 from vctune.document.statement import statement
 from vctune.document.toml_text import toml_text
 from vctune.document.validation import examined, refusal, shown
 from vctune.model import quantities
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile

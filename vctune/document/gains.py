@@ -1,4 +1,7 @@
-"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from (DESIGN 2.2)."""
+"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from.
+
+See document/README.md, section 2.
+"""
 
 from __future__ import annotations
 

@@ -11,9 +11,9 @@ from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
-from vctune.document.problem import Problem
 from vctune.document.schema import GainsDocument, ProblemDocument
 from vctune.document.validation import Fault, examined, refusal, validated
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 

@@ -6,9 +6,9 @@ from dataclasses import asdict
 from math import inf, pi
 from typing import Any
 
-from vctune.document.experiment import Experiment
-from vctune.document.problem import Band, Bounds, Problem, Range
+from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
+from vctune.model.problem import Band, Bounds, Problem, Range
 
 
 def statement(problem: Problem) -> dict[str, Any]:

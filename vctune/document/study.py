@@ -15,12 +15,12 @@ from vctune.document import toml
 from vctune.document.axes import Axis, read_axis
 from vctune.document.building import plain
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem
 from vctune.document.raw import placed
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.schema import ProblemDocument
 from vctune.document.study_schema import StudyDocument
 from vctune.document.validation import Fault, KeyPath, dotted, examined, refusal
+from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
 """What the problem must have for an element of a list or an end of a range to have a place."""

@@ -27,7 +27,7 @@ class LeastOperator:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """An admittance display: Z_d = mass s + damping, sampled and held (DESIGN 1.1).
+    """An admittance display: Z_d = mass s + damping, sampled and held (model/README.md, section 1).
 
     Attributes
     ----------

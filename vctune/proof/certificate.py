@@ -1,4 +1,7 @@
-"""The certificate: every claim about a design, proved, refuted or undecided (DESIGN 1.10, 2.3)."""
+"""The certificate: every claim about a design, proved, refuted or undecided.
+
+See proof/README.md, section 1; document/README.md, section 3.
+"""
 
 from __future__ import annotations
 

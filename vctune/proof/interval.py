@@ -1,4 +1,4 @@
-"""Proof over an interval: halve until each box is decided (DESIGN 1.10)."""
+"""Proof over an interval: halve until each box is decided (proof/README.md, section 3)."""
 
 from __future__ import annotations
 
