@@ -22,8 +22,8 @@ from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.problem import Problem, Range
-from vctune.proof.least import floors, least_coupling
-from vctune.proof.quadratics import Boxes
+from vctune.proof.lower_bounds import least_coupling, lower_bounds
+from vctune.proof.quadratics import DesignBoxes
 from vctune.proof.relaxation import relaxation
 
 GAP = 0.03
@@ -101,9 +101,9 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
-    boxes = Boxes(inner / (1 + size[0]), inner * (1 + size[1]))
+    boxes = DesignBoxes(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
-        floor, least = floors(relaxed, boxes), least_coupling(relaxed, boxes)
+        floor, least = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
         needed = least_damping(problem, designs, omega)
     meets = within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
     quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
@@ -114,7 +114,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     at = meets & quiet
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0
-    assert (floor.strain[at] <= rounding).all()
+    assert (floor.infeasibility[at] <= rounding).all()
     errors = error(problem, cases(problem.device, designs), 24 if problem.transparency.norm == "peak" else 2001)
     assert (floor.error[at] <= errors[at] * (1 + 1e-6)).all()
 

@@ -14,13 +14,13 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.array_claims import Demands
+from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import DESIGN, Cells, band_of, over_cells
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
-from vctune.proof.enclosed import Demands
-from vctune.proof.enclosures import Enclosure, between, decimal
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES, Jet, variables
 from vctune.proof.many_designs import prove
@@ -69,8 +69,8 @@ FUNCTIONS = {
     "sin": (mp.sin, -1e6),
     "cos": (mp.cos, -1e6),
     "sinc": (mp.sinc, 0.0),
-    "decay_mean": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
-    "decay_ramp": (lambda x: (x + mp.expm1(-x)) / x**2 if x else mpf(0.5), 0.0),
+    "phi_1": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
+    "phi_2": (lambda x: (x + mp.expm1(-x)) / x**2 if x else mpf(0.5), 0.0),
 }
 
 
@@ -85,7 +85,7 @@ def test_functions_enclose(name):
         for place in (-1.0, -0.3, 0.0, 0.7, 1.0):
             for i in range(mid.size):
                 x = inside(mid[i], rad[i], place)
-                assert contains(image.taken(i), exact(x)), (mid[i], rad[i])
+                assert contains(image.subset(i), exact(x)), (mid[i], rad[i])
 
 
 @np.errstate(over="ignore")
@@ -96,9 +96,9 @@ def test_reciprocals_and_exponentials_beyond_the_range_of_their_squares():
         exponential = ENCLOSURES.exp(Enclosure(np.array([-750.0, -1e4]), share * np.array([750.0, 1e4])))
         with mp.workdps(60):
             for i, place in [(i, place) for i in range(mid.size) for place in (-1.0, 0.0, 1.0)]:
-                assert contains(inverse.taken(i), 1 / inside(mid[i], share * mid[i], place))
+                assert contains(inverse.subset(i), 1 / inside(mid[i], share * mid[i], place))
             for i, x in enumerate((-750.0, -1e4)):
-                assert contains(exponential.taken(i), mp.exp(mpf(x) * (1 - mpf(share))))
+                assert contains(exponential.subset(i), mp.exp(mpf(x) * (1 - mpf(share))))
         assert np.isfinite(inverse.rad).all() and np.isfinite(exponential.rad[0])
 
 
@@ -179,7 +179,7 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
         return away * away + 0.01 - v[DESIGN[1]]
 
     boxes, only_frequency = over_cells(cells, band_of(1.0, 4.0, 1.2)), [True, *[False] * 5]
-    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, generations=20, most=4000)
+    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, max_halvings=20, max_boxes=4000)
     assert found.proved.tolist() == [True, False, True, False]
     assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
     for failing in found.failing[:, np.isfinite(found.failing[0])].T:

@@ -292,7 +292,7 @@ def exact_margin(problem: Problem, values, omega: float):
 def designs(problem: Problem, rng: np.random.Generator, count: int):
     """Yield the corners of the bounds, K_p next to 0, K_v next to what Re G_hh > 0 needs, and random designs."""
     ranges = [getattr(problem.bounds, name) for name in ("velocity", "position", "damping", "mass", "drag")]
-    tau, b = problem.device.lag, problem.device.held.damping
+    tau, b = problem.device.loop_lag, problem.device.with_operator.damping
     K_v = tau * ranges[1].min - b * (1 + (problem.stability.band.min * tau) ** 2)
     if ranges[0].min < K_v < ranges[0].max:
         yield [K_v * (1 + 1e-9), ranges[1].min, *(r.max for r in ranges[2:])]
@@ -312,7 +312,7 @@ def test_a_theorem_speaks_exactly_where_no_design_meets_the_limit(far):
     for _ in range(300):
         text = random_request(rng, far)
         problem = parsed(text)
-        omega = 1e12 / problem.device.sample_time if far else 1e-14 / problem.device.lag
+        omega = 1e12 / problem.device.sample_time if far else 1e-14 / problem.device.loop_lag
         theorem, edge = impossible(problem), problem.stability.band.min if far else omega
         margins = [
             UNDEFINED if exact_margin(problem, values, edge) == UNDEFINED else exact_margin(problem, values, omega)

@@ -17,9 +17,9 @@ from vctune.design.solve import solve
 from vctune.design.worst import worst_inside
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
+from vctune.proof.array_intervals import Enclosure
 from vctune.proof.certificate import Claim
 from vctune.proof.devices import UNCERTAIN, device_box
-from vctune.proof.enclosures import Enclosure
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES
 

@@ -14,7 +14,7 @@ from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.sampled_loop import sensitivity
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import demanded, rollett_factor
+from vctune.model.llewellyn import llewellyn_demand, rollett_factor
 from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
@@ -43,15 +43,15 @@ def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Flo
 def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
     """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on."""
     loop = response(device, gains, omega)
-    size = np.sqrt(loop.D.abs2() / loop.scale2)
+    size = np.sqrt(loop.D_scaled.abs2() / loop.scale2)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
 
 
 def _ratio(loop: LoopResponse, coupling: Coupling, omega: Floats) -> Floats:
-    needed = demanded(loop, FLOATS)
+    needed = llewellyn_demand(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(coupling, omega).re / needed
-    return ratio if loop.relief is None else np.where(needed > 0, ratio, inf)
+    return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:
@@ -93,7 +93,7 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
     Hold "lag" without delay has no ripple, and its bands no end.
     """
     rational = device.hold == "lag" and device.delay == 0
-    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.lag))
+    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.loop_lag))
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
@@ -108,7 +108,7 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first."""
     device = problem.device
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
-    grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.lag))
+    grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.loop_lag))
     return local_minima(lambda omega: -sensitivity(device, gains, omega), grid)
 
 

@@ -14,7 +14,7 @@ from vctune.model.sampled import (
     return_difference,
     sampled_plant,
     sensitivity_abs2,
-    whole_samples,
+    split_delay,
 )
 
 Complex = NDArray[np.complex128]
@@ -22,7 +22,7 @@ Complex = NDArray[np.complex128]
 
 def plant_of(device: Device) -> SampledPlant:
     """Return the sampled plant of a device, or of several whose numbers are arrays."""
-    whole, fraction = whole_samples(device.delay, device.sample_time)
+    whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
 
 

@@ -46,7 +46,7 @@ def model_curve(device: Device) -> Curve:
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         omega = theta / device.sample_time
         hold = hold_response(device, omega, FLOATS)
-        H = hold.re - 1j * omega * hold.im
+        H = hold.re - 1j * omega * hold.lag
         return 1 + (K_v + K_p / (1j * omega)) * H / (device.damping + 1j * device.mass * omega)
 
     return curve

@@ -23,9 +23,9 @@ from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.design.prepared import Posed
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.enclosures import Flags
-from vctune.proof.least import floors, least_coupling
-from vctune.proof.quadratics import Boxes
+from vctune.proof.array_intervals import Flags
+from vctune.proof.lower_bounds import least_coupling, lower_bounds
+from vctune.proof.quadratics import DesignBoxes
 from vctune.proof.relaxation import Relaxation, at_frequencies, relaxation
 
 FREQUENCIES, PLACES = 40, 48
@@ -188,7 +188,7 @@ def _pruned(leaves: Leaves, search: _Search, gap: float) -> Leaves:
     """Let fall what cannot hold a design better than the incumbent by more than the gap."""
     open_ = leaves.bound < search.incumbent / (1 + gap)
     search.fallen = min(search.fallen, float(leaves.bound[~open_].min(initial=inf)))
-    return leaves.taken(open_)
+    return leaves.subset(open_)
 
 
 def _glance(search: _Search, leaves: Leaves) -> Glance:
@@ -203,15 +203,17 @@ def _halved(posed: Posed, axes: tuple[Axis, ...], search: _Search, leaves: Leave
     """
     chosen = np.zeros(len(leaves.bound), bool)
     chosen[np.argsort(leaves.bound, kind="stable")[:CHUNK]] = True
-    parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
+    parents, rest = leaves.subset(chosen), leaves.subset(~chosen)
     free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
     halves = [
         flattened(posed.problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
     ]  # two for each of the free axes
-    found = list(pool.map(lambda boxes: floors(search.relaxed, boxes), halves))
+    found = list(pool.map(lambda boxes: lower_bounds(search.relaxed, boxes), halves))
     search.boxes += len(found) * len(parents.bound)
     least = [np.maximum(floor.error, parents.bound) for floor in found]
-    worth, cap = (least, 2 * search.incumbent) if search.incumbent < inf else ([floor.strain for floor in found], 1.0)
+    worth, cap = (
+        (least, 2 * search.incumbent) if search.incumbent < inf else ([floor.infeasibility for floor in found], 1.0)
+    )
     scores = []
     for k, index in enumerate(free):
         one, two = (np.minimum(value, cap) for value in worth[2 * k : 2 * k + 2])
@@ -219,7 +221,7 @@ def _halved(posed: Posed, axes: tuple[Axis, ...], search: _Search, leaves: Leave
         scores.append(np.minimum(one, two) + SECOND * np.maximum(one, two) + TIE * cap * share)
     best = np.argmax(np.round(np.array(scores) / cap, DIGITS), axis=0)
     children = [
-        Leaves(half.taken(best == k // 2), bounds[best == k // 2], parents.settled[best == k // 2])
+        Leaves(half.subset(best == k // 2), bounds[best == k // 2], parents.settled[best == k // 2])
         for k, (half, bounds) in enumerate(zip(halves, least, strict=True))
     ]
     turned = np.concatenate([np.full(len(child.bound), free[k // 2] < 2) for k, child in enumerate(children)])
@@ -232,7 +234,7 @@ def _checked(posed: Posed, search: _Search, young: Leaves, turned: Flags) -> Lea
     at = np.flatnonzero(turned & ~young.settled & (young.bound < search.incumbent))
     if not len(at):
         return young
-    stable, unstable = settled(posed, young.boxes.taken(at))
+    stable, unstable = settled(posed, young.boxes.subset(at))
     young.settled[at] = stable
     young.bound[at[unstable]] = inf
     return young
@@ -244,7 +246,7 @@ def _look(posed: Posed, search: _Search, leaves: Leaves, improve: Improve) -> No
     low, high = leaves.boxes.low[:, [first]], leaves.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[i], high[i]) for i, axis in enumerate(axes)])
     bounds = posed.problem.bounds
-    least = least_coupling(search.relaxed, Boxes(middle, middle))
+    least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
     b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
     K_p = 0.0 if high[1, 0] <= axes[1].scale else K_p

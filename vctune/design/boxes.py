@@ -10,11 +10,11 @@ from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.variables import coordinates
 from vctune.model.problem import Problem
+from vctune.proof.array_intervals import Flags
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosures import Flags
-from vctune.proof.least import without_integrator
-from vctune.proof.many_designs import by_law, encirclements
-from vctune.proof.quadratics import Boxes
+from vctune.proof.lower_bounds import without_integrator
+from vctune.proof.many_designs import by_integrator, encirclements
+from vctune.proof.quadratics import DesignBoxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,22 +61,22 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
     )
 
 
-def halved(axis: Axis, index: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
+def halved(axis: Axis, index: int, boxes: DesignBoxes) -> tuple[DesignBoxes, DesignBoxes]:
     """Return both halves of boxes along an axis of this number."""
     middle = axis.middle(boxes.low[index], boxes.high[index])
     low, high = boxes.low.copy(), boxes.high.copy()
     low[index] = high[index] = middle
-    return Boxes(boxes.low, high), Boxes(low, boxes.high)
+    return DesignBoxes(boxes.low, high), DesignBoxes(low, boxes.high)
 
 
-def flattened(problem: Problem, boxes: Boxes) -> Boxes:
+def flattened(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
     """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
     high = boxes.high.copy()
     high[1, (boxes.low[1] == 0) & without_integrator(problem, boxes)] = 0.0
-    return Boxes(boxes.low, high)
+    return DesignBoxes(boxes.low, high)
 
 
-def settled(posed: Posed, boxes: Boxes) -> tuple[Flags, Flags]:
+def settled(posed: Posed, boxes: DesignBoxes) -> tuple[Flags, Flags]:
     """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
 
     A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
@@ -99,8 +99,8 @@ def _settled(posed: Posed, low: Floats, high: Floats) -> tuple[Flags, Flags]:
     count = low.shape[1]
     cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
-    for at in by_law(cells):
-        part = cells.taken(at)
+    for at in by_integrator(cells):
+        part = cells.subset(at)
         demands = [replace(posed.demands, device=case.device) for case in posed.cases]
         number = np.concatenate([encirclements(each, part).number for each in demands])
         stable[at] = (number == 0).all(axis=0)

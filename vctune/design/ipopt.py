@@ -140,12 +140,14 @@ def _pulses(places: Sequence[Place], *, position: bool) -> Floats:
 
 def _plant(device: Device) -> Floats:
     plant = plant_of(device)
-    return np.array([plant.pole, plant.slack, plant.drift, *plant.velocity, *plant.position, plant.whole])
+    return np.array(
+        [plant.pole, plant.one_minus_pole, plant.drift, *plant.velocity, *plant.position, plant.whole_samples]
+    )
 
 
 def _columns(shape: Shape, device: Device, omega: Floats) -> Floats:
     hold = hold_response(device, omega, FLOATS)
-    rows = [omega, hold.re, hold.im]
+    rows = [omega, hold.re, hold.lag]
     if shape.uncertain:
         rows += [np.broadcast_to(device.mass, omega.shape), np.broadcast_to(device.damping, omega.shape)]
     return np.vstack(rows)

@@ -8,8 +8,8 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.boxes import Axis
-from vctune.proof.enclosures import Flags
-from vctune.proof.quadratics import Boxes
+from vctune.proof.array_intervals import Flags
+from vctune.proof.quadratics import DesignBoxes
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,26 +23,26 @@ class Leaves:
     settled : whether all of its loops are known to be stable
     """
 
-    boxes: Boxes
+    boxes: DesignBoxes
     bound: Floats
     settled: Flags
 
-    def taken(self, at: Flags) -> Leaves:
+    def subset(self, at: Flags) -> Leaves:
         """Return some of the leaves."""
-        return Leaves(self.boxes.taken(at), self.bound[at], self.settled[at])
+        return Leaves(self.boxes.subset(at), self.bound[at], self.settled[at])
 
 
 def root(axes: tuple[Axis, ...]) -> Leaves:
     """Return the box of all designs."""
     low, high = (np.array([[getattr(axis, end)] for axis in axes]) for end in ("low", "high"))
-    return Leaves(Boxes(low, high), np.zeros(1), np.zeros(1, bool))
+    return Leaves(DesignBoxes(low, high), np.zeros(1), np.zeros(1, bool))
 
 
 def joined(parts: list[Leaves]) -> Leaves:
     """Return several sets of leaves as one."""
     low, high = (np.concatenate([getattr(part.boxes, end) for part in parts], axis=1) for end in ("low", "high"))
     bound, settled = (np.concatenate([getattr(part, name) for part in parts]) for name in ("bound", "settled"))
-    return Leaves(Boxes(low, high), bound, settled)
+    return Leaves(DesignBoxes(low, high), bound, settled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,5 +78,5 @@ ARRAYS = {"low", "high", "bound", "settled", "counts"}
 def unfinished(arrays: dict[str, Floats]) -> Unfinished:
     """Return what `Unfinished.arrays` had made of a search."""
     fallen, boxes = arrays["counts"].tolist()
-    leaves = Leaves(Boxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
+    leaves = Leaves(DesignBoxes(arrays["low"], arrays["high"]), arrays["bound"], arrays["settled"] > 0)
     return Unfinished(leaves, fallen, int(boxes))

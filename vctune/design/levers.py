@@ -144,7 +144,7 @@ def levers_of_demands(document: dict[str, Any], problem: Problem) -> list[Lever]
 
 def _of_device(problem: Problem) -> Iterator[Lever]:
     device = problem.device
-    loop = device.mass / device.lag
+    loop = device.mass / device.loop_lag
     yield Lever(("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop)
     b_h = device.operator.damping if device.operator is not None else 0.0
     yield Lever(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
@@ -183,9 +183,10 @@ def _of_demands(problem: Problem) -> Iterator[Lever]:
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
     """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
-    loop = problem.device.mass / problem.device.lag + problem.device.damping
+    tau = problem.device.loop_lag
+    loop = problem.device.mass / tau + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
-    natural = dict(zip(KEYS, (loop, loop / problem.device.lag, Z_0, Z_0 * problem.device.lag, Z_0), strict=True))
+    natural = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True))
     for key, name in zip(KEYS, NAMES, strict=True):
         path, bounds, symbol = tuple(key.split(".")), getattr(problem.bounds, name), SYMBOLS[key]
         downwards = key not in ONLY_UPWARDS

@@ -73,11 +73,11 @@ class _SymbolArithmetic:
         return ca.sin(x) / x
 
     @staticmethod
-    def decay_mean(x: Number) -> Number:
+    def phi_1(x: Number) -> Number:
         return (1 - ca.exp(-x)) / x
 
     @staticmethod
-    def decay_ramp(x: Number) -> Number:
+    def phi_2(x: Number) -> Number:
         return (x - 1 + ca.exp(-x)) / (x * x)
 
     @staticmethod
@@ -136,8 +136,8 @@ def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
     squares = squared_terms(loop, Z_c, 1.0)
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * Z_c.re
-    if loop.relief is not None:  # R may be negative and has no logarithm then
-        offered += common[16] * loop.relief
+    if loop.operator_relief is not None:  # R may be negative and has no logarithm then
+        offered += common[16] * loop.operator_relief
     pulse, y, plant = ca.SX.sym("pulse", PULSE), ca.SX.sym("y"), ca.SX.sym("plant", PLANT)
     inverse_S = Pair(1 + gains.velocity * pulse[0], gains.velocity * pulse[1])
     if shape.integrator:

@@ -11,7 +11,7 @@ from vctune.design.result import Polished, Solved
 from vctune.design.shape import DEMANDS, Place, size, stacked
 from vctune.design.variables import KEYS, design_of, ranges
 from vctune.model.arithmetic import FLOATS
-from vctune.model.llewellyn import demanded, modulus_excess
+from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN
 
@@ -59,7 +59,7 @@ def _priced(polished: Polished) -> Floats:
     if polished.shape.held and ratio:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
-        multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
+        multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers
 
 

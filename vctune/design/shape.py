@@ -125,7 +125,7 @@ def shape_of(
         panels=panels if problem.transparency.norm == "rms" else 0,
         slots=(slots[0], slots[1], slots[2], slots[3]),
         moving=len(frequencies.moving),
-        held=problem.device.held.damping > problem.device.damping,
+        held=problem.device.with_operator.damping > problem.device.damping,
         uncertain=problem.uncertainty is not None,
         counted=len(posed.objective) if problem.transparency.norm == "rms" else 1,
     )

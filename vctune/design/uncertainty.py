@@ -31,7 +31,7 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     assert box is not None and uncertainty is not None
     worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
     return {
-        "box": {name: [getattr(box.low, name), getattr(box.high, name)] for name in box.moving},
+        "box": {name: [getattr(box.low, name), getattr(box.high, name)] for name in box.uncertain},
         "objective": uncertainty.objective,
         "nominal_error": nominal_error,
         "robust_error": judgement.transparency.error,

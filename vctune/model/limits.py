@@ -34,7 +34,7 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> End
 
     Where Re(D + Z_h) is not positive R is given as inf.
     """
-    m, b, tau = device.mass, device.damping, device.lag
+    m, b, tau = device.mass, device.damping, device.loop_lag
     K_v, K_p, b_0 = gains.velocity, gains.position, coupling.drag
     integral = not _is_zero(K_p)
     stiffness = K_v - tau * K_p if integral else K_v

@@ -22,19 +22,19 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
 
     With P = Re(C conj D) and Q = Im(C conj D) = Im(C conj Z_d) it is Q^2/(|C||D| + P) wherever P > 0.
     """
-    product = ops.sqrt(loop.C.abs2() * loop.D.abs2())
-    P = re_conj_product(loop.C, loop.D)
+    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2())
+    P = re_conj_product(loop.C_scaled, loop.D_scaled)
     return ops.where_positive(
         P,
-        lambda: loop.turn * loop.turn / (product + P),
+        lambda: loop.im_C_conj_Zd_scaled * loop.im_C_conj_Zd_scaled / (product + P),
         lambda: (product - P) / loop.scale2,
     )
 
 
-def demanded(loop: LoopResponse, ops: Arithmetic) -> Number:
+def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return 2 Re(D + Z_h) R, (N s/m)^2; without an operator `modulus_excess`."""
     excess = modulus_excess(loop, ops)
-    return excess if loop.relief is None else excess - loop.relief
+    return excess if loop.operator_relief is None else excess - loop.operator_relief
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
@@ -44,7 +44,7 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
 
     No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0 otherwise.
     """
-    return demanded(loop, ops) / (2 * loop.resistance)
+    return llewellyn_demand(loop, ops) / (2 * loop.resistance)
 
 
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
@@ -54,6 +54,6 @@ def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
 
     Of the two-port that has absorbed the least operator, everything times |D + Z_h|^2.
     """
-    product = ops.sqrt(loop.C.abs2() * loop.D.abs2()) / loop.scale2
-    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C, loop.D) / loop.scale2
-    return (excess if loop.relief is None else excess + loop.relief) / product
+    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) / loop.scale2
+    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2
+    return (excess if loop.operator_relief is None else excess + loop.operator_relief) / product

@@ -15,9 +15,9 @@ import numpy as np
 
 from vctune.model.arithmetic import Number
 from vctune.model.pair import Pair
+from vctune.proof.array_intervals import SWELL, UNIT, Enclosure, Flags, Floats
 from vctune.proof.boxes import Boxes, Values, in_chunks
-from vctune.proof.branching import Test, Tested
-from vctune.proof.enclosures import SWELL, UNIT, Enclosure, Flags, Floats
+from vctune.proof.branching import Decided, Test
 from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
 
@@ -46,7 +46,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         itself
     """
 
-    def test(boxes: Boxes) -> Tested:
+    def test(boxes: Boxes) -> Decided:
         def of(margin: Margin) -> OfRows:
             return lambda rows: margin(rows[0], boxes.named(rows, fixed))
 
@@ -59,7 +59,7 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
         left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
         if left.size:
-            part = boxes.taken(left)
+            part = boxes.subset(left)
             other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
             seen.proved[left] = other.tested.proved
             seen.cost[:, left] = np.where(other.tested.fails, seen.cost[:, left], other.tested.cost)
@@ -68,14 +68,14 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
     return partial(_kind_by_kind, test)
 
 
-def missing(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
+def misses_zero(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
     It does where the rectangle around its image does not contain 0, where `floor` is positive, or where its component
     along its own value at the middle of the box is.
     """
 
-    def test(boxes: Boxes) -> Tested:
+    def test(boxes: Boxes) -> Decided:
         def at(rows: Rows) -> Pair:
             return curve(rows[0], boxes.named(rows, fixed))
 
@@ -95,12 +95,12 @@ def missing(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
             return value.re * re + value.im * im
 
         seen = _without_failures(_by_slopes(component, boxes, rows).tested)
-        return Tested(seen.proved | missed, seen.fails, seen.point, seen.cost, seen.known)
+        return Decided(seen.proved | missed, seen.fails, seen.point, seen.cost, seen.known)
 
     return partial(_kind_by_kind, test)
 
 
-def turn_of(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
+def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     """Return how far a curve that misses 0 turns around it over a box's frequencies, rad (`vctune.proof.winding`).
 
     The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
@@ -118,7 +118,7 @@ def turn_of(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     return turn
 
 
-def least_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
+def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
     """Return a lower bound of a margin over each box; nan where nothing is known of it."""
 
     def least(part: Boxes) -> Floats:
@@ -128,7 +128,7 @@ def least_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
         return np.asarray(in_chunks(least, boxes))
 
 
-def _kind_by_kind(test: Test, boxes: Boxes) -> Tested:
+def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
     """Test boxes from frequency 0, those that are wide in frequency, and the others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
@@ -136,12 +136,12 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Tested:
     if len(kinds) == 1:
         return test(boxes)
     n = len(boxes)
-    found = Tested(
+    found = Decided(
         np.zeros(n, bool), np.zeros(n, bool), np.zeros_like(boxes.low), np.zeros_like(boxes.low), np.zeros(n, bool)
     )
     for kind in kinds:
-        seen = test(boxes.taken(kind))
-        for name in Tested.__slots__:
+        seen = test(boxes.subset(kind))
+        for name in Decided.__slots__:
             getattr(found, name)[..., kind] = getattr(seen, name)
     return found
 
@@ -154,16 +154,16 @@ def _wide(boxes: Boxes) -> bool:
     return bool(boxes.high[0, 0] > WIDE * boxes.low[0, 0])
 
 
-def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Tested:
+def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
-    return Tested(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
+    return Decided(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
 
 
-def _without_failures(seen: Tested) -> Tested:
+def _without_failures(seen: Decided) -> Decided:
     """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return Tested(seen.proved, np.zeros_like(seen.fails), seen.point, seen.cost, seen.known)
+    return Decided(seen.proved, np.zeros_like(seen.fails), seen.point, seen.cost, seen.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +171,7 @@ class _Bounded:
     """A lower bound of a margin over each box, and what it decides."""
 
     least: Floats
-    tested: Tested
+    tested: Decided
 
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
@@ -206,7 +206,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
-    return _Bounded(bound, Tested(np.asarray(bound > 0), fails, point, cost, known))
+    return _Bounded(bound, Decided(np.asarray(bound > 0), fails, point, cost, known))
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.enclosures import UNIT, Enclosure, Flags, Floats, between
+from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
 
 Integers = NDArray[np.intp]
@@ -53,7 +53,7 @@ class Cells:
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
-    def taken(self, at: Integers | Flags) -> Cells:
+    def subset(self, at: Integers | Flags) -> Cells:
         """Return some of the cells."""
         return Cells(self.low[:, at], self.high[:, at])
 
@@ -89,7 +89,7 @@ class Boxes:
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
-    def taken(self, at: Any) -> Boxes:
+    def subset(self, at: Any) -> Boxes:
         """Return some of the boxes."""
         return Boxes(self.names, self.low[:, at], self.high[:, at], self.owner[at], self.whole[at])
 
@@ -176,4 +176,4 @@ def over_each(cells: Cells, omega: Floats) -> Boxes:
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
     """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds."""
     starts = range(0, max(len(boxes), 1), CHUNK)
-    return np.concatenate([f(boxes.taken(slice(i, i + CHUNK))) for i in starts], axis=-1)
+    return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

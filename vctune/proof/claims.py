@@ -7,7 +7,7 @@ from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import demanded
+from vctune.model.llewellyn import llewellyn_demand
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
@@ -34,7 +34,7 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
     """
     device = design.device
     loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), ops)
-    return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * demanded(loop, ops)
+    return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * llewellyn_demand(loop, ops)
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
@@ -47,21 +47,24 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     device, coupling = design.device, design.coupling
     hold = hold_response(device, omega, ops)
     loop = loop_response(device, design.gains, omega, hold, ops)
-    weight = ops.sqrt(loop.C.abs2() * loop.D.abs2()) + re_conj_product(loop.C, loop.D)
+    weight = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) + re_conj_product(loop.C_scaled, loop.D_scaled)
+    im = loop.im_C_conj_Zd_scaled
     if device.operator is not None and not ops.is_zero(device.operator.damping):
-        eased = 2 * loop.resistance * coupling.drag + factor * loop.relief
-        return eased * weight - factor * (loop.turn * loop.turn)
+        eased = 2 * loop.resistance * coupling.drag + factor * loop.operator_relief
+        return eased * weight - factor * (im * im)
     if not ops.is_zero(coupling.drag):
-        return 2 * loop.resistance * coupling.drag * weight - factor * (loop.turn * loop.turn)
+        return 2 * loop.resistance * coupling.drag * weight - factor * (
+            loop.im_C_conj_Zd_scaled * loop.im_C_conj_Zd_scaled
+        )
     b_c, m_c, reactance = coupling.damping, coupling.mass, coupling.mass * omega
     slope = b_c * (m_c * m_c) / (b_c * b_c + reactance * reactance)
     re_C = loop.resistance - device.damping
-    turn = device.mass * re_C
+    im = device.mass * re_C  # Im(C conj Z_d)/omega^2 with an integrator and b = 0, over -omega without one
     integral = not ops.is_zero(design.gains.position)
     if integral and not ops.is_zero(device.damping):
         return -weight
-    turn = turn * omega if integral else turn + device.damping * design.gains.velocity * hold.im
-    return 2 * loop.resistance * slope * weight - factor * (turn * turn)
+    im = im * omega if integral else im + device.damping * design.gains.velocity * hold.lag
+    return 2 * loop.resistance * slope * weight - factor * (im * im)
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
@@ -90,14 +93,14 @@ def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: 
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
-def gain_margin(plant: SampledPlant, gains: Gains, theta: Number, share: Number, ops: Arithmetic) -> Number:
-    """Return share^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < share and |S| < 1/(1 - share), whatever the phase.
+def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
-    return share * share * parts.open.abs2() - loop.abs2()
+    return limit * limit * parts.open.abs2() - loop.abs2()
 
 
 def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Number:
@@ -106,7 +109,7 @@ def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> 
     The integrator's K_p H/(j omega) is at right angles to H. Where Re(D conj H) > 0, D is not 0 for any K_p.
     """
     hold = hold_response(device, omega, ops)
-    lagging = omega * hold.im
+    lagging = omega * hold.lag
     H2 = hold.re * hold.re + lagging * lagging
     return device.damping * hold.re - device.mass * omega * lagging + gains.velocity * H2
 
@@ -119,11 +122,13 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
     """
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
-    turning = velocity_loop.closed(gains) * slope
-    return turning.im * P.re - turning.re * P.im, (velocity_loop.open * slope).abs2() * P.abs2()
+    F = velocity_loop.closed(gains) * slope
+    return F.im * P.re - F.re * P.im, (velocity_loop.open * slope).abs2() * P.abs2()
 
 
-def sensitivity_floor(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+def sensitivity_sufficient_margin(
+    plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic
+) -> Number:
     """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is."""
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from vctune.proof.array_claims import Demands, claims_of
+from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosed import Demands, claims_of
-from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.many_designs import by_law, least_at
+from vctune.proof.many_designs import by_integrator, lower_bound_at
 
 GUARD = 1e-14
 """Covers the rounding of the few operations here, relative."""
@@ -45,10 +45,10 @@ def no_damping(demands: Demands, cells: Cells, omega: Floats) -> Flags:
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
     claims = claims_of(demands)
-    for at in by_law(cells):
-        part = cells.taken(at)
+    for at in by_integrator(cells):
+        part = cells.subset(at)
         for frequency in omega:
-            bound = np.nan_to_num(least_at(claims.required, part, frequency[at]), nan=0.0)
+            bound = np.nan_to_num(lower_bound_at(claims.required, part, frequency[at]), nan=0.0)
             needed = (demands.factor * bound - part.high[4] * (1 + GUARD)) * (1 - GUARD)
             low, high = admissible_damping(needed, heaviest[at] * frequency[at])
             least[at], most[at] = np.maximum(least[at], low), np.minimum(most[at], high)

@@ -12,7 +12,7 @@ from flint import arb, arb_series
 from vctune.model.arithmetic import Number
 from vctune.model.frequency import hertz
 from vctune.model.quantities import Device
-from vctune.proof.balls import box
+from vctune.proof.arb_balls import box
 
 MAX_BOXES = 200_000
 RESOLUTION = 1e-13

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
-from vctune.proof.enclosures import TINY, UNIT, Enclosure, between, selected
+from vctune.proof.array_intervals import TINY, UNIT, Enclosure, between, selected
 
-LIBRARY = 8 * UNIT
+LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos and exp, relative to 1 or to the value."""
-DECAY = 1e-13
-"""Bound on the relative error of `FLOATS.decay_mean` and `FLOATS.decay_ramp`."""
+PHI_ERROR = 1e-13
+"""Bound on the relative error of `FLOATS.phi_1` and `FLOATS.phi_2`."""
 SMALL = 0.5
 """Below it the derivative of sinc is enclosed by its series."""
 
@@ -98,11 +98,11 @@ def _reciprocal(x: Jet) -> Jet:
 
 
 def _sin(x: Enclosure) -> Enclosure:
-    return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+    return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
 
 
 def _cos(x: Enclosure) -> Enclosure:
-    return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+    return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
 
 
 def _sinc(x: Enclosure) -> Enclosure:
@@ -114,9 +114,9 @@ def _sinc(x: Enclosure) -> Enclosure:
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
     slope = np.minimum((size + x.rad) / 3, 0.5)
-    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY, slope)
+    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY_ERROR, slope)
     curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
-    return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY)
+    return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY_ERROR)
 
 
 def _sinc_slope(x: Enclosure) -> Enclosure:
@@ -149,7 +149,7 @@ class _EnclosureArithmetic:
             value = ENCLOSURES.exp(x.value)
             return x.mapped(value, value)
         mid = np.exp(x.mid)
-        return Enclosure(mid, (mid + TINY) * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY) + TINY)
+        return Enclosure(mid, (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY)
 
     @staticmethod
     def sin(x: Number) -> Number:
@@ -164,20 +164,20 @@ class _EnclosureArithmetic:
         return x.mapped(_sinc(x.value), _sinc_slope(x.value)) if isinstance(x, Jet) else _sinc(x)
 
     @staticmethod
-    def decay_mean(x: Number) -> Number:
-        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `decay_ramp`."""
+    def phi_1(x: Number) -> Number:
+        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `phi_2`."""
         if not isinstance(x, Jet):
-            return _falling(FLOATS.decay_mean, x)
-        mean = _falling(FLOATS.decay_mean, x.value)
-        return x.mapped(mean, _falling(FLOATS.decay_ramp, x.value) - mean)
+            return _falling(FLOATS.phi_1, x)
+        mean = _falling(FLOATS.phi_1, x.value)
+        return x.mapped(mean, _falling(FLOATS.phi_2, x.value) - mean)
 
     @staticmethod
-    def decay_ramp(x: Number) -> Number:
+    def phi_2(x: Number) -> Number:
         """Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1: between -1/6 and -e^-x/6."""
         if not isinstance(x, Jet):
-            return _falling(FLOATS.decay_ramp, x)
-        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - DECAY)
-        return x.mapped(_falling(FLOATS.decay_ramp, x.value), between(least, 1.0) / -6)
+            return _falling(FLOATS.phi_2, x)
+        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - PHI_ERROR)
+        return x.mapped(_falling(FLOATS.phi_2, x.value), between(least, 1.0) / -6)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
@@ -191,7 +191,7 @@ ENCLOSURES: Arithmetic = _EnclosureArithmetic()
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
     """Return a positive function that falls for x >= 0 from its values at the ends."""
     low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
-    return between(f(np.asarray(high)) * (1 - DECAY), f(np.asarray(low)) * (1 + DECAY))
+    return between(f(np.asarray(high)) * (1 - PHI_ERROR), f(np.asarray(low)) * (1 + PHI_ERROR))
 
 
 def _chosen(where: NDArray[np.bool_], yes: Number, no: Number) -> Number:

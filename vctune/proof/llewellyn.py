@@ -13,14 +13,14 @@ from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
-from vctune.proof.balls import BALLS, design_ball, design_series, lifted
+from vctune.proof.arb_balls import BALLS, as_series, design_ball, design_series
 from vctune.proof.claims import Design, conditions_margin, outwards
-from vctune.proof.exact import conditions, is_rational, widest
-from vctune.proof.exact import prove as prove_polynomials
 from vctune.proof.interval import Outcome, Verdict, prove_positive
-from vctune.proof.low_end import low_end_verdict, prove_low_end
+from vctune.proof.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.polynomials import conditions, is_rational, widest
+from vctune.proof.polynomials import prove as prove_polynomials
 
-MARCH_BOXES = 2_000
+EXTENSION_BOXES = 2_000
 FINEST_STEP = 1e-8
 LOWEST_EDGE = 1e-18
 """How far below the requested band a proof that does not reach 0 is carried, relative to its edge."""
@@ -30,9 +30,9 @@ def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     """Return `conditions_margin` of a design's decimals as a function of omega; without a loop C = N = 0."""
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
-        damping = exact.device.held.damping
+        damping = exact.device.with_operator.damping
         return lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re
-    series, in_series = design_series(exact), lifted(threshold)
+    series, in_series = design_series(exact), as_series(threshold)
 
     def margin(omega: Number) -> Number:
         given, demand = (exact, threshold) if isinstance(omega, arb) else (series, in_series)
@@ -80,11 +80,11 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)
     margin = _margin(design, 1.0)
-    return _lowest(design, margin, low), march(partial(_proved, margin), high, pi / design.device.sample_time)
+    return _lowest(design, margin, low), extend_band(partial(_proved, margin), high, pi / design.device.sample_time)
 
 
 def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool:
-    return prove_positive(margin, low, high, MARCH_BOXES).verdict is Verdict.PROVED
+    return prove_positive(margin, low, high, EXTENSION_BOXES).verdict is Verdict.PROVED
 
 
 def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> float:
@@ -94,10 +94,10 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
         start = _low_start(design, 1.0, low)
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
-    return march(partial(_proved, margin), low, low * LOWEST_EDGE)
+    return extend_band(partial(_proved, margin), low, low * LOWEST_EDGE)
 
 
-def march(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
+def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
     """Return how far from edge towards goal a proof holds, to `FINEST_STEP`."""
     down = goal < edge
     step = 4.0

@@ -26,10 +26,10 @@ from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains
-from vctune.model.sampled import return_difference, sampled_plant, whole_samples
-from vctune.proof.balls import BALLS, ball, device_ball
+from vctune.model.sampled import return_difference, sampled_plant, split_delay
+from vctune.proof.arb_balls import BALLS, ball, device_ball
+from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.devices import UNCERTAIN
-from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 from vctune.proof.quadratics import Quadratic
 
@@ -46,16 +46,16 @@ class Coefficients:
     Attributes
     ----------
     Z2 : |Z_d|^2
-    along : Re(Z_d conj C_v), Re(Z_d conj C_p)
+    re_Zd_conj_C : Re(Z_d conj C_v), Re(Z_d conj C_p)
     C2 : |C_v|^2, |C_p|^2
-    turn : Im(C_v conj Z_d), Im(C_p conj Z_d)
+    im_C_conj_Zd : Im(C_v conj Z_d), Im(C_p conj Z_d)
     re_C : Re C_v, Re C_p
     """
 
     Z2: Number
-    along: tuple[Number, Number]
+    re_Zd_conj_C: tuple[Number, Number]
     C2: tuple[Number, Number]
-    turn: tuple[Number, Number]
+    im_C_conj_Zd: tuple[Number, Number]
     re_C: tuple[Number, Number]
 
 
@@ -66,10 +66,10 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
     two = loop_response(device, Gains(0, 1), omega, hold, ops)
     squared = omega * omega
     return Coefficients(
-        one.Z_d.abs2(),
-        (re_conj_product(one.Z_d, one.C), re_conj_product(two.Z_d, two.C) / squared),
-        (one.C.abs2(), two.C.abs2() / squared),
-        (one.turn, two.turn / omega),
+        one.Z_d_scaled.abs2(),
+        (re_conj_product(one.Z_d_scaled, one.C_scaled), re_conj_product(two.Z_d_scaled, two.C_scaled) / squared),
+        (one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
+        (one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
         (one.resistance - device.damping, two.resistance - device.damping),
     )
 
@@ -84,7 +84,7 @@ class Demand:
     operator : b_h, rounded up
     D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and Re(D + Z_h), rounded up
     D2_low, C2_low : rounded down
-    turn_low, turn_high : bounds of what K_v and K_p contribute to Im(C conj Z_d)
+    im_low, im_high : bounds of what K_v and K_p contribute to Im(C conj Z_d)
     """
 
     omega: Floats
@@ -95,13 +95,15 @@ class Demand:
     resistance: Quadratic
     D2_low: Quadratic
     C2_low: Quadratic
-    turn_low: tuple[Floats, Floats]
-    turn_high: tuple[Floats, Floats]
+    im_low: tuple[Floats, Floats]
+    im_high: tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
-    """A quotient of quadratics in the gains for each of several places: a term of the squared error, or |S|^2.
+class BoundedQuotient:
+    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
+
+    A point is a frequency, or an interval over which the term is averaged.
 
     Attributes
     ----------
@@ -124,24 +126,25 @@ class Relaxation:
     demand : on the coupling
     omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
         are posed at each vertex of its box too
-    admittance, tracking : shares of the squared error
+    admittance, tracking : terms of the squared error
     omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
-    counted : number of devices the greatest of whose errors is the objective; their shares follow one another
+    n_objective_devices : number of devices the greatest of whose errors is the objective; their terms follow one
+        another
     """
 
     problem: Problem
     devices: list[Device]
     demand: Demand
     omega_S: Floats
-    sensitivity: Share
-    admittance: Share
-    tracking: Share
+    sensitivity: BoundedQuotient
+    admittance: BoundedQuotient
+    tracking: BoundedQuotient
     omega: Floats | None
-    counted: int
+    n_objective_devices: int
 
 
 def relaxation(
-    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, places: int
+    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, intervals: int
 ) -> Relaxation:
     """Relax a problem.
 
@@ -152,21 +155,23 @@ def relaxation(
     objective : those of them the greatest of whose errors is the objective
     omega : rad/s, frequencies of the stability band
     omega_S : rad/s, frequencies up to Nyquist
-    places : into how many intervals, or at how many frequencies, the transparency band is divided
+    intervals : into how many, or at how many frequencies, the transparency band is divided
     """
     band, weights = problem.transparency.band, problem.transparency.weights
     if problem.transparency.norm == "peak":
-        nodes = np.geomspace(band.min, band.max, places)
+        nodes = np.geomspace(band.min, band.max, intervals)
         omega_e = np.tile(nodes, len(objective))
-        seen = _enclosed(_stacked(objective, places), omega_e)
-        shares = Share(np.ones(len(omega_e)), _squared(seen)), Share(_bottom(seen.Z2), _squared(seen))
+        seen = _enclosed(_stacked(objective, intervals), omega_e)
+        D2 = _squared(seen)
+        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(_bottom(seen.Z2), D2)
     else:
         omega_e = None
-        admittances, trackings = zip(*(_integrated(d, band.min, band.max, places) for d in objective), strict=True)
-        shares = _joined(admittances), _joined(trackings)
+        admittances, trackings = zip(*(_integrated(d, band.min, band.max, intervals) for d in objective), strict=True)
+        terms = _concatenated(admittances), _concatenated(trackings)
     scale = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
-        Share(share.numerator * (factor * (1 - GUARD)), share.D2) for share, factor in zip(shares, scale, strict=True)
+        BoundedQuotient(term.numerator * (factor * (1 - GUARD)), term.D2)
+        for term, factor in zip(terms, scale, strict=True)
     )
     demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
     return Relaxation(problem, devices, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
@@ -192,51 +197,52 @@ def _stacked(devices: list[Device], count: int) -> Device:
     return replace(devices[0], mass=mass, damping=damping, delay=delay)
 
 
-def _joined(shares: Sequence[Share]) -> Share:
-    if len(shares) == 1:
-        return shares[0]
+def _concatenated(terms: Sequence[BoundedQuotient]) -> BoundedQuotient:
+    if len(terms) == 1:
+        return terms[0]
 
-    def row(of: Callable[[Share], Floats]) -> Floats:
-        return np.concatenate([of(share) for share in shares])
+    def row(of: Callable[[BoundedQuotient], Floats]) -> Floats:
+        return np.concatenate([of(term) for term in terms])
 
-    linear = row(lambda share: share.D2.linear[0]), row(lambda share: share.D2.linear[1])
-    square = row(lambda share: share.D2.square[0]), row(lambda share: share.D2.square[1])
-    return Share(row(lambda share: share.numerator), Quadratic(row(lambda share: share.D2.constant), linear, square))
+    linear = row(lambda term: term.D2.linear[0]), row(lambda term: term.D2.linear[1])
+    square = row(lambda term: term.D2.square[0]), row(lambda term: term.D2.square[1])
+    D2 = Quadratic(row(lambda term: term.D2.constant), linear, square)
+    return BoundedQuotient(row(lambda term: term.numerator), D2)
 
 
 def _demand(device: Device, omega: Floats) -> Demand:
     at, none = _enclosed(device, omega), np.zeros(len(omega))
-    held = device.over(decimal).held.damping
+    damping = device.converted(decimal).with_operator.damping
     return Demand(
         omega,
         float(_top(decimal(device.operator.damping))) if device.operator is not None else 0.0,
         _squared(at),
         Quadratic(none, (none, none), _tops(at.C2)),
-        Quadratic(none, _tops(at.along), _tops(at.C2)),
-        Quadratic(np.full(len(omega), _top(held)), _tops(at.re_C), (none, none)),
-        Quadratic(_bottom(at.Z2), _bottoms(at.along, 2), _bottoms(at.C2)),
+        Quadratic(none, _tops(at.re_Zd_conj_C), _tops(at.C2)),
+        Quadratic(np.full(len(omega), _top(damping)), _tops(at.re_C), (none, none)),
+        Quadratic(_bottom(at.Z2), _bottoms(at.re_Zd_conj_C, 2), _bottoms(at.C2)),
         Quadratic(none, (none, none), _bottoms(at.C2)),
-        _bottoms(at.turn),
-        _tops(at.turn),
+        _bottoms(at.im_C_conj_Zd),
+        _tops(at.im_C_conj_Zd),
     )
 
 
-def _sensitivity(device: Device, omega: Floats) -> Share:
+def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
     """Return |F_0|^2/|F|^2 of the sampled loop; F is affine in the gains, so that |F|^2 is convex in them."""
-    whole, fraction = whole_samples(device.delay, device.sample_time)
-    exact = device.bare.over(decimal)
+    whole, fraction = split_delay(device.delay, device.sample_time)
+    exact = device.bare.converted(decimal)
     plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
     F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
-    along = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
+    crossed = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
     squares = F.velocity.abs2(), F.position.abs2()
     cross = 2 * _top(re_conj_product(F.velocity, F.position))
-    linear = 2 * _top(along[0]), 2 * _top(along[1])
-    openness = F.open.abs2()
-    return Share(np.maximum(_bottom(openness), 0.0), Quadratic(_top(openness), linear, _tops(squares), cross))
+    linear = 2 * _top(crossed[0]), 2 * _top(crossed[1])
+    F_0 = F.open.abs2()
+    return BoundedQuotient(np.maximum(_bottom(F_0), 0.0), Quadratic(_top(F_0), linear, _tops(squares), cross))
 
 
 def _enclosed(device: Device, omega: Floats) -> Coefficients:
-    return coefficients(device.bare.over(decimal), Enclosure(omega), ENCLOSURES)
+    return coefficients(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES)
 
 
 def _top(x: Enclosure) -> Floats:
@@ -257,14 +263,14 @@ def _bottoms(x: tuple[Enclosure, Enclosure], factor: int = 1) -> tuple[Floats, F
 
 def _squared(at: Coefficients) -> Quadratic:
     """Return |D|^2."""
-    return Quadratic(_top(at.Z2), (2 * _top(at.along[0]), 2 * _top(at.along[1])), _tops(at.C2))
+    return Quadratic(_top(at.Z2), (2 * _top(at.re_Zd_conj_C[0]), 2 * _top(at.re_Zd_conj_C[1])), _tops(at.C2))
 
 
-def _integrated(device: Device, low: float, high: float, places: int) -> tuple[Share, Share]:
-    """Return the shares of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
+def _integrated(device: Device, low: float, high: float, intervals: int) -> tuple[BoundedQuotient, BoundedQuotient]:
+    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
     exact = device_ball(device.bare)
     first, length = ball(low).log(), ball(high).log() - ball(low).log()
-    edges = [first + length * k / places for k in range(places + 1)]
+    edges = [first + length * k / intervals for k in range(intervals + 1)]
 
     def integral(f: Callable[[Coefficients], acb], k: int) -> arb:
         def integrand(x: acb, _analytic: bool) -> acb:
@@ -272,21 +278,21 @@ def _integrated(device: Device, low: float, high: float, places: int) -> tuple[S
 
         return acb.integral(integrand, edges[k], edges[k + 1], rel_tol=PRECISION, abs_tol=0).real / length
 
-    def share(weight: Callable[[Coefficients], acb]) -> Share:
+    def term(weight: Callable[[Coefficients], acb]) -> BoundedQuotient:
         parts = [
             weight,
             lambda c: weight(c) * c.Z2,
-            lambda c: weight(c) * c.along[0],
-            lambda c: weight(c) * c.along[1],
+            lambda c: weight(c) * c.re_Zd_conj_C[0],
+            lambda c: weight(c) * c.re_Zd_conj_C[1],
             lambda c: weight(c) * c.C2[0],
             lambda c: weight(c) * c.C2[1],
         ]
-        found = [[integral(part, k) for k in range(places)] for part in parts]
+        found = [[integral(part, k) for k in range(intervals)] for part in parts]
         numerator, constant, v, p, v2, p2 = (
             Enclosure(np.array([float(x.mid()) for x in row]), np.array([float(x.rad()) for x in row])) for row in found
         )
         square = _bottom(numerator) ** 2 * (1 - GUARD)
-        return Share(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
+        return BoundedQuotient(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
-        return share(lambda c: acb(1)), share(lambda c: c.Z2)
+        return term(lambda c: acb(1)), term(lambda c: c.Z2)

@@ -16,9 +16,9 @@ from vctune.model.sampled import (
     characteristic_polynomial,
     return_difference,
     sampled_plant,
-    whole_samples,
+    split_delay,
 )
-from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.arb_balls import BALLS, PRECISION, ball, device_ball, gains_ball
 from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.winding import turned_angle
@@ -67,7 +67,7 @@ def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
 def exact_plant(device: Device) -> SampledPlant:
     """Return the sampled plant with the device's decimals enclosed."""
     exact = device_ball(device)
-    whole, fraction = whole_samples(device.delay, device.sample_time)
+    whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(exact, whole, BALLS, fractional=fraction > 0)
 
 

@@ -7,7 +7,7 @@ from math import ceil, log2
 
 import numpy as np
 
-from vctune.model.sampled import whole_samples
+from vctune.model.sampled import split_delay
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.scene import Scene
 
@@ -30,7 +30,7 @@ class Timing:
 def timing(scene: Scene) -> Timing:
     """Return the timing of a scene's actuator; the real zero-order hold, whatever `hold` the frequency model has."""
     T = scene.device.sample_time
-    whole, fraction = whole_samples(scene.device.delay, T)
+    whole, fraction = split_delay(scene.device.delay, T)
     return Timing(whole, fraction * T, T - fraction * T)
 
 

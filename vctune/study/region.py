@@ -121,11 +121,11 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
-    kinds[hopeful[prove(demands, served.taken(hopeful)).proved]] = Kind.FEASIBLE
+    kinds[hopeful[prove(demands, served.subset(hopeful)).proved]] = Kind.FEASIBLE
     left = np.flatnonzero(kinds != Kind.FEASIBLE)
-    lost = refuted(demands, cells.taken(left), worst[0, left], worst_S[left])
+    lost = refuted(demands, cells.subset(left), worst[0, left], worst_S[left])
     if free:
-        lost |= no_damping(demands, cells.taken(left), worst[:, left])
+        lost |= no_damping(demands, cells.subset(left), worst[:, left])
     kinds[left[lost]] = Kind.INFEASIBLE
     return kinds, np.where(kinds == Kind.FEASIBLE, damping, np.nan)
 

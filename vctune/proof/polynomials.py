@@ -18,7 +18,7 @@ from flint import arb, fmpq, fmpq_poly
 from vctune.model.loop import HoldResponse, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.balls import BALLS
+from vctune.proof.arb_balls import BALLS
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
 
@@ -52,20 +52,20 @@ def is_rational(device: Device) -> bool:
 def conditions(design: Design, factor: float) -> Conditions:
     """Return the conditions of a design's decimals, `factor` times R demanded."""
     omega, f = fmpq_poly([0, 1]), _rational(factor)
-    given = design.device.over(_rational)
+    given = design.device.converted(_rational)
     half = given.sample_time / 2
     clearing = 1 + half * half * omega * omega
-    cleared = given.over(lambda x: x * clearing)
+    cleared = given.converted(lambda x: x * clearing)
     gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
     loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), BALLS)
     coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
     b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
     below = b_c * b_c + reactance2
     above = coupling.drag * below + b_c * reactance2
-    eased = re_conj_product(loop.C, loop.D)
-    eased = eased if loop.relief is None else eased + loop.relief * loop.scale2
+    eased = re_conj_product(loop.C_scaled, loop.D_scaled)
+    eased = eased if loop.operator_relief is None else eased + loop.operator_relief * loop.scale2
     linear = 2 * loop.resistance * clearing * loop.scale2 * above + f * below * eased
-    squared = linear * linear - f * f * below * below * loop.C.abs2() * loop.D.abs2()
+    squared = linear * linear - f * f * below * below * loop.C_scaled.abs2() * loop.D_scaled.abs2()
     roots = [root.real for root, _ in squared.complex_roots() if root.imag == 0 and root.real > 0]
     return Conditions(linear, squared, sorted(roots, key=lambda root: float(root.mid())))
 

@@ -99,7 +99,7 @@ class Enclosure:
         """Return where every number enclosed is < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
-    def taken(self, at: Any) -> Enclosure:
+    def subset(self, at: Any) -> Enclosure:
         """Return some of the elements."""
         return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
 

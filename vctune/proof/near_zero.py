@@ -7,7 +7,7 @@ from collections.abc import Callable
 from flint import arb
 
 from vctune.model.limits import low_frequency_limit
-from vctune.proof.balls import BALLS, box, design_ball
+from vctune.proof.arb_balls import BALLS, box, design_ball
 from vctune.proof.claims import Design, low_margin
 from vctune.proof.interval import Verdict, prove_boxes
 
@@ -29,7 +29,7 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None."""
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # no loop, R = 0
-        return below if design.device.held.damping > 0 else None
+        return below if design.device.with_operator.damping > 0 else None
     return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS), below)
 
 

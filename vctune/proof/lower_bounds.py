@@ -13,13 +13,13 @@ from math import inf, log
 import numpy as np
 
 from vctune.model.problem import Problem
-from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.quadratics import Boxes
+from vctune.proof.array_intervals import Flags, Floats
+from vctune.proof.quadratics import DesignBoxes
 from vctune.proof.relaxation import GUARD, Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
-class Least:
+class LeastCoupling:
     """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
 
     Attributes
@@ -34,64 +34,65 @@ class Least:
 
 
 @dataclass(frozen=True, slots=True)
-class Floors:
+class LowerBounds:
     """What the designs of each box at least come to; arrays of shape (boxes,).
 
     Attributes
     ----------
     error : a lower bound on the error of the admissible designs; inf where there are none
-    strain : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; nothing is admissible above 1
+    infeasibility : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; above 1 nothing is
+        admissible
     """
 
     error: Floats
-    strain: Floats
+    infeasibility: Floats
 
 
 @np.errstate(all="ignore")
-def floors(relaxed: Relaxation, boxes: Boxes) -> Floors:
+def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     """Return what the designs of each box at least come to."""
     problem = relaxed.problem
-    least, strain = least_coupling(relaxed, boxes), _strain_of_loops(relaxed, boxes)
-    strain = np.fmax(strain, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max))
-    none = least.none | (strain > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
-    admittance, tracking = (
-        share.numerator / share.D2.greatest(boxes) for share in (relaxed.admittance, relaxed.tracking)
+    least, infeasibility = least_coupling(relaxed, boxes), _sensitivity_over_limit(relaxed, boxes)
+    infeasibility = np.fmax(
+        infeasibility, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max)
     )
+    none = least.none | (infeasibility > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
+    admittance, tracking = (term.numerator / term.D2.greatest(boxes) for term in (relaxed.admittance, relaxed.tracking))
     loop = admittance + tracking
     b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
     if relaxed.omega is None:
-        coupling = _coupling(least, boxes, partial(_mean_share, problem))
-        mean = loop.reshape(len(boxes), relaxed.counted, -1).sum(axis=2).max(axis=1)
+        coupling = _coupling(least, boxes, partial(_mean_transmitted, problem))
+        mean = loop.reshape(len(boxes), relaxed.n_objective_devices, -1).sum(axis=2).max(axis=1)
         squared = mean + factor * (b_0 * b_0 + coupling)
     else:
-        coupling = _coupling(least, boxes, partial(_share, relaxed.omega[:, None]))
+        coupling = _coupling(least, boxes, partial(_transmitted, relaxed.omega[:, None]))
         squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)
     known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
-    return Floors(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, strain))
+    return LowerBounds(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, infeasibility))
 
 
-def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
+def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
     """Return a lower bound of |S| relative to its limit."""
     at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
     S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
     return np.sqrt(S2) / limit * (1 - GUARD)
 
 
-def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
+def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
     With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`).
     """
     if problem.stability.band.min > 0:
         return np.zeros(len(boxes), bool)
-    b, held, tau = problem.device.damping, problem.device.held.damping, problem.device.lag
-    b_h, factor = held - b, problem.stability.safety_factor
-    most = (held + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
-    eased = 4 * (most * boxes.high[3] + factor * b_h * np.maximum(most - held, 0.0))
+    b, gripped, tau = problem.device.damping, problem.device.with_operator.damping, problem.device.loop_lag
+    b_h, factor = gripped - b, problem.stability.safety_factor
+    most = (gripped + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[3] + factor * b_h * np.maximum(most - gripped, 0.0))
     return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
 
-def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
+def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     """Return the least b_c and m_c that the conditions and the bounds leave to any design of a box.
 
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
@@ -106,47 +107,47 @@ def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
     mass = (needed * (nearest + 1 / (np.square(at.omega) * nearest))).max(axis=1)
     b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[2])
     m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[2])
-    return Least(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
+    return LeastCoupling(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
 
 
-def _least_resistance(at: Demand, boxes: Boxes) -> tuple[Floats, Flags]:
+def _least_resistance(at: Demand, boxes: DesignBoxes) -> tuple[Floats, Flags]:
     """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
 
     R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
     """
     low, high = (
-        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
-        for turn in (at.turn_low, tuple(-t for t in at.turn_high))
+        sum(np.minimum(*(im[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
+        for im in (at.im_low, tuple(-part for part in at.im_high))
     )
-    turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
+    im = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)  # the least |Im(C conj Z_d)|
     resistance, P = at.resistance.greatest(boxes), at.P.greatest(boxes)
     weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
     product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
-    excess = np.fmax(np.where(turn > 0, turn * turn / weight, 0.0), product - P)
+    excess = np.fmax(np.where(im > 0, im * im / weight, 0.0), product - P)
     R = excess / (2 * resistance) * (1 - 10 * GUARD)
     if at.operator > 0:
         R = R - at.operator * (1 - at.resistance.constant * (1 - 10 * GUARD) / resistance + GUARD)
     return np.fmax(R, 0.0), np.asarray((resistance <= 0).any(axis=1))
 
 
-def _coupling(least: Least, boxes: Boxes, share: Callable[[Floats], Floats]) -> Floats:
+def _coupling(least: LeastCoupling, boxes: DesignBoxes, transmitted: Callable[[Floats], Floats]) -> Floats:
     """Return a lower bound of |Z_c|^2 - b_0^2 = 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, x = omega tau_c.
 
     s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
     """
     b_c, m_c, b_0 = least.damping, least.mass, boxes.low[3]
-    light, heavy = share(boxes.low[2]), share(boxes.high[2])
+    light, heavy = transmitted(boxes.low[2]), transmitted(boxes.high[2])
     return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[2]) * heavy)
 
 
-def _share(omega: Floats, tau_c: Floats) -> Floats:
+def _transmitted(omega: Floats, tau_c: Floats) -> Floats:
     """Return x^2/(1 + x^2), x = omega tau_c: |Z_c/b_c|^2 and Re Z_c/b_c without drag."""
     x2 = np.square(omega * tau_c)
     return x2 / (1 + x2)
 
 
-def _mean_share(problem: Problem, tau_c: Floats) -> Floats:
-    """Return the mean of `_share` over log frequency."""
+def _mean_transmitted(problem: Problem, tau_c: Floats) -> Floats:
+    """Return the mean of `_transmitted` over log frequency."""
     low, high = problem.transparency.band.min, problem.transparency.band.max
     rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
     return np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low))
