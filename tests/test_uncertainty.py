@@ -139,7 +139,7 @@ def test_without_uncertainty_nothing_grows():
 
 
 @given(st.floats(0, 30), st.floats(0.01, 0.99))
-def test_derivatives_of_the_decays_are_enclosed(x, share):
+def test_derivatives_of_the_phi_functions_are_enclosed(x, share):
     rad = share * x
     box = Enclosure(np.array([x]), np.array([rad]))
     for name, f in (

@@ -40,8 +40,8 @@ def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
     """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop."""
     parts = return_difference_at(device, omega, position=position)
-    openness, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
-    return velocity / openness, travel / openness
+    open_loop, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
+    return velocity / open_loop, travel / open_loop
 
 
 def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:

@@ -61,9 +61,9 @@ class Device:
 
     def converted(self, number: Callable[[Number], Number]) -> Device:
         """Return the device in numbers of another arithmetic."""
-        held = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
+        operator = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
         mass, damping, sample_time, delay = map(number, (self.mass, self.damping, self.sample_time, self.delay))
-        return Device(mass, damping, sample_time, delay, self.hold, held)
+        return Device(mass, damping, sample_time, delay, self.hold, operator)
 
     @property
     def loops(self) -> tuple[Device, ...]:

@@ -1,4 +1,4 @@
-"""Ball arithmetic (Arb): every result encloses the true value, so a sign that shows is proved.
+"""Single numbers as Arb balls of 128 bits: every result encloses the true value, so a sign that shows is proved.
 
 See proof/README.md, section 2.
 """
@@ -14,7 +14,8 @@ from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.claims import Design
 
 PRECISION = 128
-"""Working precision, bits."""
+"""Working precision, bits. Half and twice it take as many boxes for the designs of problems/ and about as long: the
+reserve is for designs that are nearer to their demands than an optimum in decimals is."""
 
 
 class _BallArithmetic:

@@ -22,9 +22,11 @@ from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
 
 NARROW = 1.02
-"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower."""
+"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
+over 1 take as many boxes."""
 FROM_ZERO = 0.1
-"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
+"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
+boxes."""
 
 Margin = Callable[[Number, Values], Number]
 """What must be positive, of a frequency and of numbers by name, over enclosures and jets."""

@@ -16,7 +16,7 @@ from vctune.proof.boxes import CHUNK, Boxes, Integers
 
 BLUR = 2.0
 """A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
-halving those would not decide it."""
+halving those would not decide it. Half and twice it prove the same cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,15 @@ from vctune.proof.boxes import Cells
 from vctune.proof.many_designs import by_integrator, lower_bound_at
 
 GUARD = 1e-14
-"""Covers the rounding of the few operations here, relative."""
+"""Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
+
+factor R - b_0 may cancel: the product is off by u factor R, and the raised b_0 and the lowered difference together give
+away `GUARD` (b_0 + (factor R - b_0)), 90 times as much. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is
+a dozen operations on positive numbers; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice it decide alike.
+"""
+ROUNDING_OF_BOUNDS = 1e-9
+"""By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but
+where the interval between them is as narrow."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
@@ -52,4 +60,4 @@ def no_damping(demands: Demands, cells: Cells, omega: Floats) -> Flags:
             needed = (demands.factor * bound - part.high[4] * (1 + GUARD)) * (1 - GUARD)
             low, high = admissible_damping(needed, heaviest[at] * frequency[at])
             least[at], most[at] = np.maximum(least[at], low), np.minimum(most[at], high)
-    return least * (1 - 1e-9) > most * (1 + 1e-9)
+    return least * (1 - ROUNDING_OF_BOUNDS) > most * (1 + ROUNDING_OF_BOUNDS)

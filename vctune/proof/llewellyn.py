@@ -21,9 +21,14 @@ from vctune.proof.polynomials import conditions, is_rational, widest
 from vctune.proof.polynomials import prove as prove_polynomials
 
 EXTENSION_BOXES = 2_000
+"""Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
+the ratio falls below 1, but for the last digits that are shown."""
 FINEST_STEP = 1e-8
+"""Where the extension of the proved band ends, relative: finer than what is shown. Half and twice it are a step."""
 LOWEST_EDGE = 1e-18
-"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge."""
+"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
+reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the
+same."""
 
 
 def _margin(design: Design, factor: float) -> Callable[[Number], Number]:

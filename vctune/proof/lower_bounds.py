@@ -14,8 +14,8 @@ import numpy as np
 
 from vctune.model.problem import Problem
 from vctune.proof.array_intervals import Flags, Floats
-from vctune.proof.quadratics import DesignBoxes
-from vctune.proof.relaxation import GUARD, Demand, Relaxation
+from vctune.proof.quadratics import GUARD, DesignBoxes
+from vctune.proof.relaxation import Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,12 +31,11 @@ from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.devices import UNCERTAIN
 from vctune.proof.jets import ENCLOSURES
-from vctune.proof.quadratics import Quadratic
+from vctune.proof.quadratics import GUARD, Quadratic, both_down, both_up, rounded_down, rounded_up
 
-GUARD = 1e-14
-"""Covers the rounding of a sum of five products, and of the few operations after it, relative to their moduli."""
 PRECISION = 2.0**-44
-"""Of the integrals, relative."""
+"""Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
+time by one of Gauss's nodes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +162,7 @@ def relaxation(
         omega_e = np.tile(nodes, len(objective))
         seen = _enclosed(_stacked(objective, intervals), omega_e)
         D2 = _squared(seen)
-        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(_bottom(seen.Z2), D2)
+        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(rounded_down(seen.Z2), D2)
     else:
         omega_e = None
         admittances, trackings = zip(*(_integrated(d, band.min, band.max, intervals) for d in objective), strict=True)
@@ -215,15 +214,15 @@ def _demand(device: Device, omega: Floats) -> Demand:
     damping = device.converted(decimal).with_operator.damping
     return Demand(
         omega,
-        float(_top(decimal(device.operator.damping))) if device.operator is not None else 0.0,
+        float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
         _squared(at),
-        Quadratic(none, (none, none), _tops(at.C2)),
-        Quadratic(none, _tops(at.re_Zd_conj_C), _tops(at.C2)),
-        Quadratic(np.full(len(omega), _top(damping)), _tops(at.re_C), (none, none)),
-        Quadratic(_bottom(at.Z2), _bottoms(at.re_Zd_conj_C, 2), _bottoms(at.C2)),
-        Quadratic(none, (none, none), _bottoms(at.C2)),
-        _bottoms(at.im_C_conj_Zd),
-        _tops(at.im_C_conj_Zd),
+        Quadratic(none, (none, none), both_up(at.C2)),
+        Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
+        Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
+        Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
+        Quadratic(none, (none, none), both_down(at.C2)),
+        both_down(at.im_C_conj_Zd),
+        both_up(at.im_C_conj_Zd),
     )
 
 
@@ -235,35 +234,23 @@ def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
     F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
     crossed = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
     squares = F.velocity.abs2(), F.position.abs2()
-    cross = 2 * _top(re_conj_product(F.velocity, F.position))
-    linear = 2 * _top(crossed[0]), 2 * _top(crossed[1])
+    cross = 2 * rounded_up(re_conj_product(F.velocity, F.position))
+    linear = 2 * rounded_up(crossed[0]), 2 * rounded_up(crossed[1])
     F_0 = F.open.abs2()
-    return BoundedQuotient(np.maximum(_bottom(F_0), 0.0), Quadratic(_top(F_0), linear, _tops(squares), cross))
+    return BoundedQuotient(
+        np.maximum(rounded_down(F_0), 0.0), Quadratic(rounded_up(F_0), linear, both_up(squares), cross)
+    )
 
 
 def _enclosed(device: Device, omega: Floats) -> Coefficients:
     return coefficients(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES)
 
 
-def _top(x: Enclosure) -> Floats:
-    return x.mid + x.rad + GUARD * (np.abs(x.mid) + x.rad)
-
-
-def _bottom(x: Enclosure) -> Floats:
-    return x.mid - x.rad - GUARD * (np.abs(x.mid) + x.rad)
-
-
-def _tops(x: tuple[Enclosure, Enclosure]) -> tuple[Floats, Floats]:
-    return _top(x[0]), _top(x[1])
-
-
-def _bottoms(x: tuple[Enclosure, Enclosure], factor: int = 1) -> tuple[Floats, Floats]:
-    return factor * _bottom(x[0]), factor * _bottom(x[1])
-
-
 def _squared(at: Coefficients) -> Quadratic:
     """Return |D|^2."""
-    return Quadratic(_top(at.Z2), (2 * _top(at.re_Zd_conj_C[0]), 2 * _top(at.re_Zd_conj_C[1])), _tops(at.C2))
+    return Quadratic(
+        rounded_up(at.Z2), (2 * rounded_up(at.re_Zd_conj_C[0]), 2 * rounded_up(at.re_Zd_conj_C[1])), both_up(at.C2)
+    )
 
 
 def _integrated(device: Device, low: float, high: float, intervals: int) -> tuple[BoundedQuotient, BoundedQuotient]:
@@ -291,8 +278,11 @@ def _integrated(device: Device, low: float, high: float, intervals: int) -> tupl
         numerator, constant, v, p, v2, p2 = (
             Enclosure(np.array([float(x.mid()) for x in row]), np.array([float(x.rad()) for x in row])) for row in found
         )
-        square = _bottom(numerator) ** 2 * (1 - GUARD)
-        return BoundedQuotient(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
+        square = rounded_down(numerator) ** 2 * (1 - GUARD)
+        return BoundedQuotient(
+            square,
+            Quadratic(rounded_up(constant), (2 * rounded_up(v), 2 * rounded_up(p)), (rounded_up(v2), rounded_up(p2))),
+        )
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
         return term(lambda c: acb(1)), term(lambda c: c.Z2)

@@ -24,15 +24,19 @@ from vctune.proof.many_designs import NEAR, STEP, model_curve_end
 from vctune.proof.polynomials import is_rational
 
 LITTLE_PHASE = 0.5
-"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad."""
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
+many boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Whole samples of a box's delays that are looked at one by one anyway."""
+"""Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
+phase does not matter. Half and twice it: time, for long uncertain delays only."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them."""
+"""Angles at which the size of a loop is estimated, and the least of them. An estimate: what it says is proved then."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 400_000, 40_000
-"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
+"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
+uncertain friction wheel 27,000 for all claims. Half and twice it: as long to give up."""
 MAX_HALVINGS = 80
-"""How often a box is halved at most."""
+"""How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
+the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)

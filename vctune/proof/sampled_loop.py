@@ -24,8 +24,11 @@ from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.winding import turned_angle
 
 ISOLATED_DEGREE = 40
+"""Degree up to which the spectral radius that is shown comes from isolated roots; above, from eigenvalues. The proof
+does not use it. Twice takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles; without it they are only kept apart."""
+"""Radius of the enclosures of poles; without it they are only kept apart. Finer than a double; half and twice are the
+same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:

@@ -14,15 +14,15 @@ from vctune.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the held forces act within a sample interval: u[k-whole-1] for `early` seconds, then u[k-whole].
+    """When the held forces act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
 
     Attributes
     ----------
-    whole : whole samples of delay
+    whole_samples : N, of the delay
     early, late : s; early is 0 without a fraction of a sample of delay
     """
 
-    whole: int
+    whole_samples: int
     early: float
     late: float
 

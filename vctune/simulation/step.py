@@ -21,10 +21,10 @@ from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing, transition
-from vctune.simulation.scene import Scene, rest
+from vctune.simulation.scene import Scene, equilibrium
 
 CHUNK = 1024
-"""Samples per call of the compiled function."""
+"""Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
 """What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u."""
 INPUTS = 5
@@ -32,8 +32,11 @@ INPUTS = 5
 
 
 STEPS_PER_RADIAN = 64
-"""Fixed steps per radian of the bristles' oscillation; see results/work-precision.csv."""
+"""Fixed steps per radian of the bristles' oscillation. Half: four times the error in half the time, twice: a quarter of
+it in twice the time (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
+"""Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
+anything that can be felt. Half and twice either are half and twice the time where they apply."""
 
 
 class _SymbolArithmetic:
@@ -116,7 +119,9 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     when = timing(scene)
     names = [field.name for field in fields(State)]
     body, given = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("given", INPUTS)
-    queue = [ca.SX.sym(f"u{age}") for age in range(when.whole + 1)]  # forces told and not yet spent, the newest first
+    queue = [
+        ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
+    ]  # forces commanded and not yet spent, the newest first
     memory = {name: ca.SX.sym(name) for name in names}
 
     at = Slide(body[0], body[1], body[2] if scene.friction else 0.0)
@@ -125,18 +130,20 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     remembered, command = control(scene.law, State(**memory), seen, SYMBOLS)
     changed = [name for name in names if getattr(remembered, name) is not memory[name]]
     record = ca.vertcat(at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force)
-    told = [command.force, *queue]
+    commanded = [command.force, *queue]
     state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
-    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *told[:-1])
-    begin = rest(scene)
+    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *commanded[:-1])
+    begin = equilibrium(scene)
     start = np.zeros(state.shape[0])
     start[0], start[-len(queue) :] = begin.position, begin.motor
-    known = {"reference": begin.reference, "seen": begin.position}
+    known = {"reference": begin.reference, "measured": begin.position}
     start[body.shape[0] : -len(queue)] = [known.get(name, 0.0) for name in changed]
     if scene.friction is None:
-        one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
+        one = ca.Function(
+            "one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, commanded), kept), record]
+        )
     else:
-        firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
+        firmware = ca.Function("firmware", [state, given], [kept, record, commanded[-1], commanded[-2]])
         one = _with_friction(scene, scene.friction, stretch, firmware)
     return Step(one, start)
 
@@ -155,11 +162,11 @@ def _hand_force(scene: Scene, at: Slide, given: Any, motor: Any) -> Any:
     return (1 - share) * (push - pull) - share * (motor - resisting)
 
 
-def _moved_exactly(scene: Scene, body: Any, given: Any, told: list[Any]) -> Any:
+def _moved_exactly(scene: Scene, body: Any, given: Any, commanded: list[Any]) -> Any:
     exact = transition(scene)
     moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), given[:4])
-    moved = moved + ca.DM(exact.late) * told[-2]
-    return moved + ca.DM(exact.early) * told[-1] if exact.early.any() else moved
+    moved = moved + ca.DM(exact.late) * commanded[-2]
+    return moved + ca.DM(exact.early) * commanded[-1] if exact.early.any() else moved
 
 
 def _with_friction(scene: Scene, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
