@@ -38,9 +38,12 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0.
+    """Return Re Z_c / R; -inf where Re(D + Z_h) <= 0, inf where R <= 0. See model/README.md, section 4.
 
-    See model/README.md, section 4.
+    Parameters
+    ----------
+    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
+    omega : rad/s, > 0
     """
     loop = response(device, gains, omega)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
@@ -154,7 +157,13 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
 
 def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
-    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8)."""
+    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8).
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : the design, plain numbers
+    """
     norm = _rms if problem.transparency.norm == "rms" else _peak
     return norm(problem, gains, coupling)
 

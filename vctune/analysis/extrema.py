@@ -33,7 +33,19 @@ class Minima:
 def frequency_grid(
     omega_min: float, omega_max: float, points_per_decade: int = POINTS_PER_DECADE, widest: float = inf
 ) -> Floats:
-    """Return a logarithmic grid that contains both ends exactly, with equal steps where they would exceed `widest`."""
+    """Return a logarithmic grid that contains both ends exactly, with equal steps where they would exceed `widest`.
+
+    Parameters
+    ----------
+    omega_min, omega_max : rad/s, 0 < omega_min < omega_max
+    points_per_decade : of the logarithmic part
+    widest : greatest step, rad/s
+
+    Returns
+    -------
+    array of float
+        Increasing, read-only: it is shared by all who ask for the same grid.
+    """
     decades = np.log10(omega_max / omega_min)
     grid = np.geomspace(omega_min, omega_max, max(9, int(np.ceil(decades * points_per_decade)) + 1))
     wide = np.flatnonzero(np.diff(grid) > widest)
@@ -56,11 +68,16 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     ----------
     f : elementwise over arrays of any shape; nan counts as +inf
     grid : increasing, rad/s
+
+    Returns
+    -------
+    Minima
+        At least one, lowest first.
     """
 
     def value(omega: Floats) -> Floats:
-        found = f(omega)
-        return np.where(np.isnan(found), np.inf, found)
+        values = f(omega)
+        return np.where(np.isnan(values), np.inf, values)
 
     values = value(grid)
     padded = np.concatenate(([np.inf], values, [np.inf]))

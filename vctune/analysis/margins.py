@@ -136,7 +136,7 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
-    """Return the places where f changes its sign, by bisection, all at once."""
+    """Return the frequencies at which f changes its sign, by bisection, all at once."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
     low, high = grid[at], grid[at + 1]

@@ -40,9 +40,18 @@ def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator.
 
-    See model/README.md, section 4.
+    See model/README.md, section 4. No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0
+    otherwise.
 
-    No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0 otherwise.
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies; divided by 0 where Re(D + Z_h) = 0.
     """
     return llewellyn_demand(loop, ops) / (2 * loop.resistance)
 
@@ -53,6 +62,12 @@ def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     See model/README.md, section 4.
 
     Of the two-port that has absorbed the least operator, everything times |D + Z_h|^2.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    Z_c : the coupling's impedance there, N s/m
+    ops : arithmetic of both
     """
     product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) / loop.scale2
     excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2

@@ -83,6 +83,11 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     whole_samples : N, of its delay
     ops : arithmetic of the device's numbers
     fractional : whether a part of a sample remains, delta > 0
+
+    Returns
+    -------
+    SampledPlant
+        Its numbers of the shape of the device's.
     """
     m, T = device.mass, device.sample_time
     rate, t_1 = device.damping / m, device.delay - whole_samples * T
@@ -128,6 +133,11 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of both
     position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
+
+    Returns
+    -------
+    ReturnDifference
+        Each part of the shape of theta.
     """
 
     def delayed(steps: int) -> Pair:
@@ -140,7 +150,7 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
         path = first.scaled(taps[0])
         return path if second is None else path + second.scaled(taps[1])
 
-    half_sine = ops.sin(theta / 2)
+    half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
     difference = Pair(2 * half_sine * half_sine, ops.sin(theta))
     decay = Pair(plant.one_minus_pole + plant.pole * difference.re, plant.pole * difference.im)
     velocity = input_path(plant.velocity)

@@ -47,6 +47,15 @@ def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDA
     """Return nodes [rad/s] and weights of the average over log frequency, 1/ln(w2/w1) * integral dw/w.
 
     Gauss-Legendre with `PANEL_NODES` nodes on each of `panels` equal parts of the logarithmic band.
+
+    Parameters
+    ----------
+    omega_min, omega_max : the band, rad/s, 0 < omega_min < omega_max
+    panels : number of its parts
+
+    Returns
+    -------
+    nodes, weights : shape (`PANEL_NODES` * panels,); the weights add up to 1
     """
     nodes, weights = _panel()
     starts = np.arange(panels)[:, None]

@@ -54,50 +54,50 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 
         near, rows = of(sufficient or margin), boxes.rows()
         if _from_zero(boxes):
-            return _without_failures(_by_slopes(near, boxes, rows).tested)
+            return _without_failures(_by_slopes(near, boxes, rows).decided)
         if _wide(boxes):
             return _to_halve_in_frequency(boxes, of(margin)(rows).positive() | near(rows).positive())
-        seen = _by_slopes(of(margin), boxes, rows).tested
+        decided = _by_slopes(of(margin), boxes, rows).decided
         narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
-        left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
+        left = np.flatnonzero(~decided.proved & ~decided.fails & narrow)
         if left.size:
             part = boxes.subset(left)
             other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
-            seen.proved[left] = other.tested.proved
-            seen.cost[:, left] = np.where(other.tested.fails, seen.cost[:, left], other.tested.cost)
-        return seen
+            decided.proved[left] = other.decided.proved
+            decided.cost[:, left] = np.where(other.decided.fails, decided.cost[:, left], other.decided.cost)
+        return decided
 
     return partial(_kind_by_kind, test)
 
 
-def misses_zero(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
+def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    It does where the rectangle around its image does not contain 0, where `floor` is positive, or where its component
-    along its own value at the middle of the box is.
+    It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
+    component along its own value at the middle of the box is.
     """
 
     def test(boxes: Boxes) -> Decided:
-        def at(rows: Rows) -> Pair:
+        def image_of(rows: Rows) -> Pair:
             return curve(rows[0], boxes.named(rows, fixed))
 
         rows = boxes.rows()
-        image = at(rows)
+        image = image_of(rows)
         missed = image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
-        if floor is not None:
-            missed |= floor(rows[0], boxes.named(rows, fixed)).positive()
+        if sufficient is not None:
+            missed |= sufficient(rows[0], boxes.named(rows, fixed)).positive()
         if missed.all() or (_wide(boxes) and not _from_zero(boxes)):
             return _to_halve_in_frequency(boxes, missed)
-        middle = at([Enclosure(row.mid) for row in rows])
+        middle = image_of([Enclosure(row.mid) for row in rows])
         size = np.hypot(middle.re.mid, middle.im.mid)
         re, im = middle.re.mid / size, middle.im.mid / size
 
         def component(rows: Rows) -> Number:
-            value = at(rows)
+            value = image_of(rows)
             return value.re * re + value.im * im
 
-        seen = _without_failures(_by_slopes(component, boxes, rows).tested)
-        return Decided(seen.proved | missed, seen.fails, seen.point, seen.cost, seen.known)
+        decided = _without_failures(_by_slopes(component, boxes, rows).decided)
+        return Decided(decided.proved | missed, decided.fails, decided.point, decided.cost, decided.known)
 
     return partial(_kind_by_kind, test)
 
@@ -142,9 +142,9 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
         np.zeros(n, bool), np.zeros(n, bool), np.zeros_like(boxes.low), np.zeros_like(boxes.low), np.zeros(n, bool)
     )
     for kind in kinds:
-        seen = test(boxes.subset(kind))
+        decided = test(boxes.subset(kind))
         for name in Decided.__slots__:
-            getattr(found, name)[..., kind] = getattr(seen, name)
+            getattr(found, name)[..., kind] = getattr(decided, name)
     return found
 
 
@@ -163,9 +163,9 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     return Decided(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
 
 
-def _without_failures(seen: Decided) -> Decided:
+def _without_failures(decided: Decided) -> Decided:
     """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return Decided(seen.proved, np.zeros_like(seen.fails), seen.point, seen.cost, seen.known)
+    return Decided(decided.proved, np.zeros_like(decided.fails), decided.point, decided.cost, decided.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +173,7 @@ class _Bounded:
     """A lower bound of a margin over each box, and what it decides."""
 
     least: Floats
-    tested: Decided
+    decided: Decided
 
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
@@ -183,22 +183,22 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     nothing is known of the slopes, the widest row is as good as any.
     """
     varied = boxes.varied()
-    whole = margin(variables(rows, varied))
+    over_box = margin(variables(rows, varied))
     n, count = len(boxes), len(rows)
     side, reach = np.zeros((count, n)), np.zeros((count, n))
-    direct: Enclosure = whole.value if isinstance(whole, Jet) else whole
+    direct: Enclosure = over_box.value if isinstance(over_box, Jet) else over_box
     rad = np.stack([np.broadcast_to(row.rad, n) for row in rows])
     middle = np.stack([row.mid for row in rows])
-    for row, slope in zip(np.flatnonzero(varied), whole.slopes if isinstance(whole, Jet) else (), strict=False):
+    for row, slope in zip(np.flatnonzero(varied), over_box.slopes if isinstance(over_box, Jet) else (), strict=False):
         if slope is not None:
             side[row] = 1.0 * slope.negative() - slope.positive()
             reach[row] = (np.abs(slope.mid) + slope.rad) * rad[row]
     point = middle + side * rad
-    at = [
+    at_point = [
         Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
         for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
     ]
-    least = margin(at)
+    least = margin(at_point)
     loose = np.where(side == 0, reach, 0.0)
     bound = np.zeros(n) + np.fmax(
         _lowest(least.mid, (least.rad + loose.sum(axis=0)) * SWELL), _lowest(direct.mid, direct.rad)

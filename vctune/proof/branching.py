@@ -84,6 +84,11 @@ def prove(
     max_halvings : how often a box is halved at most
     most : boxes of one owner that are looked at before it is left open
     measure : of proved boxes; what is summed up in `Proofs.total`
+
+    Returns
+    -------
+    Proofs
+        For each owner; proved only if all of its boxes are.
     """
     shape = (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)

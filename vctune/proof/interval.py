@@ -73,6 +73,11 @@ def prove_boxes(
     decide : verdict on the box between two numbers
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
+
+    Returns
+    -------
+    Outcome
+        Its witness is the middle of the box that is refuted or stays open.
     """
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
@@ -108,6 +113,11 @@ def prove_positive(margin: Callable[[Number], Number], low: float, high: float, 
     margin : evaluated on `flint.arb` and on `flint.arb_series`
     low, high : 0 <= low <= high
     max_boxes : effort before giving up
+
+    Returns
+    -------
+    Outcome
+        Refuted at the middle of a box, where the margin is certainly negative.
     """
 
     def decide(left: float, right: float) -> Verdict:

@@ -96,15 +96,15 @@ class Jet:
         return Jet(value, _scaled(self.slopes, derivative))
 
 
-def variables(values: Sequence[Enclosure], moving: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables as jets, each with slope 1 in itself; those that do not move stay plain."""
-    order = {index: place for place, index in enumerate(i for i, moves in enumerate(moving) if moves)}
+def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
+    """Return the variables as jets, each with slope 1 in itself; those that do not vary stay plain."""
+    order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
 
     def jet(index: int, value: Enclosure) -> Jet:
         return Jet(value, tuple(one if place == order[index] else None for place in range(len(order))))
 
-    return [jet(i, value) if moving[i] else value for i, value in enumerate(values)]
+    return [jet(i, value) if varied[i] else value for i, value in enumerate(values)]
 
 
 def _scaled(slopes: Slopes, factor: Any) -> Slopes:

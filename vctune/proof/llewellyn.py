@@ -51,6 +51,17 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
     With hold "lag" and no delay it may be [0, inf], and the proof is exact. Finite edges are widened by the rounding of
     2 pi f.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s
+    factor : least Re Z_c / R
+
+    Returns
+    -------
+    Outcome
+        With a frequency in rad/s where it is refuted or undecided.
     """
     wider = outwards((low, high))
     if is_rational(design.device):
@@ -103,9 +114,20 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
 
 
 def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`."""
+    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`.
+
+    Parameters
+    ----------
+    holds : whether the proof holds between two frequencies, the lower one first
+    edge, goal : rad/s, > 0
+
+    Returns
+    -------
+    float
+        rad/s, between both; everything between it and the edge is proved.
+    """
     down = goal < edge
-    step = 4.0
+    step = 4.0  # a ratio; squared after a success, its root taken after a failure
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
         if holds(min(edge, ahead), max(edge, ahead)):

@@ -50,7 +50,13 @@ class LowerBounds:
 
 @np.errstate(all="ignore")
 def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
-    """Return what the designs of each box at least come to."""
+    """Return what the designs of each box at least come to.
+
+    Parameters
+    ----------
+    relaxed : the problem made easier
+    boxes : of designs, shape (4, boxes)
+    """
     problem = relaxed.problem
     least, infeasibility = least_coupling(relaxed, boxes), _sensitivity_over_limit(relaxed, boxes)
     infeasibility = np.fmax(

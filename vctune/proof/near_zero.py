@@ -30,7 +30,14 @@ def low_end_verdict(design: Design) -> Verdict:
 
 
 def prove_low_end(design: Design, factor: float, below: float) -> float | None:
-    """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None."""
+    """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    factor : least Re Z_c / R
+    below : rad/s, > 0
+    """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # no loop, R = 0
         return below if design.device.with_operator.damping > 0 else None

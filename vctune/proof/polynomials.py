@@ -40,8 +40,8 @@ class Conditions:
 
     def met(self, omega: float) -> bool:
         """Return whether the conditions are met with something to spare."""
-        at = _rational(omega)
-        return bool(self.squared(at) > 0 and self.linear(at) > 0)
+        point = _rational(omega)
+        return bool(self.squared(point) > 0 and self.linear(point) > 0)
 
 
 def is_rational(device: Device) -> bool:
@@ -50,12 +50,19 @@ def is_rational(device: Device) -> bool:
 
 
 def conditions(design: Design, factor: float) -> Conditions:
-    """Return the conditions of a design's decimals, `factor` times R demanded."""
+    """Return the conditions of a design's decimals, `factor` times R demanded.
+
+    Parameters
+    ----------
+    design : of a device of which `is_rational`
+    factor : least Re Z_c / R
+    """
+    # omega is the polynomial "omega": the model's own formulas, evaluated on it, are the conditions' polynomials
     omega, f = fmpq_poly([0, 1]), _rational(factor)
-    given = design.device.converted(_rational)
-    half = given.sample_time / 2
+    device = design.device.converted(_rational)
+    half = device.sample_time / 2
     clearing = 1 + half * half * omega * omega
-    cleared = given.converted(lambda x: x * clearing)
+    cleared = device.converted(lambda x: x * clearing)
     gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
     loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), BALLS)
     coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
@@ -70,22 +77,22 @@ def conditions(design: Design, factor: float) -> Conditions:
     return Conditions(linear, squared, sorted(roots, key=lambda root: float(root.mid())))
 
 
-def prove(found: Conditions, low: float, high: float) -> Outcome:
+def prove(conditions: Conditions, low: float, high: float) -> Outcome:
     """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided."""
-    inside = [root for root in found.roots if not (root < low or root > high)]
+    inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
     for left, right in pairwise(edges):
         between = _between(left, right)
-        if not found.met(between):
+        if not conditions.met(between):
             return Outcome(Verdict.REFUTED, len(edges) - 1, between)
     touching = Verdict.UNDECIDED if inside else Verdict.PROVED
     return Outcome(touching, len(edges) - 1, edges[1] if inside else None)
 
 
-def widest(found: Conditions, low: float, high: float) -> tuple[float, float]:
+def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
     """Return the widest band around one on which the conditions are met, rad/s, its edges within it."""
-    below = [nextafter(float(root.upper()), inf) for root in found.roots if root < low]
-    above = [nextafter(float(root.lower()), 0.0) for root in found.roots if root > high]
+    below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
+    above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]
     return max(below, default=0.0), min(above, default=inf)
 
 
