@@ -50,7 +50,13 @@ def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Flo
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on."""
+    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on.
+
+    Parameters
+    ----------
+    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
+    omega : rad/s, > 0
+    """
     loop = response(device, gains, omega)
     size = np.sqrt(loop.D_scaled.abs2() / loop.scale2)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
@@ -100,13 +106,24 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
     """Return a grid for the demands of a device, fine enough for the ripple of e^{-j omega tau} and its square.
 
     Hold "lag" without delay has no ripple, and its bands no end.
+
+    Parameters
+    ----------
+    device : Device
+    low, high : ends of the grid, rad/s, 0 < low < high
     """
     rational = device.hold == "lag" and device.delay == 0
     return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.loop_lag))
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
-    """Return the local minima of Re Z_c / R over the stability band, lowest first."""
+    """Return the local minima of Re Z_c / R over the stability band, lowest first.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : a design, plain numbers
+    """
     return local_minima(
         lambda omega: stability_ratio(problem.device, gains, coupling, omega),
         demand_grid(problem.device, *sampled_span(problem)),
@@ -141,7 +158,14 @@ class TransparencyError:
 
 
 def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Terms:
-    """Return the squares of the three unweighted terms at frequencies omega."""
+    """Return the squares of the three unweighted terms at frequencies omega.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : a design
+    omega : rad/s, > 0
+    """
     loop = response(problem.device, gains, omega)
     return squared_terms(loop, coupling_impedance(coupling, omega), problem.transparency.reference_impedance)
 

@@ -27,24 +27,55 @@ def plant_of(device: Device) -> SampledPlant:
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
-    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s."""
+    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s.
+
+    Parameters
+    ----------
+    device : its numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    position : whether the position is in the loop
+    """
     return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
 def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
-    """Return |S| at frequencies omega > 0, rad/s."""
+    """Return |S| at frequencies omega > 0, rad/s.
+
+    Parameters
+    ----------
+    device, gains : their numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    """
     parts = return_difference_at(device, omega, position=bool(np.any(gains.position)))
     return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop."""
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop.
+
+    Parameters
+    ----------
+    device : its numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    position : whether the position is in the loop
+
+    Returns
+    -------
+    tuple of two arrays of complex
+        m/(N s) and m/N.
+    """
     parts = return_difference_at(device, omega, position=position)
     open_loop, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
     return velocity / open_loop, travel / open_loop
 
 
 def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
-    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L)."""
+    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L).
+
+    Parameters
+    ----------
+    device, gains : their numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    """
     G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x

@@ -27,7 +27,14 @@ class Terms:
 
 
 def squared_terms(loop: LoopResponse, Z_c: Pair, reference_impedance: float) -> Terms:
-    """Return the squares of the three dimensionless terms at a frequency."""
+    """Return the squares of the three dimensionless terms at a frequency.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    Z_c : the coupling's impedance there, N s/m
+    reference_impedance : Z_0, N s/m
+    """
     Z_0 = reference_impedance
     return Terms(G_hh_abs2(loop) * Z_0**2, tracking_abs2(loop), Z_c.abs2() / Z_0**2)
 

@@ -75,6 +75,12 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
     It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
     component along its own value at the middle of the box is.
+
+    Parameters
+    ----------
+    curve : of a frequency and of values
+    fixed : the values that are not among a box's rows
+    sufficient : a margin that is positive only where the curve is not 0
     """
 
     def test(boxes: Boxes) -> Decided:
@@ -121,7 +127,19 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
 
 
 def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
-    """Return a lower bound of a margin over each box; nan where nothing is known of it."""
+    """Return a lower bound of a margin over each box; nan where nothing is known of it.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    boxes : n of them
+    fixed : the values that are not among a box's rows
+
+    Returns
+    -------
+    array of float
+        Shape (n,).
+    """
 
     def least(part: Boxes) -> Floats:
         return _by_slopes(lambda rows: margin(rows[0], part.named(rows, fixed)), part, part.rows()).least

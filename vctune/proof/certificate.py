@@ -181,6 +181,17 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
 
     Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices each is proved
     by itself.
+
+    Parameters
+    ----------
+    designs : of one device
+    demands : of it
+    box : devices for all of which they are to be proved
+
+    Returns
+    -------
+    list of Certificate
+        In the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
     if designs and box is None:

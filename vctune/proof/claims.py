@@ -31,6 +31,13 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
 
     Where it is positive Re(D + Z_h) > 0 and ratio >= factor: with N = |C||D| - Re(C conj D) >= 0 it is
     2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C - N), which for Re(D + Z_h) <= 0, hence Re C <= 0, is not positive.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, > 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
     """
     device = design.device
     loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), ops)
@@ -43,6 +50,13 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together, and Re Z_c >= b_0 is all
     that is used of a coupling with drag, or where an operator eases the demand. Without either R does not vanish if
     K_p > 0 and b > 0: no margin is positive.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, >= 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
     """
     device, coupling = design.device, design.coupling
     hold = hold_response(device, omega, ops)
@@ -68,7 +82,15 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v for hold "lag" without delay, in terms that are smooth at v = 0."""
+    """Return `conditions_margin` at omega = 1/v for hold "lag" without delay, in terms that are smooth at v = 0.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    v : 1/omega, s, >= 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
     device, gains, coupling = design.device, design.gains, design.coupling
     half = device.sample_time / 2
     decay = 1 / (v * v + half * half)
@@ -88,7 +110,15 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
 
 
 def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
-    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit."""
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |S|
+    ops : arithmetic of all of these
+    """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
@@ -97,6 +127,13 @@ def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Nu
     """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |L|
+    ops : arithmetic of all of these
     """
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
@@ -107,6 +144,12 @@ def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> 
     """Return Re(D conj H), which does not depend on K_p; regular at omega = 0.
 
     The integrator's K_p H/(j omega) is at right angles to H. Where Re(D conj H) > 0, D is not 0 for any K_p.
+
+    Parameters
+    ----------
+    device, gains : in numbers of the arithmetic
+    omega : rad/s, >= 0
+    ops : arithmetic of all of these
     """
     hold = hold_response(device, omega, ops)
     lagging = omega * hold.lag
@@ -119,6 +162,12 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
     Where the former is not 0, F is not 0 for any K_p.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
     """
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
@@ -129,7 +178,15 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
 def sensitivity_sufficient_margin(
     plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic
 ) -> Number:
-    """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is."""
+    """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |S|
+    ops : arithmetic of all of these
+    """
     across, product2 = across_position(plant, gains, theta, ops)
     return limit * across - ops.sqrt(product2)
 

@@ -92,6 +92,11 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
 
     Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
     without delay, whose model is good for a proof to inf.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s, a band on which it is proved
     """
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)

@@ -203,7 +203,14 @@ def _turns_at(claims: Claims, device: Device, points: Cells) -> tuple[Floats, In
 
 
 def no_pole_crosses(claims: Claims, device: Device, cells: Cells) -> Flags:
-    """Return where no pole of the model, and none of the sampled loop, crosses over within a cell: shape (2, n)."""
+    """Return where no pole of the model, and none of the sampled loop, crosses over within a cell: shape (2, n).
+
+    Parameters
+    ----------
+    claims : about the device
+    device : Device
+    cells : n of them
+    """
 
     def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
         return _over(misses_zero(curve, {}, sufficient), cells, 0.0, high).proved

@@ -78,7 +78,18 @@ def conditions(design: Design, factor: float) -> Conditions:
 
 
 def prove(conditions: Conditions, low: float, high: float) -> Outcome:
-    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided."""
+    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided.
+
+    Parameters
+    ----------
+    conditions : polynomials in omega
+    low, high : rad/s
+
+    Returns
+    -------
+    Outcome
+        With a frequency in rad/s where it is refuted or undecided.
+    """
     inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
     for left, right in pairwise(edges):
@@ -90,7 +101,13 @@ def prove(conditions: Conditions, low: float, high: float) -> Outcome:
 
 
 def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around one on which the conditions are met, rad/s, its edges within it."""
+    """Return the widest band around one on which the conditions are met, rad/s, its edges within it.
+
+    Parameters
+    ----------
+    conditions : polynomials in omega
+    low, high : a band on which they are proved, rad/s
+    """
     below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
     above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]
     return max(below, default=0.0), min(above, default=inf)

@@ -59,7 +59,14 @@ class Coefficients:
 
 
 def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients:
-    """Return the coefficients at a frequency omega > 0 from the loops of unit gains."""
+    """Return the coefficients at a frequency omega > 0 from the loops of unit gains.
+
+    Parameters
+    ----------
+    device : its numbers and omega in one arithmetic
+    omega : rad/s, > 0
+    ops : that arithmetic
+    """
     hold = hold_response(device, omega, ops)
     one = loop_response(device, Gains(1, 0), omega, hold, ops)
     two = loop_response(device, Gains(0, 1), omega, hold, ops)

@@ -33,7 +33,15 @@ def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[N
 
 
 def friction_force(friction: Friction, velocity: Number, deflection: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return F [N] and dz/dt [m/s]."""
+    """Return F [N] and dz/dt [m/s].
+
+    Parameters
+    ----------
+    friction : its parameters
+    velocity : m/s
+    deflection : of the bristles, m
+    ops : arithmetic of velocity and deflection
+    """
     rate, damping = relaxation(friction, velocity, ops)
     creep = velocity - rate * deflection
     return friction.stiffness * deflection + damping * creep, creep
@@ -66,6 +74,20 @@ def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float,
 
     Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
     that is foreseen from the step before, in the first step from a trial.
+
+    Parameters
+    ----------
+    step : of length h
+    at : state at the beginning
+    push : force of motor and hand, N, of the time since the beginning, s
+    h : length of a step, s
+    steps : their number
+    theta : where in a step its forces are taken, 1/2 to 1
+
+    Returns
+    -------
+    Slide
+        The state at the end.
     """
     foreseen = at.v
     if theta < 1:
@@ -92,6 +114,22 @@ def slide_step(
     exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
     is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
     friction does at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+
+    Parameters
+    ----------
+    carriage : what slides
+    friction : that acts on it
+    at : state at the beginning
+    foreseen : velocity at which the friction's rate is taken, m/s
+    push : force of motor and hand, N
+    h : length of the step, s
+    theta : where in the step its forces are taken, 1/2 to 1
+    ops : arithmetic of state, velocity and force
+
+    Returns
+    -------
+    tuple of Slide and Number
+        The state at the end and w, m/s.
     """
     rate, damping = relaxation(friction, foreseen, ops)
     phi_1, phi_2 = _phi_1_and_2(rate * h, ops)

@@ -75,7 +75,15 @@ class Metrics:
 
 
 def metrics(traces: Traces, environment: Environment, operator: Operator, limit: float | None) -> Metrics:
-    """Measure a run."""
+    """Measure a run.
+
+    Parameters
+    ----------
+    traces : of a run that did not diverge
+    environment : that was rendered
+    operator : the hand
+    limit : greatest force of the actuator, N; None for none
+    """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
     if environment.wall:

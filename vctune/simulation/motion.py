@@ -37,7 +37,19 @@ def sample_count(operator: Operator, sample_time: float) -> int:
 
 
 def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> Intended:
-    """Return the intended motion at samples `first` to `last`, both included."""
+    """Return the intended motion at samples `first` to `last`, both included.
+
+    Parameters
+    ----------
+    operator : the hand
+    sample_time : s
+    first, last : numbers of samples, from 0
+
+    Returns
+    -------
+    Intended
+        last - first + 1 positions and velocities.
+    """
     stroke = stroke_time(operator)
     strokes = np.arange(first, last + 1) * (sample_time / stroke)
     phase, travel = np.mod(strokes, 2.0), operator.end - operator.start

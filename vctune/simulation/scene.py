@@ -65,12 +65,26 @@ def equilibrium(scene: Scene) -> Equilibrium:
 
 
 def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:
-    """Return the scene with the velocity loop and the coupling of a design (paper's figures b)."""
+    """Return the scene with the velocity loop and the coupling of a design (paper's figures b).
+
+    Parameters
+    ----------
+    device : Device
+    gains, coupling : the design
+    experiment : what it is tried in
+    """
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
 
 
 def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Scene:
-    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a)."""
+    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a).
+
+    Parameters
+    ----------
+    device : Device
+    experiment : what it is tried in
+    pid : the regular controller
+    """
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 
