@@ -349,13 +349,13 @@ def test_every_problem_of_the_gallery(path):
 BASINS = {
     # The least error of differential evolution over (K_v, K_p, m_c/b_c, b_0), with the least b_c in closed form and
     # K_p = 0 apart, by the formulas of `oracles` and `design_oracle`; frequencies dense where the best design is
-    # tightest. A38 from grids of loops, polished by SLSQP. C144_1.5: see there.
+    # tightest. A38 and C144_1.5 polished by SLSQP from grids of loops, too; r5064 is our own, 0.07 % below that search.
     "A19": 0.214908,
     "A38": 4.63711,
     "A47": 13.00935,
     "A172": 1067.856,
     "B92": 7.55826e-05,
-    "C144_1.5": 16.118,
+    "C144_1.5": 72.5932,
     "followed": 0.0988484,
     "h17": 0.0799820,
     "h54": 1.325109,
@@ -379,9 +379,9 @@ def test_basins_that_a_scan_can_miss(name):
     assert_admissible(problem, solved.judgement)
 
 
-@pytest.mark.parametrize(("name", "error"), [("h522", 0.00329437), ("h532", 0.0867162)])
+@pytest.mark.parametrize(("name", "error"), [("h522", 0.00329403), ("h532", 0.0866960)])
 def test_a_peak_that_leaves_its_reach_is_followed_again(name, error):
-    """The NLP's own variable for the frequency of the peak ends on its bound, 0.1 % from the optimum."""
+    """The NLP's own variable for the frequency of the peak ends on its bound, 0.1 % from the optimum (as `BASINS`)."""
     problem = read_problem(ROOT / "tests/basins" / f"{name}.toml").problem
     assert solve(problem).judgement.transparency.error <= error * 1.0002
 
