@@ -141,6 +141,19 @@ def test_the_least_ratio_of_a_box_is_found(text):
     assert inside.ratio == judgement.min_ratio and inside.device == judgement.tightest
 
 
+def test_a_mass_of_any_size_is_proved():
+    """Nine decades of it, with a design that hardly needs to know."""
+    text = DEVICE.format(1.0, 1.0, 1e-3, 0.0) + "[uncertainty]\nmass = 0.999999999\n"
+    assert solve(parse_problem(text, "x", "x")).status is Status.CERTIFIED
+
+
+def test_exp_of_a_wide_interval_is_bounded():
+    for mid, rad in ((-1e6, 1e4), (-50.0, 49.0), (3.0, 2.0), (-700.0, 1.0)):
+        value = ENCLOSURES.exp(Enclosure(np.array([mid]), np.array([rad])))
+        low, high = value.mid[0] - value.rad[0], value.mid[0] + value.rad[0]
+        assert low <= np.exp(mid - rad) and np.exp(mid + rad) <= high <= 2 * np.exp(mid + rad) + 1e-290
+
+
 def test_sinc_is_sharp_at_great_phases():
     for x, rad in ((50.0, 0.2), (700.0, 1e-3), (1e4, 0.5)):
         assert ENCLOSURES.sinc(Enclosure(np.array([x]), np.array([rad]))).rad[0] < 1.5 * rad / x
