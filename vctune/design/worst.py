@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import demand_grid, ratio_or_resistance, sampled_span
+from vctune.analysis.demands import demand_grid, ratio_or_resistance
 from vctune.analysis.extrema import Floats
-from vctune.document.problem import Problem
+from vctune.design.prepared import Posed
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.devices import DeviceBox
 
 SHARES = {"mass": 5, "damping": 5, "delay": 13}
 """Values of each uncertain number that are looked at, its ends among them."""
@@ -50,15 +50,14 @@ Value = Callable[[Floats], Floats]
 """Of omega and the uncertain numbers, along the first axis."""
 
 
-def worst_inside(problem: Problem, gains: Gains, coupling: Coupling) -> list[Worst]:
+def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
     """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first."""
-    assert problem.uncertainty is not None
-    box = device_box(problem.device, problem.uncertainty)
+    box, (low, high) = posed.box, posed.span
+    assert box is not None
 
     def value(at: Floats) -> Floats:
         return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
 
-    low, high = sampled_span(problem)
     ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.moving)])
     least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
     inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)

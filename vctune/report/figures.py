@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
-from vctune.design.cases import cases_of
-from vctune.document.problem import Problem
+from vctune.design.prepared import pose
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.curves import (
     Transparency,
@@ -73,17 +73,17 @@ def _llewellyn(design: Design) -> Figure:
     curves = llewellyn(problem, design.gains, design.coupling)
     figure = canvas(8, 6.2, top=0.55, gaps=(0, 0.34))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
-    upper.plot(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
-    upper.plot(curves.hz, curves.required, "--", color=ORANGE, label="required R")
+    upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
+    upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")
     upper.set_ylabel("N s/m")
     lower.plot(curves.hz, curves.ratio, color=BLUE, label="ratio Re Z_c / R")
     if problem.device.operator is not None:
         bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, design.coupling)
-        upper.plot(bare.hz, bare.required, ":", color=ORANGE, label="R without operator")
+        upper.semilogy(bare.hz, bare.required, ":", color=ORANGE, label="R without operator")
         lower.plot(bare.hz, bare.ratio, ":", color=BLUE, label="ratio without operator")
-    for number, case in enumerate(cases_of(problem)[1:]):
+    for number, case in enumerate(pose(problem).cases[1:]):
         there, label = llewellyn(case, design.gains, design.coupling), "of uncertain devices" if number == 0 else None
-        upper.plot(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
+        upper.semilogy(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
         lower.plot(there.hz, there.ratio, color=BLUE, linewidth=0.6, label=label)
     _thresholds(lower, problem.stability.safety_factor, proof)
     for axes in (upper, lower):
@@ -183,7 +183,7 @@ def _transparency(design: Design) -> Figure:
 def _draw_part(axes: Axes, curves: Transparency, part: str, name: str, line: str, width: float) -> None:
     values = getattr(curves, part)
     if values.max() > 1e-12:
-        axes.plot(curves.hz, values, line, linewidth=width, color=BLUE if name == "designed" else GREY, label=name)
+        axes.semilogy(curves.hz, values, line, linewidth=width, color=BLUE if name == "designed" else GREY, label=name)
 
 
 def _impedance(design: Design) -> Figure:
@@ -193,9 +193,9 @@ def _impedance(design: Design) -> Figure:
     axes = figure.subplots()
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
         colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (10 * number, 40), ("", "--", "-.", "")[number]
-        axes.plot(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
+        axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
-            axes.plot(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
+            axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
     frequency_axis(axes, hz[0], hz[-1])
     shade(axes, problem.stability.band, GREY, "stability band")
     shade(axes, problem.transparency.band, BLUE, "transparency band")
