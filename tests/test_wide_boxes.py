@@ -9,10 +9,12 @@ from time import process_time
 
 import numpy as np
 import pytest
-from device_oracle import least_ratio, random_devices
+from random_problems import on_devices, random_devices
 from test_uncertainty import failing, numbers
 
+from vctune.bench.evaluator import stability_ratio
 from vctune.design.judge import Status, judge
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.worst import worst_inside
 from vctune.document.reading import parse_problem
@@ -135,9 +137,10 @@ def test_the_least_ratio_of_a_box_is_found(text):
     judgement = judge(given, gains, coupling)
     omega = np.geomspace(given.stability.band.min, given.stability.band.max, 400)
     devices = random_devices(given, 3000, np.random.default_rng(5))
-    found = least_ratio(given, np.array([gains.velocity, 0.0, coupling.damping, coupling.mass, 0.0]), devices, omega)
+    design = np.array([gains.velocity, 0.0, coupling.damping, coupling.mass, 0.0])
+    found = stability_ratio(on_devices(given, design, devices), omega)
     assert judgement.min_ratio <= found.min() * (1 + 1e-9)
-    inside = worst_inside(given, gains, coupling)[0]
+    inside = worst_inside(pose(given), gains, coupling)[0]
     assert inside.ratio == judgement.min_ratio and inside.device == judgement.tightest
 
 
