@@ -16,6 +16,8 @@ LIBRARY = 8 * UNIT
 """Bound on the error of NumPy's sin, cos and exp, relative to 1 or to the value."""
 DECAY = 1e-13
 """Bound on the relative error of `FLOATS.decay_mean` and `FLOATS.decay_ramp`."""
+EXPONENT = 1e-12
+"""Bound on the relative error of exp of a sum that is rounded, short of overflow."""
 SMALL = 0.5
 """Below it the derivative of sinc is enclosed by its series."""
 
@@ -149,7 +151,9 @@ class _EnclosureArithmetic:
             value = ENCLOSURES.exp(x.value)
             return x.mapped(value, value)
         mid = np.exp(x.mid)
-        return Enclosure(mid, (mid + TINY) * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY) + TINY)
+        rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY) + TINY
+        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT) + TINY  # expm1 of a great radius overflows
+        return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
 
     @staticmethod
     def sin(x: Number) -> Number:

@@ -165,7 +165,7 @@ def _around_circle(family: Family, test: Test, gain: Margin, most: int) -> list[
     if small > 0:
         circle = band_of(0.0, small, STEP)
         boxes = joined(*(over_band(family.names, low, high, circle, whole) for whole, low, high in samples))
-        parts.append(_proved(test, boxes, most * len(samples)))
+        parts.append(_proved(test, boxes, max(most, MOST_OF_CURVES * len(samples))))
     return parts
 
 
