@@ -169,12 +169,11 @@ def _look_at_start(problem: Problem, search: _Search, error: float) -> None:
     gains, coupling, bounds = search.start.gains, search.start.coupling, problem.bounds
     demands = violations(problem, search.cases, point(gains, coupling), search.tightening)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
-    b_c, m_c, b_0 = coupling.damping * more, coupling.mass * more, coupling.drag * more
-    bounded = b_c <= bounds.damping.max and m_c <= bounds.mass.max and b_0 <= bounds.drag.max
-    if not demands.positive or demands.sensitivity or not bounded:
-        return
-    if all(_stable(case, gains) for case in search.cases):
-        raised = Coupling(b_c, m_c, b_0)
+    raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
+    bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
+    bounded = bounded and raised.drag <= bounds.drag.max
+    stable = all(_stable(case, gains) for case in search.cases)
+    if stable and demands.positive and not demands.sensitivity and bounded:
         _know(search, point(gains, raised), error_of(problem, gains, raised))
 
 

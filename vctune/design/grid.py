@@ -121,7 +121,7 @@ def axes(problem: Problem, *, integral: bool) -> Axes:
         # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
-    # two decades beyond the band the coupling is all mass or all damper there; a great least damper is so only further out
+    # two decades beyond the band the coupling is all mass or all damper in it; with a great least b_c yet further out
     shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
     longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
     tau_c = np.array([shortest])
