@@ -19,9 +19,10 @@ from matplotlib.figure import Figure
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement
 from vctune.design.optimum import improved
+from vctune.design.prepared import prepare
 from vctune.design.solve import solve
-from vctune.document.problem import Problem
 from vctune.document.reading import read_problem
+from vctune.model.problem import Problem
 from vctune.report.page import svg
 
 ROOT = Path(__file__).parent.parent
@@ -47,7 +48,8 @@ def solved(folders: list[Path]) -> dict[str, tuple[Problem, Judgement]]:
 def proved(problem: Problem, best: Judgement, gap: float, jobs: int = 1) -> tuple[float, Optimality]:
     """Return the seconds that a gap takes, all of it, and what was proved."""
     began = perf_counter()
-    found = bound(problem, best, partial(improved, problem), gap=gap, time_limit=MOST_SECONDS, jobs=jobs)
+    prepared = prepare(problem)
+    found = bound(prepared.given, best, partial(improved, prepared), gap=gap, time_limit=MOST_SECONDS, jobs=jobs)
     return perf_counter() - began, found
 
 

@@ -1,4 +1,4 @@
-"""Makes the generated parts of every README.md: console sessions, key reference, gallery, benchmarks.
+"""Makes the generated parts of every README.md: console sessions, key reference, gallery.
 
 `python tests/readme.py [README.md]...` writes them. A console block is run line by line in one empty folder that has
 the problems, one folder a page; a line that starts with "$ " is a command, what follows it is its output.
@@ -17,7 +17,6 @@ from pathlib import Path
 
 from gallery import gallery
 
-from vctune.bench.summary import summary
 from vctune.document.schema import json_schema
 
 ROOT = Path(__file__).parent.parent
@@ -88,7 +87,6 @@ def reference() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     "reference": reference,
     "gallery": gallery,
-    "bench": lambda: summary(ROOT / "results/bench"),
 }
 """What makes the table between the comments of this name."""
 

@@ -6,19 +6,22 @@ from dataclasses import replace
 from itertools import islice
 from math import exp, inf, log
 
-import design_oracle as oracle
 import numpy as np
 import pytest
 from conftest import DEVICE
+from dense import NAMES, band, below, least_damping, within_bounds
+from random_problems import random_designs, random_texts
 
+from vctune.bench.evaluator import cases, error, required, sensitivity
 from vctune.design.bound import Optimality, bound
 from vctune.design.judge import Judgement, Status
 from vctune.design.leaves import ARRAYS, unfinished
 from vctune.design.optimum import improved
+from vctune.design.prepared import pose, prepare
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem, Range
 from vctune.document.reading import parse_problem, read_problem
+from vctune.model.problem import Problem, Range
 from vctune.proof.least import floors, least_coupling
 from vctune.proof.quadratics import Boxes
 from vctune.proof.relaxation import relaxation
@@ -36,7 +39,7 @@ def random_problems(count: int, seed: int = RANDOM) -> list[Problem]:
     """Return valid problems that leave something free."""
 
     def valid():
-        for text in oracle.random_texts(seed):
+        for text in random_texts(seed):
             try:
                 problem = problem_of(text)
             except InputError:
@@ -48,7 +51,8 @@ def random_problems(count: int, seed: int = RANDOM) -> list[Problem]:
 
 
 def searched(problem: Problem, best: Judgement | None, gap: float = GAP, **options) -> Optimality:
-    return bound(problem, best, lambda gains, limit: improved(problem, gains, limit), gap=gap, **options)
+    prepared = prepare(problem)
+    return bound(prepared.given, best, lambda gains, limit: improved(prepared, gains, limit), gap=gap, **options)
 
 
 def hopeless(gains, limit) -> None:
@@ -69,9 +73,9 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> None:
     assert 0 < found.bound <= found.incumbent
     rng, near = np.random.default_rng(seed), numbers(found.improved or best)
     for around in (None, near):
-        below = oracle.below(problem, found.bound, oracle.random_designs(problem, count // 2, rng, around))
-        assert below.shape[1] == 0, below[:, :3]
-    assert oracle.errors(problem, near[:, None], 4000)[0] == pytest.approx(found.incumbent, rel=1e-3)
+        better = below(problem, found.bound, random_designs(problem, count // 2, rng, around))
+        assert better.shape[1] == 0, better[:, :3]
+    assert error(problem, cases(problem.device, near), 4001) == pytest.approx(found.incumbent, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "extremes/peak", "extremes/whole-axis"])
@@ -89,18 +93,20 @@ def test_a_million_random_designs_are_not_below_the_bound(number):
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
     problem = random_problems(number + 1)[number]
     rng, count = np.random.default_rng(1), 300
-    designs = oracle.random_designs(problem, count, rng)
-    omega, upto = np.geomspace(*oracle.band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
-    relaxed = relaxation(problem, omega, upto, 24)
+    designs = random_designs(problem, count, rng)
+    omega, upto = np.geomspace(*band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
+    posed = pose(problem)
+    devices, objective = ([case.device for case in cases] for cases in (posed.cases, posed.objective))
+    relaxed = relaxation(problem, devices, objective, omega, upto, 24)
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
     boxes = Boxes(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
         floor, least = floors(relaxed, boxes), least_coupling(relaxed, boxes)
-        needed = oracle.least_damping(problem, designs, omega)
-    meets = oracle.within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
-    quiet = (oracle.sensitivities(problem, designs, upto) <= problem.stability.max_sensitivity).all(axis=1)
+        needed = least_damping(problem, designs, omega)
+    meets = within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
+    quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
     rounding = 1 + 1e-9
     assert not (least.none & np.isfinite(needed)).any()
     assert (least.damping[meets] <= b_c[meets] * rounding).all()
@@ -109,7 +115,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0
     assert (floor.strain[at] <= rounding).all()
-    errors = oracle.errors(problem, designs, 24 if problem.transparency.norm == "peak" else 2000)
+    errors = error(problem, cases(problem.device, designs), 24 if problem.transparency.norm == "peak" else 2001)
     assert (floor.error[at] <= errors[at] * (1 + 1e-6)).all()
 
 
@@ -123,9 +129,9 @@ ELEMENTS = {
 
 def least_element(problem: Problem, element: str) -> float:
     """Return the least b_c, m_c or b_0 that a fixed loop and the other elements leave, on a dense grid."""
-    omega, fixed = np.geomspace(*oracle.band(problem), 200_001), problem.bounds
-    design = np.array([[fixed.velocity.min], [fixed.position.min], [1.0], [1.0], [0.0]])
-    r = problem.stability.safety_factor * oracle.resistances(problem, design, omega)[0]
+    omega, fixed = np.geomspace(*band(problem), 200_001), problem.bounds
+    case = cases(problem.device, (fixed.velocity.min, fixed.position.min, 1.0, 1.0, 0.0))
+    r = problem.stability.safety_factor * required(case, omega)
     if element == "damping":  # b M^2/(b^2 + M^2) >= r
         M = omega * fixed.mass.min
         return float((2 * r * M / (M + np.sqrt(M**2 - 4 * r**2))).max())
@@ -142,9 +148,9 @@ def least_element(problem: Problem, element: str) -> float:
 def test_one_free_coupling_element_meets_its_closed_form(element, norm, gap):
     problem = problem_of(LOOP + ELEMENTS[element] + f'[transparency]\nnorm = "{norm}"\n')
     bounds = problem.bounds
-    design = np.array([[getattr(bounds, name).min] for name in ("velocity", "position", "damping", "mass", "drag")])
+    design = np.array([getattr(bounds, name).min for name in NAMES])
     design[2 + ["damping", "mass", "drag"].index(element)] = least_element(problem, element)
-    optimum = oracle.errors(problem, design, 20_000)[0]
+    optimum = error(problem, cases(problem.device, design), 20_001)
     best = solve(problem).judgement
     assert best is not None
     found = searched(problem, best, gap)
@@ -167,7 +173,7 @@ def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
             best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time
         )
         known = best if posed is problem else replace(best, gains=gains, coupling=coupling)
-        return bound(posed, known, hopeless, gap=0.02)
+        return bound(pose(posed), known, hopeless, gap=0.02)
 
     here, there = run(problem), run(problem.in_units(impedance, time))
     assert there.bound == pytest.approx(here.bound, rel=1e-6)
@@ -259,7 +265,7 @@ def never_empty(problem: Problem, slack: float) -> bool:
     posed = barely_feasible(problem, best, slack)
     if posed.bounds.fixed:
         return False
-    found = bound(posed, None, hopeless, gap=GAP, most_boxes=20_000)
+    found = bound(pose(posed), None, hopeless, gap=GAP, most_boxes=20_000)
     assert not found.proved
     K_v, K_p, b_c, m_c, b_0 = numbers(best)
     inner, boxes = np.array([[K_v], [K_p], [m_c / b_c], [b_0]]), found.rest.leaves.boxes
@@ -283,9 +289,9 @@ def test_a_search_that_goes_on_never_goes_back(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    whole, rest, reached = bound(problem, best, hopeless, gap=0.01), None, []
-    for limit in range(2_000, 100_000, 2_000):
-        found = bound(problem, best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
+    whole, rest, reached = bound(pose(problem), best, hopeless, gap=0.01), None, []
+    for limit in range(1_000, 50_000, 1_000):
+        found = bound(pose(problem), best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
         reached.append((found.bound, found.rest.boxes))
         if found.proved:
             break
@@ -301,12 +307,12 @@ def test_a_rest_is_not_gone_on_with_when_it_was_less_strict(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    loose = bound(problem, best, hopeless, gap=0.1)
+    loose = bound(pose(problem), best, hopeless, gap=0.1)
     assert loose.proved and not len(loose.rest.leaves.bound)
-    strict = bound(problem, best, hopeless, gap=0.01, rest=loose.rest)
+    strict = bound(pose(problem), best, hopeless, gap=0.01, rest=loose.rest)
     assert strict.proved and strict.gap <= 0.01
     worse = replace(best, error=2 * best.error)
-    again = bound(problem, worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
+    again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
     assert not again.proved and len(again.rest.leaves.bound)
 
 
@@ -314,11 +320,11 @@ def test_threads_and_the_time_limit_change_no_bound(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    one, two = (bound(problem, best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
+    one, two = (bound(pose(problem), best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
     assert (one.bound, one.rest.boxes) == (two.bound, two.rest.boxes)
-    none = bound(problem, best, hopeless, gap=0.02, time_limit=0.0)
+    none = bound(pose(problem), best, hopeless, gap=0.02, time_limit=0.0)
     assert not none.proved and none.bound == 0.0 and none.gap == inf
-    stopped = bound(problem, best, hopeless, gap=0.02, stopped=lambda: True)
+    stopped = bound(pose(problem), best, hopeless, gap=0.02, stopped=lambda: True)
     assert stopped.rest.boxes == 0
 
 
@@ -335,6 +341,7 @@ def test_a_basin_that_was_missed_is_found(problems):
 
 
 def test_scan_sees_the_basin_of_fast_integral_action(problems):
+    """Differential evolution over the formulas of `oracles` on dense grids finds 31.7313, and 73.167 with K_p = 0."""
     solved = solve(read_problem(problems / "extremes/seven-decades.toml").problem)
     assert solved.judgement is not None
-    assert solved.judgement.transparency.error == pytest.approx(37.44048, rel=1e-4)
+    assert solved.judgement.transparency.error == pytest.approx(31.7313, rel=1e-4)

@@ -1,7 +1,8 @@
-"""The formulas against 50 digits, against each other in every arithmetic, and against DESIGN 1.6's numbers."""
+"""The formulas against 50 digits, the check numbers of model/README.md, and each other in every arithmetic."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import pi
 
 import casadi as ca
@@ -11,8 +12,9 @@ import pytest
 from flint import arb, ctx
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import Case, exact_ratio, exact_required_resistance, loop
 
+from vctune.bench.digits import exact
+from vctune.bench.evaluator import Case, impedances
 from vctune.design.nlp import SYMBOLS
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -61,22 +63,22 @@ def cases(draw):
 @given(cases(), st.floats(0, 1))
 def test_required_resistance_agrees_with_50_digits(case, place):
     omega = 2 * pi * 1e-4 * (0.5 / case.sample_time / 1e-4) ** place
-    C = loop(case, 1j * omega)[1]
+    C = impedances(case, 1j * omega)[1]
     largest = max(case.damping, abs(case.K_v), abs(C.real), case.K_p * (case.sample_time / 2 + case.delay))
     assume(abs(case.damping + C.real) > 1e-6 * largest)
     across, along = case.damping * C.imag, case.mass * omega * C.real
     assume(abs(across - along) > 1e-6 * max(abs(across), abs(along)))  # R is nearly 0 where G_he is nearly real
-    exact = exact_required_resistance(case, omega)
+    true = exact(case, omega).required
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     ours = float(R(device, Gains(case.K_v, case.K_p), omega))
-    assert abs(ours - exact) <= 1e-9 * abs(exact)
+    assert abs(ours - true) <= 1e-9 * abs(true)
 
 
 def test_plain_formula_would_return_zero():
-    """DESIGN 1.5's check: R = 5.5543e-5 where |q| - Re q loses every digit."""
+    """The check number of model/README.md, section 5: R = 5.5543e-5 where |q| - Re q loses every digit."""
     gains = Gains(5000.0, 1e6)
     assert R(Device(0.5, 1.0, 1e-3, 0.0, "lag"), gains, 0.01) == pytest.approx(5.5543e-5, rel=1e-4)
-    Z_d, C = loop(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
+    Z_d, C = impedances(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
     q = C / (Z_d + C)
     assert abs(q) - q.real < 1e-15
 
@@ -85,7 +87,7 @@ def test_plain_formula_would_return_zero():
     ("device", "expected"),
     [(LAG, [14.1276, 394.645, 1140.27, 2215.64]), (ZOH, [14.1121, 411.113, 1619.22, 13078.68])],
 )
-def test_required_resistance_of_the_design_page(device, expected):
+def test_required_resistance_of_the_guide(device, expected):
     assert R(device, Gains(40.0, 4000.0), np.array([100.0, 1000, 2000, 3000])) == pytest.approx(expected, rel=1e-5)
 
 
@@ -96,14 +98,14 @@ def test_required_resistance_of_the_design_page(device, expected):
         (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.66]),
     ],
 )
-def test_ratio_crosses_one_where_the_design_page_says(coupling, crossings):
+def test_ratio_crosses_one_where_the_guide_says(coupling, crossings):
     omega = np.geomspace(1.0, 1e4, 400_001)
     above = ratio(LAG, Gains(40.0, 4000.0), coupling, omega) >= 1
     assert omega[1:][above[1:] != above[:-1]] == pytest.approx(crossings, rel=5e-5)
     assert not above[0]
 
 
-def test_position_gain_with_damping_and_no_drag_fails_below_the_frequency_of_the_design_page():
+def test_position_gain_with_damping_and_no_drag_fails_below_the_frequency_of_the_guide():
     gains, coupling = Gains(40.0, 4000.0), Coupling(25000.0, 5.0, 0.0)
     omega_L = 2.0 * np.sqrt(25000.0) / (2 * 5.0 * np.sqrt(2.0 + 40.0 - 0.5e-3 * 4000.0))
     omega = np.geomspace(omega_L / 3, omega_L * 3, 100_001)
@@ -123,7 +125,7 @@ def test_low_frequency_limit(case):
     corners += [case.K_p / (case.K_v + case.damping), case.K_p / case.damping] if case.K_p > 0 else []
     corners += [case.damping / case.mass] if case.damping > 0 else []
     omega = 1e-5 * min(corners)
-    near = exact_ratio(Case(**{**case.__dict__, "b_c": 3.0, "m_c": 0.7, "b_0": coupling.drag}), omega)
+    near = exact(replace(case, b_c=3.0, m_c=0.7, b_0=coupling.drag), omega).ratio
     assert limit.coupling / limit.required == pytest.approx(float(near), rel=1e-6)
 
 
@@ -182,11 +184,11 @@ def test_all_three_arithmetics_agree(case, place):
 @settings(max_examples=200, deadline=None)
 @given(cases(), logs(1e-2, 1e2))
 def test_sensitivity_and_transfer_add_up_to_one(case, corner):
-    """S + G_he = 1 and G_hh = S/Z_d (DESIGN 1.2), against plain complex arithmetic."""
+    """S + G_he = 1 and G_hh = S/Z_d (model/README.md, section 2), against plain complex arithmetic."""
     omega = corner
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     ours = response(device, Gains(case.K_v, case.K_p), omega)
-    Z_d, C = loop(case, 1j * omega)
+    Z_d, C = impedances(case, 1j * omega)
     assume(abs(Z_d + C) > 1e-4 * (abs(Z_d) + abs(C)))
     assert G_hh_abs2(ours) == pytest.approx(abs(1 / (Z_d + C)) ** 2, rel=1e-6)
     assert tracking_abs2(ours) == pytest.approx(abs(1 - C / (Z_d + C)) ** 2, rel=1e-4, abs=1e-22)

@@ -8,17 +8,19 @@ from dataclasses import replace
 from math import inf
 from pathlib import Path
 
-import design_oracle
-import mpmath as mp
 import numpy as np
 import pytest
 from conftest import DEVICE
-from oracles import Case, coupling, loop
+from dense import below, meet_demands
+from random_problems import random_designs, random_texts
 from test_witness import closed_loop_poles, handle_admittance, passive, reactance, value
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
-from vctune.design.judge import demands_of, judge, judge_all
+from vctune.bench.digits import exact
+from vctune.bench.evaluator import case_of, cases, coupling_impedance, impedances, required
+from vctune.design.judge import judge, judge_all
 from vctune.design.nlp import assembled
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, problem_file
 from vctune.model.arithmetic import FLOATS
@@ -60,35 +62,21 @@ def random_case(rng, hold=None):
     return device, gains, Coupling(K_v * 10 ** rng.uniform(-1, 2), mass * 10 ** rng.uniform(-1, 2), 0.0)
 
 
-def exact(device, gains, omega):
-    """C, D, Z_h, W with many digits."""
-    held = device.operator
-    m, b, T, m_h, b_h = map(mp.mpf, (device.mass, device.damping, device.sample_time, held.mass, held.damping))
-    s = mp.mpc(0, omega)
-    hold = (1 - mp.exp(-s * T)) / (s * T) if device.hold == "zoh" else 2 / (2 + s * T)
-    C, Z_d, Z_h = (gains.velocity + gains.position / s) * hold, m * s + b, m_h * s + b_h
-    return C, Z_d + C, Z_h, Z_d + Z_h
-
-
 @pytest.mark.parametrize("seed", range(200))
 def test_required_resistance_is_that_of_the_two_port_that_has_absorbed_the_operator(seed):
     rng = np.random.default_rng(seed)
     device, gains, virtual = random_case(rng)
     omega = 10 ** rng.uniform(-3, 0) / device.sample_time
-    with mp.workdps(80):
-        C, D, Z_h, W = exact(device, gains, omega)
-        h11, h12, h21, h22 = 1 / (C + W), -C / (C + W), D / (C + W), Z_h * C / (C + W)
-        q = -h12 * h21
-        R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22)
-        Z_c = virtual.drag + 1 / (1 / mp.mpf(virtual.damping) + 1 / (mp.mpc(0, omega) * virtual.mass))
-        K = (2 * mp.re(h11) * mp.re(Z_c + h22) - mp.re(h12 * h21)) / abs(h12 * h21)
-        relief = 2 * device.operator.damping * abs(mp.re(C)) / (2 * abs(mp.re(C + W)))
+    case = case_of(device, gains, virtual)
+    true, (Z_d, C) = exact(case, omega), impedances(case, 1j * omega)
+    R, K = true.required, float(true.rollett)
+    relief = case.b_h * abs(C.real) / abs((C + Z_d + case.b_h).real)
     at = np.array([omega])
     response = loop_response(device, gains, at, hold_response(device, at, FLOATS), FLOATS)
     assert abs(float(required_resistance(response, FLOATS)[0]) - R) < 1e-10 * (abs(R) + relief)
-    assert rollett_factor_at(device, gains, virtual, omega) == pytest.approx(float(K), rel=1e-9, abs=1e-9)
+    assert rollett_factor_at(device, gains, virtual, omega) == pytest.approx(K, rel=1e-9, abs=1e-9)
     ratio = float(stability_ratio(device, gains, virtual, at)[0])
-    if mp.re(C + W) > 0:
+    if true.resistance > 0:
         assert (ratio >= 1) == (K >= 1)
 
 
@@ -109,16 +97,13 @@ def test_a_vanishing_operator_gives_the_numbers_of_none():
 def test_limits_at_both_ends(seed):
     device, gains, virtual = random_case(np.random.default_rng(seed), hold="lag")
     virtual = replace(virtual, drag=0.1)
-    with mp.workdps(80):
-        for limit, omega in (
-            (low_frequency_limit(device, gains, virtual), mp.mpf(10) ** -14),
-            (high_frequency_limit(device, gains, virtual), mp.mpf(10) ** 16),
-        ):
-            C, D, Z_h, W = exact(device, gains, omega)
-            q = C * D / (C + W) ** 2
-            R = (abs(q) - mp.re(q)) / (2 * mp.re(1 / (C + W))) - mp.re(Z_h * C / (C + W))
-            if limit.required < inf:
-                assert limit.required == pytest.approx(float(R), rel=1e-6)
+    for limit, omega in (
+        (low_frequency_limit(device, gains, virtual), 1e-14),
+        (high_frequency_limit(device, gains, virtual), 1e16),
+    ):
+        if limit.required < inf:
+            R = exact(case_of(device, gains, virtual), omega).required
+            assert limit.required == pytest.approx(float(R), rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -134,8 +119,8 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     )
     problem = parse_problem(text, "p", "p")
     numbers = np.array([gains.velocity, gains.position, virtual.damping, virtual.mass, 0.0])
-    R = design_oracle.resistances(problem, numbers[:, None], omega)[0]
-    Z_c = design_oracle.couplings(numbers[:, None], omega)[0].real
+    case = cases(problem.device, numbers)
+    R, Z_c = required(case, omega), coupling_impedance(case, 1j * omega).real
     clear = rng.uniform(0.9, 1.1)
     worst = np.max(R / Z_c)
     if 0 < worst < inf:  # scale the coupling next to its limit
@@ -147,7 +132,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     elif clear > 1 + 1e-4:
         assert conditions is Verdict.PROVED
     numbers[2:4] = virtual.damping, virtual.mass
-    demands = replace(demands_of(problem), band=band, factor=1.0, max_sensitivity=100.0)
+    demands = replace(pose(problem).demands, band=band, factor=1.0, max_sensitivity=100.0)
     cell = Cells(numbers[:, None], numbers[:, None])
     assert not (prove(demands, cell).proved[0] and certificate.verdict is not Verdict.PROVED)
 
@@ -181,17 +166,17 @@ band_hz = [0.0, inf]
 
 
 def test_certified_means_stable_with_every_passive_operator_that_contains_the_least_one():
-    """Without drag no design has K_p > 0 on a band from 0, but in the hand of an operator (DESIGN 1.6)."""
+    """Without drag no design has K_p > 0 on a band from 0, but in the hand of an operator.
+
+    See model/README.md, section 6.
+    """
     bare = solve(parse_problem(WHOLE_AXIS.format("0.0").replace("mass = 0.2\n", ""), "p", "p"))
     assert bare.status == "infeasible" and bare.infeasibility.proved
     problem = parse_problem(WHOLE_AXIS.format("0.1"), "p", "p")
     solved = solve(problem)
     assert solved.status == "certified"
     judgement, device = solved.judgement, problem.device
-    case = Case(
-        device.mass, device.damping, device.sample_time, 0.0, "lag", 40.0, 2000.0,
-        judgement.coupling.damping, judgement.coupling.mass, judgement.coupling.drag,
-    )  # fmt: skip
+    case = case_of(device.bare, judgement.gains, judgement.coupling)
     rng, least = np.random.default_rng(3), np.array([device.operator.mass, device.operator.damping])
     for _ in range(1000):
         hand, environment = passive(rng, 40.0, 80.0), passive(rng, 40.0, 80.0)
@@ -204,8 +189,8 @@ def test_certified_means_stable_with_every_passive_operator_that_contains_the_le
     assert refused.verdict is Verdict.REFUTED
     omega = refused.outcomes[Claim.CONDITIONS].witness or 1e-3
     s = 1j * omega
-    Z_d, C = loop(case, s)
-    q, Z_c = C / (Z_d + C), coupling(case, s)
+    Z_d, C = impedances(case, s)
+    q, Z_c = C / (Z_d + C), coupling_impedance(case, s)
     environment = reactance(-Z_c.real * np.tan((np.pi - np.angle(q)) / 2) - Z_c.imag, omega)
     handle = handle_admittance(case, value(environment, s), s)
     assert handle.real < 0
@@ -222,12 +207,11 @@ def test_no_random_design_is_admissible_and_better_than_the_bound():
     assert solved.optimality.proved
     found = solved.judgement
     best = np.array([*vars_of(found.gains), *vars_of(found.coupling)])
-    assert design_oracle.meet_demands(problem, best[:, None]).all()
-    assert design_oracle.stable(problem, best)
+    assert meet_demands(problem, best[:, None]).all()
     rng = np.random.default_rng(5)
     for near in (None, best):
-        designs = design_oracle.random_designs(problem, 20_000, rng, near)
-        assert design_oracle.below(problem, solved.optimality.bound * (1 - 1e-9), designs).size == 0
+        designs = random_designs(problem, 20_000, rng, near)
+        assert below(problem, solved.optimality.bound * (1 - 1e-9), designs).size == 0
 
 
 def vars_of(part):
@@ -280,7 +264,7 @@ def test_the_record_shows_both():
 
 def held_texts(seed, rng):
     """Random problems in random hands, many of them with a band from 0."""
-    for text in design_oracle.random_texts(seed):
+    for text in random_texts(seed):
         device = parse_problem(text, "p", "p").device
         Z = device.mass / device.lag + device.damping
         mass, damping = device.mass * 10 ** rng.uniform(-2, 2), Z * 10 ** rng.uniform(-6, 0)
@@ -298,16 +282,14 @@ def test_random_problems_are_never_certified_in_vain(seed, capsys):
         problem = parse_problem(text, "p", "p")
         solved = solve(problem)
         met[solved.status.value] = met.get(solved.status.value, 0) + 1
-        designs, least = design_oracle.random_designs(problem, 4000, rng), 1e300
+        designs, least = random_designs(problem, 4000, rng), 1e300
         if solved.status == "certified":
             found = solved.judgement
             best = np.array([*vars_of(found.gains), *vars_of(found.coupling)])
-            assert design_oracle.meet_demands(problem, best[:, None], 20_000).all() and design_oracle.stable(
-                problem, best
-            )
-            designs = np.hstack((designs, design_oracle.random_designs(problem, 4000, rng, best)))
+            assert meet_demands(problem, best[:, None]).all()
+            designs = np.hstack((designs, random_designs(problem, 4000, rng, best)))
             least = 0.99 * found.transparency.error
         if solved.status != "undecided":
-            assert design_oracle.below(problem, least, designs).size == 0, text
+            assert below(problem, least, designs).size == 0, text
     with capsys.disabled():
         sys.stdout.write(f"\n{met}\n")

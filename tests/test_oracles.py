@@ -1,4 +1,4 @@
-"""Agreement with python-control (margins) and scikit-rf (Rollett's K)."""
+"""The two oracles against each other, python-control (margins) and scikit-rf (Rollett's K)."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ import control
 import numpy as np
 import pytest
 import skrf
-from hypothesis import given, settings
+from dense import unstable_model_poles
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import Case, coupling, exact_sampled_sensitivity, loop, sampled_sensitivity
 from test_model import cases
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import sensitivity
-from vctune.bench.evaluator import loop_matrix
+from vctune.bench import digits, evaluator
+from vctune.bench.evaluator import Case, coupling_impedance, impedances
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.sampled_loop import spectral_radius
 
@@ -74,24 +75,66 @@ def test_the_loop_that_runs_rings_where_the_frequency_model_does_not():
 @given(cases(), st.floats(1e-4, 1.0))
 def test_sampled_sensitivity_against_50_digits(case, place):
     omega = place * pi / case.sample_time
-    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
-    true = float(exact_sampled_sensitivity(case, omega))
+    device, gains = quantities(case)
+    true = float(digits.sensitivity(case, omega))
     assert float(sensitivity(device, gains, np.array(omega))) == pytest.approx(true, rel=1e-9)
-    m, b, T, delay = case.mass, case.damping, case.sample_time, case.delay
-    assert sampled_sensitivity(m, b, T, delay, case.K_v, case.K_p, omega) == pytest.approx(true, rel=1e-8)
+    assert evaluator.sensitivity(case, omega) == pytest.approx(true, rel=1e-8)
+
+
+@settings(max_examples=50, deadline=None)
+@given(cases())
+def test_the_poles_of_both_oracles(case):
+    """Eigenvalues of matrix exponentials are roots of the polynomial, as far as multiple ones are to be had."""
+    polynomial = np.array([float(c) for c in digits.characteristic(case, (case.K_v, case.K_p))])
+    radius = evaluator.spectral_radius(case)
+    assert np.abs(np.roots(polynomial)).max() == pytest.approx(radius, rel=1e-4)
+    assert digits.stable(case) == (radius < 1) or abs(radius - 1) < 1e-6
+
+
+@settings(max_examples=100, deadline=None)
+@given(cases(), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3), st.floats(0, 1))
+def test_required_resistance_of_both_oracles_in_a_hand(case, heavier, stiffer, place):
+    """With the hand's mass in the two-port and without: any reactance may be there anyway."""
+    case = replace(case, m_h=case.mass * heavier, b_h=(case.damping + case.K_v) * stiffer)
+    omega = 1e-3 * (3e3) ** place / case.sample_time
+    true, (Z_d, C) = digits.exact(case, omega), impedances(case, 1j * omega)
+    assume(abs((Z_d + case.b_h + C).real) > 1e-6 * abs(Z_d + case.b_h + C))
+    R = float(evaluator.required(case, omega))
+    if true.resistance > 0:
+        assert pytest.approx(float(true.required), abs=1e-8 * (abs(R) + case.b_h * abs(C / (Z_d + case.b_h + C)))) == R
+    else:
+        assert np.inf == R
+
+
+def test_many_cases_are_judged_as_one_by_one():
+    rng, n = np.random.default_rng(4), 30
+    whole = Case(
+        10 ** rng.uniform(-1, 1, n), 10 ** rng.uniform(-1, 1, n), 1e-3, 1e-3 * rng.choice([0, 0.4, 1, 2.5], n), "zoh",
+        10 ** rng.uniform(1, 3, n), 10 ** rng.uniform(3, 5, n) * (rng.random(n) < 0.7), 30.0, 0.2, 0.01, 0.1, 0.5,
+    )  # fmt: skip
+    omega = np.geomspace(1.0, 3000.0, 20)
+    for f in (evaluator.required, evaluator.sensitivity, evaluator.stability_ratio):
+        assert f(whole, omega) == pytest.approx(np.array([f(whole.at(i), omega) for i in range(n)]), rel=1e-12)
+    for f in (evaluator.spectral_radius, unstable_model_poles):
+        assert f(whole) == pytest.approx([f(whole.at(i)) for i in range(n)], rel=1e-9)
+
+
+@pytest.mark.parametrize(("K_p", "poles"), [(0.9, 0), (1.1, 2)])
+def test_unstable_poles_of_the_model_in_closed_form(K_p, poles):
+    """m s^2 + K_v s + K_p with a lag tau: m tau s^3 + m s^2 + K_v s + K_p is stable for tau K_p < K_v."""
+    case = Case(0.5, 0.0, 1e-3, 0.0, "lag", 20.0, K_p * 20.0 / 0.5e-3)
+    assert unstable_model_poles(case) == poles
 
 
 @pytest.mark.parametrize("case", LOOPS)
 def test_rollett_factor_agrees_with_scikit_rf(case):
-    """The two-port of DESIGN 1.2 is an inverse hybrid matrix: [i1; v2] = g [v1; i2]."""
+    """The two-port of model/README.md, section 2, is an inverse hybrid matrix: [i1; v2] = g [v1; i2]."""
     device, gains = quantities(case)
     virtual = Coupling(30.0, 0.2, 0.01)
-    case = Case(**{**case.__dict__, "b_c": 30.0, "m_c": 0.2, "b_0": 0.01})
+    case = replace(case, b_c=30.0, m_c=0.2, b_0=0.01)
     omega = np.geomspace(1.0, 0.9 * pi / case.sample_time, 50)
-    g = np.empty((omega.size, 2, 2), dtype=complex)
-    for k, w in enumerate(omega):
-        Z_d, C = loop(case, 1j * w)
-        g[k] = [[1 / (Z_d + C), -C / (Z_d + C)], [1.0, coupling(case, 1j * w)]]
+    (Z_d, C), Z_c = impedances(case, 1j * omega), coupling_impedance(case, 1j * omega)
+    g = np.array([[1 / (Z_d + C), -C / (Z_d + C)], [np.ones(omega.size), Z_c]]).transpose(2, 0, 1)
     S = skrf.network.g2s(g, z0=20.0)
     K = skrf.Network(f=omega, f_unit="Hz", s=S, z0=20.0).stability
     ours = [rollett_factor_at(device, gains, virtual, w) for w in omega]
@@ -105,5 +148,5 @@ def test_rollett_factor_agrees_with_scikit_rf(case):
 def test_encirclements_are_the_unstable_poles(case):
     """Z = N + P with P = 0: as many as the eigenvalues outside the unit circle."""
     device, gains = quantities(case)
-    poles = np.linalg.eigvals(loop_matrix(device, gains, 1 + (gains.position > 0)))
-    assert unstable_poles(device, gains) == np.count_nonzero(np.abs(poles) > 1)
+    polynomial = [float(c) for c in digits.characteristic(case, (case.K_v, case.K_p))]
+    assert unstable_poles(device, gains) == np.count_nonzero(np.abs(np.roots(polynomial)) > 1)

@@ -1,8 +1,8 @@
-"""The prover against DESIGN 1.6's fixtures, against 50 digits, and at the limit of what can be told apart."""
+"""The prover against the check numbers of model/README.md and 50 digits, and at the limit of what can be told apart."""
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from math import inf, pi
 
 import numpy as np
@@ -10,10 +10,11 @@ import pytest
 from flint import arb, ctx
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import Case, exact_ratio, exact_sampled_sensitivity, sampled_sensitivity
 
 from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
+from vctune.bench import digits, evaluator
+from vctune.bench.evaluator import Case
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof import exact
@@ -57,12 +58,12 @@ def conditions(design, low, high, factor=1.0):
         (INTEGRAL, 3000.0, 2.0, (199.372, 3197.7), Verdict.REFUTED),
     ],
 )
-def test_fixtures_of_the_design_page(gains, b_c, m_c, band, verdict):
+def test_fixtures_of_the_guide(gains, b_c, m_c, band, verdict):
     assert conditions(Design(LAG, gains, Coupling(b_c, m_c, 0.0)), *band).verdict is verdict
 
 
 def test_a_tiny_drag_repairs_the_low_end():
-    """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0 (DESIGN 1.6)."""
+    """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0 (model/README.md, section 6)."""
     for drag, verdict in ((0.0251, Verdict.PROVED), (0.0249, Verdict.REFUTED)):
         assert conditions(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, drag)), 0.0, 50.0).verdict is verdict
 
@@ -82,12 +83,12 @@ def test_tells_one_plus_from_one_minus_a_millionth(offset, verdict):
     scale = (1 + offset) / least
     b_c, m_c = 25000.0 * scale, 5.0 * scale
     case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, b_c, m_c)
-    assert float(exact_ratio(case, omega)) == pytest.approx(1 + offset, abs=1e-8)
+    assert float(digits.exact(case, omega).ratio) == pytest.approx(1 + offset, abs=1e-8)
     outcome = conditions(Design(LAG, INTEGRAL, Coupling(b_c, m_c, 0.0)), 20.0, 1000.0)
     assert outcome.verdict is verdict
     assert outcome.boxes < 2000
     if verdict is Verdict.REFUTED:
-        assert exact_ratio(case, outcome.witness) < 1
+        assert digits.exact(case, outcome.witness).ratio < 1
 
 
 @st.composite
@@ -120,15 +121,15 @@ def test_never_proves_what_50_digits_refute_nor_refutes_without_a_witness(drawn,
     assume(np.all(ratio > 0))
     b_c = float(level / ratio.min())
     assume(1e-25 < b_c < 1e25)
-    case = Case(**{**case.__dict__, "b_c": b_c, "m_c": 1e-2 / band[0] * b_c})
+    case = replace(case, b_c=b_c, m_c=1e-2 / band[0] * b_c)
     outcome = conditions(Design(device, gains, Coupling(case.b_c, case.m_c, 0.0)), *band)
     assert outcome.verdict is not Verdict.UNDECIDED
     if outcome.verdict is Verdict.REFUTED:
-        assert exact_ratio(case, outcome.witness) < 1
+        assert digits.exact(case, outcome.witness).ratio < 1
     else:
         rng = np.random.default_rng(seed)
         for omega in band[0] * (band[1] / band[0]) ** np.append(rng.uniform(size=30), [0.0, 1.0]):
-            assert exact_ratio(case, float(omega)) > 1 - 1e-12
+            assert digits.exact(case, float(omega)).ratio > 1 - 1e-12
 
 
 @pytest.mark.parametrize("hold", ["lag", "zoh"])
@@ -141,10 +142,10 @@ def test_the_low_end_chart_agrees_with_the_formulas_of_the_middle(gains, hold):
         low = prove_low_end(Design(device, gains, coupling), 1.0, 1e3)
     assert low is not None
     for omega in (low, low / 10, low / 1e4):
-        assert exact_ratio(case, omega) > 1
+        assert digits.exact(case, omega).ratio > 1
 
 
-def test_polynomial_roots_are_the_crossings_of_the_design_page():
+def test_polynomial_roots_are_the_crossings_of_the_guide():
     for coupling, crossings in (
         (Coupling(25000.0, 5.0, 0.0), [5.3410, 76.1960, 284.483]),
         (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.67]),
@@ -153,7 +154,7 @@ def test_polynomial_roots_are_the_crossings_of_the_design_page():
         assert [float(root.mid()) for root in roots] == pytest.approx(crossings, rel=1e-5)
         case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, coupling.damping, coupling.mass)
         for root in roots:
-            assert abs(exact_ratio(case, float(root.mid())) - 1) < 1e-12
+            assert abs(digits.exact(case, float(root.mid())).ratio - 1) < 1e-12
 
 
 def lag_design(rng):
@@ -209,8 +210,8 @@ def test_widest_band_ends_at_the_crossings():
         low, high = widest_band(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, 0.0)), 10.0, 50.0)
     case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, 25000.0, 5.0)
     for edge, outwards in ((low, 1 - 1e-6), (high, 1 + 1e-6)):
-        assert exact_ratio(case, edge) >= 1
-        assert exact_ratio(case, edge * outwards) < 1
+        assert digits.exact(case, edge).ratio >= 1
+        assert digits.exact(case, edge * outwards).ratio < 1
 
 
 def test_sensitivity_is_decided_close_to_its_peak():
@@ -218,20 +219,19 @@ def test_sensitivity_is_decided_close_to_its_peak():
         Device(0.8, 1.5, 1e-3, 1e-3, "zoh"), Gains(278.65418437695695, 46985.153617955424), Coupling(1.0, 1.0, 0.0)
     )
     device, gains = design.device, design.gains
-    case = Case(device.mass, device.damping, device.sample_time, device.delay, "zoh", gains.velocity, gains.position)
+    case = evaluator.case_of(device, gains, design.coupling)
     omega = np.linspace(400, 700, 300_001)
-    m, b, T, delay = case.mass, case.damping, case.sample_time, case.delay
-    highest = omega[np.argmax(sampled_sensitivity(m, b, T, delay, case.K_v, case.K_p, omega))]
-    peak = float(exact_sampled_sensitivity(case, highest))
+    highest = omega[np.argmax(evaluator.sensitivity(case, omega))]
+    peak = float(digits.sensitivity(case, highest))
     with ctx.workprec(PRECISION):
         assert prove_sensitivity(design, peak * (1 + 1e-6)).verdict is Verdict.PROVED
         refuted = prove_sensitivity(design, peak * (1 - 1e-6))
     assert refuted.verdict is Verdict.REFUTED
-    assert exact_sampled_sensitivity(case, refuted.witness) > peak * (1 - 1e-6)
+    assert digits.sensitivity(case, refuted.witness) > peak * (1 - 1e-6)
 
 
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
-    """DESIGN 1.4 (i): far beyond the stability limit |S| is small all over the band."""
+    """The paper leaves stable poles out: far beyond the stability limit |S| is small all over the band."""
     design = Design(Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(3e4, 0.0), Coupling(1e5, 1.0, 0.0))
     certificate = certify(design, Demands(design.device, (pi, 60 * pi), 1.0, 2.0))
     assert certificate.outcomes[Claim.SAMPLED_POLES].verdict is Verdict.REFUTED

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import DEVICE, ROOT
-from oracles import Demand, best_damping, surpluses
+from dense import best_damping, surpluses
 
-from vctune.design.judge import demands_of
+from vctune.bench.evaluator import cases
+from vctune.design.prepared import pose
 from vctune.design.variables import KEYS, ranges
 from vctune.document.reading import problem_file
 from vctune.model.quantities import Coupling, Gains
@@ -22,6 +23,8 @@ from vctune.study.plane import plane
 from vctune.study.region import Kind, free_damping, region
 
 K_V, K_P, B_C, M_C, B_0 = KEYS
+GAINS = "[gains]\nvelocity = { min = 1.0, max = 1000.0 }\nposition = { min = 0.0, max = 1e6 }\n"
+"""Bounds that the admissible loops fill well enough to be seen at a coarse resolution."""
 LAG = '[device]\nmass = 0.5\ndamping = 2.0\nsample_time = 1e-3\nhold = "lag"\n'
 PROBLEMS = {
     "friction-wheel": ((ROOT / "problems/friction-wheel.toml").read_text(), K_V, K_P),
@@ -45,7 +48,7 @@ PROBLEMS = {
         "[stability]\nband_hz = [2.49e-4, 2.34]\nsafety_factor = 1.0\nmax_sensitivity = 1.2\n",
         K_V, K_P,
     ),
-    "fixed coupling": (DEVICE + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P),
+    "fixed coupling": (DEVICE + GAINS + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P),
     "grams and days": (
         "[device]\nmass = 4e-6\ndamping = 2e-11\nsample_time = 1e3\ndelay = 300.0\n"
         "[coupling]\ndamping = { min = 1e-11, max = 1e-6 }\nmass = { min = 1e-6, max = 1e-4 }\n"
@@ -131,16 +134,11 @@ def designs_in(region, bounds, count, seed):
 def contradictions(text, x, y, levels, count, seed=0):
     """Return the designs that refute their cells, and how many there were of each kind."""
     problem, region = posed(text), found(text, x, y, levels)
-    device, stability, bounds = problem.device, problem.stability, ranges(problem.bounds)
-    demand = Demand(
-        device.mass, device.damping, device.sample_time, device.delay, device.hold,
-        (stability.band.min, stability.band.max), stability.safety_factor, stability.max_sensitivity,
-    )  # fmt: skip
-    cell, designs = designs_in(region, bounds, count, seed)
+    cell, designs = designs_in(region, ranges(problem.bounds), count, seed)
     infeasible = np.flatnonzero(region.kinds[cell] == Kind.INFEASIBLE)
     if free_damping(region.plane):
-        designs[2, infeasible] = best_damping(demand, designs[:, infeasible], bounds[2].min, bounds[2].max)
-    holds = (surpluses(demand, designs) > 0).all(axis=0)
+        designs[2, infeasible] = best_damping(problem, designs[:, infeasible])
+    holds = (surpluses(problem, cases(problem.device, designs)) > 0).all(axis=0)
     wrong = holds != (region.kinds[cell] == Kind.FEASIBLE)
     return designs[:, wrong].T.tolist(), (count - len(infeasible), len(infeasible))
 
@@ -210,16 +208,16 @@ def test_units_do_not_matter(mass, time):
 
 def test_a_fixed_coupling_is_one_of_the_free_ones():
     """What is feasible with a coupling is not infeasible when it is free, and what is infeasible free is so fixed."""
-    free = DEVICE + "[coupling]\ndamping = { min = 100.0, max = 300.0 }\nmass = { min = 0.1, max = 0.4 }\n"
+    free = DEVICE + GAINS + "[coupling]\ndamping = { min = 100.0, max = 300.0 }\nmass = { min = 0.1, max = 0.4 }\n"
     chosen, *_ = painted(found(free, K_V, K_P, 6))
-    fixed, *_ = painted(found(DEVICE + "[coupling]\ndamping = 160.0\nmass = 0.35\n", K_V, K_P, 6))
+    fixed, *_ = painted(found(PROBLEMS["fixed coupling"][0], K_V, K_P, 6))
     assert not (chosen[fixed == Kind.FEASIBLE] == Kind.INFEASIBLE).any()
     assert not (fixed[chosen == Kind.INFEASIBLE] == Kind.FEASIBLE).any()
     assert (chosen == Kind.FEASIBLE).sum() > 1.5 * (fixed == Kind.FEASIBLE).sum() > 0
 
 
 def test_the_low_frequency_limits_bound_the_region():
-    """Hold lag (DESIGN 1.6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
+    """Hold lag (model/README.md, section 6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
     text = LAG + "[stability]\nband_hz = [0.001, 400.0]\nmax_sensitivity = 100.0\nsafety_factor = 1.0\n"
     cells = found(text, K_V, K_P, 7)
     x, y = cells.plane.edges
@@ -232,7 +230,7 @@ def test_the_low_frequency_limits_bound_the_region():
 
 
 def test_without_position_the_coupling_needs_inertia():
-    """Hold lag, K_v = 40, K_p = 0 (DESIGN 1.6): (21000, 5.5) is feasible and (21000, 5.4) is not."""
+    """Hold lag, K_v = 40, K_p = 0 (model/README.md, section 6): (21000, 5.5) is feasible and (21000, 5.4) is not."""
     text = (
         LAG + "[gains]\nvelocity = 40.0\nposition = 0.0\n[coupling]\ndamping = { min = 20500.0, max = 21500.0 }\n"
         "mass = { min = 5.3, max = 5.7 }\n"
@@ -275,7 +273,7 @@ def test_witnesses_are_certified_by_arb(name):
             for place, axis in enumerate(cells.plane.axes):
                 v[axis] = float(cells.plane.edges[place][cells.squares[corner[place], cell]])
             design = Design(problem.device, Gains(*v[:2]), Coupling(*v[2:]))
-            assert certify(design, demands_of(problem)).verdict is Verdict.PROVED
+            assert certify(design, pose(problem).demands).verdict is Verdict.PROVED
 
 
 def test_no_loop_is_judged_and_takes_no_memory():

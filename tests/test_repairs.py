@@ -10,7 +10,6 @@ import tomllib
 from math import inf, pi
 from signal import SIGINT
 
-import mpmath as mp
 import numpy as np
 import pytest
 from conftest import DEVICE, FIXED, ROOT
@@ -18,6 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_bound import infeasible_texts
 
+from vctune.bench.digits import exact
+from vctune.bench.evaluator import cases
 from vctune.design import repaired as repairing
 from vctune.design import solve as solving
 from vctune.design.check import check
@@ -30,15 +31,15 @@ from vctune.design.solve import solve
 from vctune.design.theorems import impossible
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.exits import ExitCode
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.page import page
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
-"""DESIGN 1.6: with damping 2 the ratio is 1 at 5.3410 rad/s, above which it holds up to 76.196 rad/s."""
+"""With damping 2 the ratio is 1 at 5.3410 rad/s, then above it up to 76.196 (model/README.md, section 6)."""
 QUICK = {
     "narrow bounds": infeasible_texts(10)[9][1],
     "no damping, whole axis": LAG.format(0.0) + "[stability]\nband_hz = [0.0, inf]\n",
@@ -280,25 +281,12 @@ UNDEFINED = -1.0
 
 
 def exact_margin(problem: Problem, values, omega: float):
-    """Re Z_c minus what the two-port that has absorbed Z_h needs, over their size; issue's formula in 120 digits."""
-    with mp.workdps(120):
-        device, s = problem.device, mp.mpc(0, omega)
-        m, b, T, d, K_v, K_p, b_c, m_c, b_0 = (
-            mp.mpf(float(x)) for x in (device.mass, device.damping, device.sample_time, device.delay, *values)
-        )
-        hand = device.operator
-        Z_h = mp.mpf(hand.mass) * s + mp.mpf(hand.damping) if hand is not None else mp.mpc(0)
-        hold = (1 - mp.exp(-s * T)) / (s * T) if device.hold == "zoh" else 2 / (2 + s * T)
-        Z_d, C = m * s + b, (K_v + K_p / s) * hold * mp.exp(-s * d)
-        D, W = Z_d + C, Z_d + Z_h
-        if mp.re(C + W) <= 0:
-            return UNDEFINED
-        q = C * D / (C + W) ** 2
-        need = mp.mpf(problem.stability.safety_factor) * (
-            (abs(q) - mp.re(q)) / (2 * mp.re(1 / (C + W))) - mp.re(Z_h * C / (C + W))
-        )
-        Z_c = b_0 + mp.re(1 / (1 / b_c + 1 / (m_c * s)))
-        return float((Z_c - need) / (abs(Z_c) + abs(need)))
+    """Re Z_c minus what the two-port that has absorbed Z_h needs, over their size, with 50 digits."""
+    true = exact(cases(problem.device, values), omega)
+    if true.resistance <= 0:
+        return UNDEFINED
+    need = problem.stability.safety_factor * true.required
+    return float((true.offered - need) / (abs(true.offered) + abs(need)))
 
 
 def designs(problem: Problem, rng: np.random.Generator, count: int):
@@ -319,7 +307,7 @@ def designs(problem: Problem, rng: np.random.Generator, count: int):
 
 @pytest.mark.parametrize("far", [False, True], ids=["omega -> 0", "omega -> inf"])
 def test_a_theorem_speaks_exactly_where_no_design_meets_the_limit(far):
-    """Where it refuses, corners and random designs fail in 120 digits; where it does not, a corner holds."""
+    """Where it refuses, corners and random designs fail in 50 digits; where it does not, a corner holds."""
     rng, refused = np.random.default_rng(3), 0
     for _ in range(300):
         text = random_request(rng, far)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from oracles import Case, sampled_radius
 
 from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
+from vctune.bench import evaluator
+from vctune.bench.evaluator import Case
 from vctune.model.arithmetic import FLOATS
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, whole_samples
@@ -37,7 +38,7 @@ def loops(draw):
 @given(loops())
 def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
     device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
-    radius = sampled_radius(case)
+    radius = evaluator.spectral_radius(case)
     assert spectral_radius(device, gains) == pytest.approx(radius, rel=1e-6)
     assume(abs(radius - 1) > 1e-6)
     assert prove_sampled_poles(device, gains).verdict is (Verdict.PROVED if radius < 1 else Verdict.REFUTED)
@@ -54,7 +55,7 @@ def test_crossings_of_the_negative_axis_count_the_turns(case):
     stable = bool(makes_no_turn(F))
     turns = np.unwrap(np.arctan2(F.im, F.re))
     assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
-    radius = sampled_radius(case)
+    radius = evaluator.spectral_radius(case)
     assume(abs(radius - 1) > 1e-2)
     assert stable == (radius < 1)
 
@@ -98,7 +99,7 @@ def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
 
 
 def test_no_position_in_the_loop_without_position_gain():
-    """With K_p = 0 the free integrator from velocity to position does not count (DESIGN 1.7)."""
+    """With K_p = 0 the free integrator from velocity to position does not count (model/README.md, section 7)."""
     device = Device(0.4, 0.0, 1e-3, 0.0, "zoh")
     assert spectral_radius(device, Gains(100.0, 0.0)) == pytest.approx(1 - 100.0 * 1e-3 / 0.4)
 

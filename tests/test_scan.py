@@ -8,27 +8,27 @@ from math import pi
 
 import numpy as np
 import pytest
-from oracles import sampled_sensitivity
 
 from vctune.analysis.demands import demand_grid, ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench.devices import device
-from vctune.bench.evaluator import impedances, spectral_radius
+from vctune.bench.evaluator import case_of, impedances, sensitivity, spectral_radius
 from vctune.bench.problems import reference_problems
 from vctune.design.gain_limit import gain_limits
 from vctune.design.grid import axes, evaluated, position_gain
+from vctune.design.prepared import prepare
 from vctune.design.refine import between_neighbours, minima_of, refined
 from vctune.design.refine import local_minima as grid_minima
 from vctune.design.samples import samples_of
 from vctune.design.scan import better_start_near, in_same_basin, scan
 from vctune.design.solve import solve
-from vctune.design.units import dimensionless
 from vctune.design.variables import design_of
-from vctune.document.problem import Range
+from vctune.model.problem import Range
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature
 
 PROBLEMS = reference_problems()
+ANY = Coupling(1.0, 1.0, 0.0)
 
 
 @pytest.mark.parametrize("shape", [(5, 6, 1, 1), (7, 5, 4, 3), (1, 9, 4, 1), (0, 1, 3, 2), (3, 1, 30, 13)])
@@ -48,21 +48,19 @@ def test_local_minima_are_not_above_any_neighbour(shape):
 @pytest.mark.parametrize("name", ["friction-wheel", "two-basins", "friction-wheel-paper", "at-bound"])
 def test_at_the_gain_limit_loops_are_feasible_and_soon_beyond_it_not(name):
     """By plain complex numbers and eigenvalues, where |S| or stability ends it."""
-    problem = dimensionless(PROBLEMS[name])
-    samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
+    posed = prepare(PROBLEMS[name]).scaled
+    problem, samples, grid = posed.problem, samples_of(posed, integrator=True), axes(posed, integral=True)
     limits = gain_limits(problem, samples, grid, evaluated(problem, samples, grid)[1])
     assert limits.corner.size > 0
-    device = problem.device
     below, band = np.geomspace(1e-4, 1, 4000) * problem.nyquist, problem.stability.band
     within = np.geomspace(band.min, band.max, 1000)
 
     def feasible(K_v, corner):
         gains = Gains(float(K_v), float(position_gain(problem, np.array(K_v), np.array(corner))))
-        S = sampled_sensitivity(device.mass, device.damping, 1.0, device.delay, gains.velocity, gains.position, below)
-        if S.max() > problem.stability.max_sensitivity:
+        case = case_of(problem.device, gains, ANY)
+        if sensitivity(case, below).max() > problem.stability.max_sensitivity:
             return False
-        D = sum(impedances(problem.device, gains.velocity, gains.position, within))
-        return D.real.min() > 0 and spectral_radius(problem.device, gains) < 1
+        return sum(impedances(case, 1j * within)).real.min() > 0 and spectral_radius(case) < 1
 
     inside = [feasible(0.97 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
     beyond = [feasible(1.03 * v, grid.corner[j]) for v, j in zip(limits.velocity, limits.corner, strict=True)]
@@ -71,8 +69,8 @@ def test_at_the_gain_limit_loops_are_feasible_and_soon_beyond_it_not(name):
 
 
 def test_refining_only_improves():
-    problem = dimensionless(PROBLEMS["two-basins"])
-    samples, grid = samples_of(problem, integrator=True), axes(problem, integral=True)
+    posed = prepare(PROBLEMS["two-basins"]).scaled
+    problem, samples, grid = posed.problem, samples_of(posed, integrator=True), axes(posed, integral=True)
     scores, _ = evaluated(problem, samples, grid)
     minima = minima_of(problem, scores)[:8]
     for at, start in zip(minima, refined(problem, samples, between_neighbours(grid, minima)), strict=True):
@@ -82,7 +80,7 @@ def test_refining_only_improves():
 def test_starts_on_the_way_down_to_an_optimum_are_dropped_and_those_beyond_a_rise_are_not():
     """Of the two basins of this device the one at lower K_p lies behind a rise."""
     problem = PROBLEMS["two-basins"]
-    scaled = dimensionless(problem)
+    scaled = prepare(problem).scaled
     seen = scan(scaled)
     best = solve(problem).polished
     gains, coupling = design_of(best.values)
@@ -95,7 +93,7 @@ def test_starts_on_the_way_down_to_an_optimum_are_dropped_and_those_beyond_a_ris
 
 
 def test_a_better_coupling_than_a_polished_one_is_seen():
-    scaled = dimensionless(PROBLEMS["friction-wheel"])
+    scaled = prepare(PROBLEMS["friction-wheel"]).scaled
     gains, coupling = design_of(solve(PROBLEMS["friction-wheel"]).polished.values)
     heavy = Coupling(coupling.damping * 30, coupling.mass * 30, coupling.drag)
     start = better_start_near(scaled, gains, Coupling(heavy.damping, heavy.mass * 1e-3, heavy.drag))
@@ -150,7 +148,7 @@ def test_slow_resonances_are_seen():
     peaks = sensitivity_maxima(slow, gains)
     assert peaks.omega[0] == pytest.approx(ring, rel=0.02)
     omega = np.geomspace(ring / 2, ring * 2, 200_001)
-    S = sampled_sensitivity(slow.device.mass, 0.0, slow.device.sample_time, 0.0, gains.velocity, gains.position, omega)
+    S = sensitivity(case_of(slow.device, gains, ANY), omega)
     assert -peaks.value[0] == pytest.approx(S.max(), rel=1e-6)
 
 
@@ -182,10 +180,10 @@ def test_a_design_below_a_gain_limit_that_no_coupling_can_have():
 
 def test_a_fixed_velocity_gain_has_no_limit():
     problem = PROBLEMS["friction-wheel"]
-    fixed = dimensionless(replace(problem, bounds=replace(problem.bounds, velocity=Range(100.0, 100.0))))
-    samples, grid = samples_of(fixed, integrator=True), axes(fixed, integral=True)
+    posed = prepare(replace(problem, bounds=replace(problem.bounds, velocity=Range(100.0, 100.0)))).scaled
+    fixed, samples, grid = posed.problem, samples_of(posed, integrator=True), axes(posed, integral=True)
     assert gain_limits(fixed, samples, grid, evaluated(fixed, samples, grid)[1]).corner.size == 0
-    assert scan(fixed).starts[0].gains.velocity == pytest.approx(fixed.bounds.velocity.min, rel=1e-12)
+    assert scan(posed).starts[0].gains.velocity == pytest.approx(fixed.bounds.velocity.min, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["friction-wheel", "two-basins", "lag-damped"])
@@ -197,7 +195,7 @@ def test_starts_and_designs_scale_with_impedances(name, factor):
     assert scaled.transparency.reference_impedance == pytest.approx(
         factor * problem.transparency.reference_impedance, rel=1e-12
     )
-    starts, expected = scan(dimensionless(scaled)).starts, scan(dimensionless(problem)).starts
+    starts, expected = scan(prepare(scaled).scaled).starts, scan(prepare(problem).scaled).starts
     assert [start.error for start in starts] == pytest.approx([start.error for start in expected], rel=1e-9)
     here, there = solve(problem).judgement, solve(scaled).judgement
     assert there.gains.velocity == pytest.approx(factor * here.gains.velocity, rel=1e-6)
@@ -214,7 +212,7 @@ def test_an_extreme_reference_impedance_leaves_the_best_start_admissible(exponen
     problem = PROBLEMS["friction-wheel"]
     transparency = replace(problem.transparency, reference_impedance=10.0**exponent)
     extreme = replace(problem, transparency=transparency)
-    assert all(start.admissible for start in scan(dimensionless(extreme)).starts)
+    assert all(start.admissible for start in scan(prepare(extreme).scaled).starts)
     weights = Terms(0.0, 0.0, 1.0) if exponent < 0 else Terms(1.0, 0.0, 0.0)
     alone = replace(problem, transparency=replace(problem.transparency, weights=weights))
     unit = (10.0**exponent / problem.transparency.reference_impedance) ** (-1 if exponent < 0 else 1)

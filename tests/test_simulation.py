@@ -11,11 +11,12 @@ import scipy.linalg
 from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
+from integrators import euler, midpoint, sundials
 from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
 
-from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
@@ -25,7 +26,7 @@ from vctune.simulation.plant import exponential
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene
 from vctune.simulation.stability import fastest_mode, least_virtual
-from vctune.simulation.step import CHUNK, Method, Scheme
+from vctune.simulation.step import CHUNK
 
 DEVICE = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
 GAINS = Gains(150.0, 6000.0)
@@ -194,9 +195,9 @@ def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
     scene = designed_scene(DEVICE, GAINS, COUPLING, e)
     if controller == "baseline":
         scene = baseline_scene(DEVICE, e, PID)
-    reference = run(scene, Method(Scheme.CVODES))
+    reference = run(scene, stretch=sundials("cvodes"))
     assert np.abs(run(scene).force - reference.force).max() < 1e-4
-    assert np.abs(run(scene, Method(Scheme.IDAS)).force - reference.force).max() < 1e-6
+    assert np.abs(run(scene, stretch=sundials("idas")).force - reference.force).max() < 1e-6
 
 
 @pytest.mark.slow
@@ -210,16 +211,16 @@ def test_default_step_in_the_papers_experiments():
             designed_scene(file.device, design.gains, design.coupling, e),
             baseline_scene(file.device, e, e.baseline),
         ):
-            assert np.abs(run(scene).force - run(scene, Method(Scheme.CVODES)).force).max() < 1e-4
+            assert np.abs(run(scene).force - run(scene, stretch=sundials("cvodes")).force).max() < 1e-4
 
 
 @pytest.mark.parametrize("delay", [0.0, 1.4e-3])
-@pytest.mark.parametrize(("scheme", "order"), [(Scheme.MIDPOINT, 2), (Scheme.EULER, 1)])
+@pytest.mark.parametrize(("scheme", "order"), [(midpoint, 2), (euler, 1)])
 def test_order_in_the_loop(scheme, order, delay):
     """Soft bristles, the mean of four halvings; delays split a sample into two stretches."""
     e = experiment(NOTHING, replace(HAND, mass=0.1), lugre(1e3))
     scene = designed_scene(replace(DEVICE, delay=delay), GAINS, COUPLING, e)
-    forces = [run(scene, Method(scheme, 10 * 2**k)).force for k in range(6)]
+    forces = [run(scene, stretch=scheme(10 * 2**k)).force for k in range(6)]
     gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(forces)]
     assert np.log2(gaps[0] / gaps[4]) / 4 == pytest.approx(order, abs=0.15)
 
@@ -231,7 +232,7 @@ def test_nearly_no_friction_is_none():
     exact = run(designed_scene(DEVICE, GAINS, COUPLING, e))
     gaps = [
         np.abs(
-            run(designed_scene(DEVICE, GAINS, COUPLING, replace(e, friction=faint)), Method(substeps=n)).force
+            run(designed_scene(DEVICE, GAINS, COUPLING, replace(e, friction=faint)), stretch=midpoint(n)).force
             - exact.force
         ).max()
         for n in (8, 16)
@@ -257,7 +258,7 @@ def test_what_the_scene_lacks_is_not_in_the_step():
 
     def operations(**changes):
         e = experiment(**changes)
-        return build(designed_scene(DEVICE, GAINS, COUPLING, e), Method()).one.n_instructions()
+        return build(designed_scene(DEVICE, GAINS, COUPLING, e)).one.n_instructions()
 
     plain = operations()
     assert operations(limit=5.0) > plain

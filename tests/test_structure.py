@@ -10,16 +10,18 @@ from conftest import ROOT
 
 FLOORS = [
     "version",
-    "model",
+    "markup",
     "exits",
     "interrupt",
-    "document",
+    "model",
     "proof",
     "analysis",
+    "document",
     "simulation",
     "design",
     "study",
     "report",
+    "api",
     "bench",
     "cli",
 ]
@@ -70,7 +72,6 @@ def test_heavy_libraries_stay_in_their_rooms():
         "distributed": "study/executors.py",
         "pyarrow": "study/table.py",
         "scipy": "bench",
-        "nlopt": "bench",
         "mpmath": "bench",
     }
     for library, home in homes.items():

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from dataclasses import astuple, replace
 from fractions import Fraction
 from functools import cache
 from math import inf
 
-import design_oracle
 import mpmath as mp
 import numpy as np
 import pytest
 from conftest import ROOT
-from device_oracle import corners, errors, held, least_ratio, random_devices, spectral_radii, violations
+from dense import conditions_surplus, meet_demands, surpluses
 from hypothesis import given
 from hypothesis import strategies as st
+from random_problems import corners, on_devices, random_devices, random_texts
+from sizes import nlp_size
 from test_cli import run
 
-from vctune.bench.sizes import nlp_size
+from vctune.bench.evaluator import error, spectral_radius, stability_ratio
 from vctune.design.bound import bound
-from vctune.design.cases import cases_of
-from vctune.design.judge import Status, demands_of, devices_of, judge
+from vctune.design.judge import Status, judge
 from vctune.design.nlp import assembled
+from vctune.design.prepared import pose, prepare
 from vctune.design.scan import scan
 from vctune.design.shape import WorkingSet, places, shape_of
 from vctune.design.solve import solve
-from vctune.design.units import dimensionless
 from vctune.design.variables import coordinates
-from vctune.document.problem import Uncertainty
 from vctune.document.reading import parse_problem
+from vctune.model.problem import Uncertainty
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import band_of, over_band
@@ -76,7 +77,11 @@ def numbers(judgement):
 
 def failing(given, design, devices):
     """Return which devices fail a demand."""
-    return np.any([row > EXACT for row in violations(given, design, devices).values()], axis=0)
+    return ~(surpluses(given, on_devices(given, design, devices)) >= -EXACT).all(axis=0)
+
+
+def errors(given, design, devices):
+    return error(given, on_devices(given, design, devices), 2001)
 
 
 decimals = st.floats(1e-6, 1e6).map(lambda x: float(f"{x:.6g}"))
@@ -114,22 +119,23 @@ def test_what_cannot_move_is_no_uncertainty():
 def test_without_uncertainty_nothing_grows():
     """The NLP has the closed-form number of parameters, the proof its boxes, the scan one device."""
     certain = problem("friction-wheel")
-    scaled = dimensionless(certain)
+    posed = prepare(certain).scaled
+    scaled = posed.problem
     free, first = coordinates(scaled, integrator=True), places(scaled.device, [0.01, 0.1, 1.0])
     known = WorkingSet(ratio=first, sensitivity=first, moving=first[:1])
-    shape = shape_of(scaled, free, known, 4, integrator=True)
+    shape = shape_of(posed, free, known, 4, integrator=True)
     size = nlp_size(shape)
     parameters = assembled(shape)["p"].numel()
     assert parameters == 15 + 4 * 32 + 3 * shape.slots[0] + 4 * shape.slots[1] + 3 * shape.slots[2] + 8
     assert size.variables == 4 + 1 and size.constraints == sum(shape.slots) + 2
-    uncertain = shape_of(dimensionless(problem("friction-wheel", WIDE)), free, known, 4, integrator=True)
+    uncertain = shape_of(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
     more = nlp_size(uncertain)
     assert more.variables == size.variables and more.constraints == size.constraints
     assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + shape.slots[0])
     design = numbers(solved("friction-wheel").judgement)
     alone = judge(problem("friction-wheel", "[uncertainty]\ndelay = 0.5\n"), Gains(*design[:2]), Coupling(*design[2:]))
     assert alone.certificate.boxes == solved("friction-wheel").judgement.certificate.boxes
-    assert cases_of(certain) == (certain,)
+    assert pose(certain).cases == (certain,)
 
 
 @given(st.floats(0, 30), st.floats(0.01, 0.99))
@@ -222,14 +228,14 @@ def test_a_refuted_design_has_a_device_that_refutes_it_alone(name):
     given, certain = problem(name, WIDE), solved(name).judgement
     certificate = judge(given, certain.gains, certain.coupling).certificate
     assert certificate.verdict is Verdict.REFUTED
-    box = devices_of(given)
+    box = pose(given).box
     for claim, outcome in certificate.outcomes.items():
         if outcome.verdict is Verdict.PROVED:
             continue
         device = outcome.device
         for part in ("mass", "damping", "delay"):
             assert getattr(box.low, part) <= getattr(device, part) <= getattr(box.high, part)
-        design, demands = Design(device, certain.gains, certain.coupling), demands_of(given)
+        design, demands = Design(device, certain.gains, certain.coupling), pose(given).demands
         alone = certify(design, demands)
         assert alone.outcomes[claim].verdict is Verdict.REFUTED
 
@@ -255,11 +261,15 @@ def test_a_search_for_the_worst_device_finds_none(name, tables):
     rng = np.random.default_rng(3)
     low, high = corners(given).min(axis=1)[:, None], corners(given).max(axis=1)[:, None]
     omega = np.geomspace(given.stability.band.min, given.stability.band.max, 300)
+
+    def least_ratio(devices):
+        return stability_ratio(on_devices(given, design, devices), omega).min(axis=1)
+
     devices = random_devices(given, 64, rng)
-    ratio, width = least_ratio(given, design, devices, omega), high - low
+    ratio, width = least_ratio(devices), high - low
     for step in np.geomspace(1.0, 1e-6, 120):
         tried = np.clip(devices + step * width * rng.normal(size=devices.shape), low, high)
-        there = least_ratio(given, design, tried, omega)
+        there = least_ratio(tried)
         better = there < ratio
         devices[:, better], ratio = tried[:, better], np.where(better, there, ratio)
     assert given.stability.safety_factor <= ratio.min() < given.stability.safety_factor * 1.001
@@ -312,12 +322,13 @@ def test_a_delay_may_cross_whole_samples():
     for width, stable in ((0.1, True), (0.3, True), (0.8, False)):
         given = parse_problem(base + f"[uncertainty]\ndelay = {width}\nmass = 0.05\n", "x", "x")
         outcome = judge(given, law, Coupling(1e4, 1e3, 0.0)).certificate.outcomes[Claim.SAMPLED_POLES]
-        radii = spectral_radii(given, np.array([550.0, 0.0]), corners(given))
+        design = np.array([550.0, 0.0, 1e4, 1e3, 0.0])
+        radii = spectral_radius(on_devices(given, design, corners(given)))
         assert bool(radii.max() < 1) is stable
         assert outcome.verdict is (Verdict.PROVED if stable else Verdict.REFUTED)
         if not stable:
             alone = np.array([[outcome.device.mass], [outcome.device.damping], [outcome.device.delay]])
-            assert spectral_radii(given, np.array([550.0, 0.0]), alone)[0] >= 1
+            assert spectral_radius(on_devices(given, design, alone))[0] >= 1
 
 
 def test_loops_in_the_hand_are_proved_on_every_device():
@@ -325,20 +336,20 @@ def test_loops_in_the_hand_are_proved_on_every_device():
     device = "[device]\nmass = 0.4\ndamping = 0.0001\nsample_time = 1e-3\n"
     given = parse_problem(device + "[operator]\nmass = 40.0\n[uncertainty]\nmass = 0.2\n", "x", "x")
     design = np.array([5.0, 20000.0, 1e3, 1e2, 0.0])
-    devices = corners(given)
+    in_hand = on_devices(given, design, corners(given)).loops[1]
     outcome = judge(given, Gains(*design[:2]), Coupling(*design[2:])).certificate.outcomes[Claim.SAMPLED_POLES]
-    unstable = spectral_radii(given, design, held(given, devices)).max() >= 1
+    unstable = spectral_radius(in_hand).max() >= 1
     assert (outcome.verdict is Verdict.REFUTED) is bool(unstable)
 
 
 @pytest.mark.parametrize("tables", [WORST, WIDE + HELD], ids=["worst", "operator"])
 def test_no_admissible_design_is_below_the_bound(tables):
     given, best = problem("desktop", tables), solved("desktop", tables).judgement
-    found = bound(given, best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
+    found = bound(pose(given), best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
     assert found.proved and found.improved is None
     assert best.error / 1.05 <= found.bound * (1 + 1e-9) and found.bound <= best.error
     certain = bound(
-        problem("desktop"), solved("desktop").judgement, lambda gains, limit: None, gap=0.02, most_boxes=2e5
+        pose(problem("desktop")), solved("desktop").judgement, lambda gains, limit: None, gap=0.02, most_boxes=2e5
     )
     assert found.bound > certain.bound
 
@@ -347,17 +358,17 @@ def test_what_no_design_survives_is_proved_infeasible():
     """Of the wheel with a fixed K_v that only heavy devices stand."""
     given = replace(problem("friction-wheel", "[uncertainty]\nmass = 0.8\n"))
     bounds = given.bounds
-    stiff = replace(given, bounds=replace(bounds, velocity=type(bounds.velocity)(600.0, 600.0)))
+    stiff = replace(given, bounds=replace(bounds, velocity=type(bounds.velocity)(300.0, 300.0)))
     found = solve(stiff)
     assert found.status is Status.INFEASIBLE and found.infeasibility.proved
     assert solve(replace(stiff, uncertainty=None)).status is Status.CERTIFIED
 
 
 def test_scan_starts_are_admissible_for_every_device():
-    given = dimensionless(problem("friction-wheel", WIDE))
+    given = prepare(problem("friction-wheel", WIDE)).scaled
     start = scan(given).starts[0]
     assert start.admissible
-    for case in cases_of(given):
+    for case in given.cases:
         assert judge(case, start.gains, start.coupling).peak_sensitivity < case.stability.max_sensitivity * 1.01
 
 
@@ -381,7 +392,8 @@ def test_solve_check_and_report_tell_of_it(files):
     assert "uncertainty.delay: device.delay is 0" in record["left_out"]
     assert "worst error of uncertain devices" in (folder / "report.html").read_text()
     gains = (folder / "gains.toml").read_text()
-    (files / "poor.toml").write_text(gains.replace("mass = 0.13", "mass = 0.12"))
+    light = re.sub(r"(\[coupling\].*?mass = )(\S+)", lambda m: f"{m[1]}{0.9 * float(m[2])!r}", gains, flags=re.DOTALL)
+    (files / "poor.toml").write_text(light)
     assert run("check", "wheel.toml", folder / "gains.toml", cwd=files).returncode == 0
     poor = run("check", "wheel.toml", "poor.toml", cwd=files)
     assert poor.returncode == 1 and "with mass " in poor.stdout
@@ -417,12 +429,12 @@ def test_bands_to_the_ends_of_the_axis():
         ends = replace(given.stability.band, min=1e-4, max=1e7)
         far = replace(given, stability=replace(given.stability, band=ends))
         devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(5))))
-        assert violations(far, numbers(found.judgement), devices, 800)["conditions"].max() <= 1e-6
+        assert conditions_surplus(far, on_devices(far, numbers(found.judgement), devices)).min() >= -1e-6
 
 
 def boxed_texts(seed, rng):
     """Random problems with random boxes of devices, some of them with an operator; and the boxes' half-widths."""
-    for text in design_oracle.random_texts(seed):
+    for text in random_texts(seed):
         device = parse_problem(text, "p", "p").device
         Z = device.mass / device.lag + device.damping
         mass, damping = device.mass * 10 ** rng.uniform(-2, 1), Z * 10 ** rng.uniform(-5, -1)
@@ -441,12 +453,11 @@ def test_random_boxes_hold_no_device_that_fails(seed, capsys):
         posed = parse_problem(text, "p", "p")
         found, given = solve(posed), posed.device
         met[found.status.value] = met.get(found.status.value, 0) + 1
-        for k in range(60 if found.status is Status.CERTIFIED else 0):
+        for _ in range(60 if found.status is Status.CERTIFIED else 0):
             by = rng.uniform(-1, 1, 3)
             mass, damping, delay = 1 + widths * np.where(rng.random(3) < 0.5, np.sign(by), by)
             there = replace(given, mass=given.mass * mass, damping=given.damping * damping, delay=given.delay * delay)
             alone, design = replace(posed, device=there, uncertainty=None), numbers(found.judgement)
-            assert design_oracle.meet_demands(alone, design[:, None], 1500).all(), text
-            assert k >= 3 or design_oracle.stable(alone, design), text
+            assert meet_demands(alone, design[:, None]).all(), text
     with capsys.disabled():
         sys.stdout.write(f"\n{met}\n")

@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import csv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from integrators import euler, midpoint, sundials
 from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
@@ -27,11 +29,13 @@ from vctune.simulation.friction import friction_force
 from vctune.simulation.motion import hand_force_derivatives, intended_motion
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene, rest
-from vctune.simulation.step import Method, Scheme
 
 ROOT = Path(__file__).parent.parent
-FIXED = [Method(scheme, 2**k) for scheme in (Scheme.MIDPOINT, Scheme.EULER) for k in range(9)]
-VARIABLE = [Method(scheme, tolerance=10.0**-k) for scheme in (Scheme.CVODES, Scheme.IDAS) for k in range(4, 12)]
+OURS = [
+    *((scheme.__name__, 2**k, scheme(2**k)) for scheme in (midpoint, euler) for k in range(9)),
+    *((name, 10.0**-k, sundials(name, 10.0**-k)) for name in ("cvodes", "idas") for k in range(4, 12)),
+]
+"""Schemes that run in the simulation, with their setting."""
 SCIPY = [("LSODA", 10.0**-k) for k in (3, 4, 6, 8)] + [("BDF", 1e-3), ("BDF", 1e-5)]
 REPEATING = 1.0
 COLOURS = {
@@ -98,11 +102,10 @@ def measure():
     """Return the rows: controller, scheme, setting, greatest error in N, seconds."""
     rows = []
     for name, scene in scenes().items():
-        exact = run(scene, Method(Scheme.CVODES, tolerance=1e-12)).force
-        for method in FIXED + VARIABLE:
-            setting = method.substeps if method in FIXED else method.tolerance
-            traces, seconds = timed(run, scene, method)
-            rows.append([name, method.scheme.value, setting, np.abs(traces.force - exact).max(), seconds])
+        exact = run(scene, stretch=sundials("cvodes", 1e-12)).force
+        for scheme, setting, stretch in OURS:
+            traces, seconds = timed(partial(run, stretch=stretch), scene)
+            rows.append([name, scheme, setting, np.abs(traces.force - exact).max(), seconds])
         for solver, tolerance in SCIPY:
             force, seconds = timed(scipy_forces, scene, solver, tolerance, len(exact))
             rows.append([name, solver, tolerance, np.abs(force - exact).max(), seconds])

@@ -1,23 +1,22 @@
-"""What every benchmark is: a measurement that makes tables of frozen rows, what they say, and a picture of them."""
+"""What every benchmark is: a table of frozen rows, what they say, and a picture of them; and their files."""
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from io import StringIO
+from math import isfinite
+from pathlib import Path
 from typing import Any
 
-from vctune.report.benchmarks import Panel
+from vctune.document.files import Content, write_together
+from vctune.report.benchmarks import Panel, benchmark_figure
+from vctune.report.page import svg
 
 Tick = Callable[[str], None]
 """Told what is being measured."""
-
-
-@dataclass(frozen=True, slots=True)
-class Size:
-    """How much is measured: under a minute (`quick`), or everything; and the seed of what is random."""
-
-    quick: bool
-    seed: int
+DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,13 +26,63 @@ class Measured:
     Attributes
     ----------
     title, reading : what it is, and how the picture is read
-    tables : rows of one frozen dataclass each, by the name of their file
+    rows : of one frozen dataclass
     facts : what the rows say, a sentence each
     panels : of the picture
     """
 
     title: str
     reading: str
-    tables: dict[str, list[Any]]
+    rows: list[Any]
     facts: list[str]
     panels: list[Panel]
+
+
+def csv_of(rows: list[Any]) -> str:
+    """Return rows of a frozen dataclass as CSV; numbers that do not exist are empty."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(asdict(rows[0]).keys())
+    for row in rows:
+        writer.writerow(_cell(value) for value in asdict(row).values())
+    return stream.getvalue()
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.{DIGITS}g}" if isfinite(value) else "inf" if value > 0 else ""
+    return str(value)
+
+
+def page(name: str, measured: Measured, command: str, machine: str) -> str:
+    """Return a benchmark's page in Markdown."""
+    lines = [
+        f"# {measured.title}",
+        "",
+        f"`{command}` on {machine}: [{name}.csv]({name}.csv). Seconds are processor time with one thread.",
+        "",
+        f"![{measured.title}]({name}.svg)",
+        "",
+        measured.reading,
+        "",
+        *(f"- {fact}" for fact in measured.facts),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
+    """Write a benchmark's table, picture and page, all of them together.
+
+    Raises
+    ------
+    InputError
+        If a place cannot be written; the older files are then untouched.
+    """
+    files: dict[Path, Content] = {
+        folder / f"{name}.csv": csv_of(measured.rows),
+        folder / f"{name}.svg": svg(benchmark_figure(measured.panels), name),
+        folder / f"{name}.md": page(name, measured, command, machine),
+    }
+    write_together(files)

@@ -1,7 +1,7 @@
 """The design problem on a fixed grid, as its own NLP has it, for any solver, with exact derivatives. Imports casadi.
 
 Every peer gets vctune's own formulation: logarithmic variables and log-ratio constraints, derivatives by CasADi's
-algorithmic differentiation in compiled form, bounds, and the starts of the scan.
+algorithmic differentiation, bounds, and the starts of the scan.
 """
 
 from __future__ import annotations
@@ -13,39 +13,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.design.ipopt import Posed, posed
+from vctune.design.ipopt import NlpNumbers, numbers_of
 from vctune.design.nlp import OPTIONS, assembled
-from vctune.design.result import Polished
+from vctune.design.prepared import Prepared
 from vctune.design.rounding import rounded
 from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.start import Start
-from vctune.design.units import physical
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Coupling, Gains
 
 PANELS = 16
 """Panels of the objective's quadrature: enough for nine digits on the reference problems."""
 MISSED = 1e3
-QUIET: dict[str, Any] = {"expand": True, "print_time": False}
-SETTINGS: dict[str, dict[str, Any]] = {
-    "ipopt": {**OPTIONS, "ipopt.max_iter": 500},
-    "sqpmethod": {
-        **QUIET,
-        "qpsol": "daqp",
-        "qpsol_options": {"error_on_fail": False},
-        "print_header": False,
-        "print_iteration": False,
-        "print_status": False,
-        "max_iter": 100,
-        "convexify_strategy": "regularize",
-    },
-    "fatrop": {**QUIET, "fatrop.print_level": 0, "structure_detection": "none"},
-}
-"""Of CasADi's solvers, by name."""
+SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,17 +36,16 @@ class Dense:
 
     Attributes
     ----------
-    problem, scaled : in SI and in dimensionless units
+    prepared : the problem
     shape, free, fixed : what the NLP contains, its variables, and the values of the others
     numbers : where to start, parameters, bounds
     """
 
-    problem: Problem
-    scaled: Problem
+    prepared: Prepared
     shape: Shape
     free: tuple[Coordinate, ...]
     fixed: Point
-    numbers: Posed
+    numbers: NlpNumbers
 
     def values(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the objective, log error, and the demands beyond their levels: >= 0 where they are met.
@@ -79,20 +60,6 @@ class Dense:
         """Return the gradient of the objective and the Jacobian of the demands."""
         df, dg = functions(self.shape).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
-
-    def curvature(self, z: Floats, share: float, multipliers: Floats) -> Floats:
-        """Return the Hessian of share * objective + multipliers . demands."""
-        full = np.zeros(self.numbers.least.size)
-        full[self.posed] = multipliers
-        return np.array(functions(self.shape).curvature(z, self.numbers.parameters, share, full))
-
-    def evaluated(self, times: int) -> None:
-        """Evaluate everything that an iteration of a solver of second order needs, so many times."""
-        nothing = np.zeros(self.levels.size)
-        for _ in range(times):
-            self.values(self.numbers.guess)
-            self.slopes(self.numbers.guess)
-            self.curvature(self.numbers.guess, 1.0, nothing)
 
     @property
     def posed(self) -> Any:
@@ -109,16 +76,15 @@ class Dense:
         values = list(self.fixed)
         for coordinate, at in zip(self.free, z, strict=True):
             values[coordinate.index] = coordinate.to_x(float(np.clip(at, coordinate.low, coordinate.high)))
-        return design_of(rounded(self.problem, physical(self.problem, tuple(values))))  # type: ignore[arg-type]
+        return design_of(rounded(self.prepared.problem, self.prepared.units.to_si(tuple(values))))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
 class Functions:
-    """Objective and demands, their first derivatives, the Hessian of the Lagrangian."""
+    """Objective and demands, and their first derivatives."""
 
     values: ca.Function
     slopes: ca.Function
-    curvature: ca.Function
 
 
 @lru_cache(maxsize=16)
@@ -127,28 +93,26 @@ def functions(shape: Shape) -> Functions:
     with interrupt_deferred():
         nlp = assembled(shape)
         x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
-        share, multipliers = ca.MX.sym("share"), ca.MX.sym("multipliers", g.shape[0])
-        hessian, _ = ca.hessian(share * f + ca.dot(multipliers, g), x)
         return Functions(
             ca.Function("values", [x, p], [f, g]).expand(),
             ca.Function("slopes", [x, p], [ca.gradient(f, x), ca.jacobian(g, x)]).expand(),
-            ca.Function("curvature", [x, p, share, multipliers], [hessian]).expand(),
         )
 
 
-def dense(problem: Problem, scaled: Problem, start: Start, count: int, reserve: float) -> Dense:
+def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense:
     """Pose a problem on `count` frequencies for Llewellyn's conditions and as many for |S|, both log-spaced.
 
     Parameters
     ----------
-    problem, scaled : in SI and in dimensionless units
+    prepared : the problem
     start : where to begin; decides whether the law has an integrator
     count : frequencies of each kind
     reserve : relative sharpening of the demands
     """
     integrator = start.gains.position > 0
+    posed, scaled = prepared.scaled, prepared.scaled.problem
     free = coordinates(scaled, integrator=integrator)
-    low, high = sampled_span(scaled)
+    low, high = posed.span
     band = scaled.transparency.band
     frequencies = WorkingSet(
         ratio=places(scaled.device, np.geomspace(low, high, count)),
@@ -157,42 +121,32 @@ def dense(problem: Problem, scaled: Problem, start: Start, count: int, reserve: 
         if scaled.transparency.norm == "peak"
         else [],
     )
-    shape = shape_of(scaled, free, frequencies, PANELS, integrator=integrator)
+    shape = shape_of(posed, free, frequencies, PANELS, integrator=integrator)
     fixed = point(start.gains, start.coupling)
     box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    return Dense(problem, scaled, shape, free, fixed, posed(scaled, shape, free, fixed, box, frequencies, reserve))
-
-
-def last_posed(problem: Problem, scaled: Problem, polished: Polished, tightening: float) -> Dense:
-    """Return the last NLP of a polish, as its solver had it."""
-    free = coordinates(scaled, integrator=polished.shape.integrator)
-    box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    numbers = posed(scaled, polished.shape, free, polished.values, box, polished.frequencies, tightening)
-    return Dense(problem, scaled, polished.shape, free, polished.values, numbers)
+    return Dense(prepared, shape, free, fixed, numbers_of(posed, shape, free, fixed, box, frequencies, reserve))
 
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """Where a solver stopped: the point, whether it says that it has converged, its iterations."""
+    """Where a solver stopped, and whether it says that it has converged."""
 
     z: Floats
     converged: bool
-    iterations: int
 
 
 @lru_cache(maxsize=32)
-def compiled_solver(name: str, shape: Shape) -> ca.Function:
-    """Return one of CasADi's solvers in `SETTINGS` for a shape."""
-    return ca.nlpsol("peer", name, assembled(shape), SETTINGS[name])
+def compiled(shape: Shape) -> ca.Function:
+    """Return IPOPT for a shape."""
+    return ca.nlpsol("peer", "ipopt", assembled(shape), SETTINGS)
 
 
-def casadi_solve(dense: Dense, name: str) -> Stopped:
-    """Solve by one of CasADi's solvers in `SETTINGS`."""
+def ipopt(dense: Dense) -> Stopped:
+    """Solve by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():
-        solver = compiled_solver(name, dense.shape)
+        solver = compiled(dense.shape)
         found = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )
-        stats = solver.stats()
-        return Stopped(np.array(found["x"]).ravel(), bool(stats["success"]), int(stats.get("iter_count") or 0))
+        return Stopped(np.array(found["x"]).ravel(), bool(solver.stats()["success"]))

@@ -1,4 +1,4 @@
-"""Fifty digits: the formulas of DESIGN section 1 by their definitions in mpmath, and an exact test of stability."""
+"""Fifty digits: the theory by its definitions in mpmath, and an exact test of stability."""
 
 from __future__ import annotations
 
@@ -8,60 +8,73 @@ from typing import Any
 
 import mpmath as mp
 
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.bench.evaluator import Case
 
 DIGITS = 50
-GUARD = 60
+GUARD = 70
 """More digits than the definitions cancel."""
 
 
 @dataclass(frozen=True, slots=True)
 class Exact:
-    """What the definitions give at a frequency: Re Z_c / R, Re G_hh, |1 - G_he|, |S|, |G_hh|, |Z_c|."""
+    """What the definitions give at a frequency.
 
+    Attributes
+    ----------
+    offered, required, ratio : Re Z_c, R, and their quotient, inf where R <= 0; R has no meaning where Re h11 <= 0
+    resistance : Re h11
+    rollett : Rollett's stability factor of the two-port with Z_c; inf where q = 0
+    admittance, tracking, coupling : |G_hh|, |1 - G_he|, |Z_c|, without the operator
+    """
+
+    offered: Any
+    required: Any
     ratio: Any
-    conductance: Any
-    tracking: Any
-    sensitivity: Any
+    resistance: Any
+    rollett: Any
     admittance: Any
+    tracking: Any
     coupling: Any
 
 
-def exact(device: Device, gains: Gains, coupling: Coupling, omega: float) -> Exact:
-    """Evaluate the definitions at omega > 0, rad/s; the numbers count as the decimals that they are written as."""
+def exact(case: Case, omega: Any) -> Exact:
+    """Evaluate the definitions of one case at omega > 0, rad/s; its numbers count as the decimals that they print as.
+
+    The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C),
+    h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
+    """
     with mp.workdps(DIGITS + GUARD):
-        m, b, T, delay, K_v, K_p, b_c, m_c, b_0 = _decimals(device, gains, coupling)
+        m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)
         s = mp.mpc(0, mp.mpf(omega))
-        hold = (1 - mp.exp(-s * T)) / (s * T) if device.hold == "zoh" else 2 / (2 + s * T)
-        Z_d, C = m * s + b, (K_v + K_p / s) * hold * mp.exp(-s * delay)
-        G_hh, q = 1 / (Z_d + C), C / (Z_d + C)
-        needed = (abs(q) - mp.re(q)) / (2 * mp.re(G_hh))
+        hold = (1 - mp.exp(-s * T)) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
+        Z_d, Z_h, C = m * s + b, m_h * s + b_h, (K_v + K_p / s) * hold * mp.exp(-s * delay)
+        D, closed = Z_d + C, Z_d + Z_h + C
+        h11, h22, q = 1 / closed, Z_h * C / closed, C * D / closed**2
         Z_c = b_0 + b_c * m_c * s / (b_c + m_c * s)
-        ratio = mp.re(Z_c) / needed if needed else mp.inf
-        z = mp.exp(s * T)
-        opened, closed = (mp.polyval(characteristic(device, gains, law), z) for law in ((0, 0), (K_v, K_p)))
-        return Exact(ratio, mp.re(G_hh), abs(1 - q), abs(opened / closed), abs(G_hh), abs(Z_c))
+        R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22)
+        ratio = mp.re(Z_c) / R if R > 0 else mp.inf
+        rollett = (2 * mp.re(h11) * mp.re(Z_c + h22) + mp.re(q)) / abs(q) if q else mp.inf
+        return Exact(mp.re(Z_c), R, ratio, mp.re(h11), rollett, abs(1 / D), abs(Z_d / D), abs(Z_c))
 
 
-def _decimals(device: Device, gains: Gains, coupling: Coupling) -> list[Any]:
-    numbers = (device.mass, device.damping, device.sample_time, device.delay, gains.velocity, gains.position)
-    return [mp.mpf(repr(float(x))) for x in (*numbers, coupling.damping, coupling.mass, coupling.drag)]
+def sensitivity(case: Case, omega: Any) -> Any:
+    """Return |S| of the sampled loop, the device let go: its polynomial with the loop open over that with it closed."""
+    with mp.workdps(DIGITS + GUARD):
+        _, _, T, _, K_v, K_p, *_ = _decimals(case)
+        z = mp.expj(mp.mpf(omega) * T)
+        opened, closed = (_value(characteristic(case, law), z) for law in ((0, 0), (K_v, K_p)))
+        return abs(opened / closed)
 
 
-def stable(device: Device, gains: Gains) -> bool:
-    """Return whether the sampled loop is stable (DESIGN 1.7), by Jury's recursion on its characteristic polynomial."""
-    with mp.workdps(DIGITS + GUARD + characteristic_order(device)):
-        return _all_inside(characteristic(device, gains, _decimals(device, gains, Coupling(1.0, 1.0, 0.0))[4:6]))
+def stable(case: Case) -> bool:
+    """Return whether the sampled loop of the device let go is stable, by Jury's recursion on its polynomial."""
+    with mp.workdps(DIGITS + GUARD + int(case.delay / case.sample_time)):
+        return _all_inside(characteristic(case, _decimals(case)[4:6]))
 
 
-def characteristic_order(device: Device) -> int:
-    """Return an upper bound of the polynomial's degree."""
-    return int(device.delay / device.sample_time) + 4
-
-
-def characteristic(device: Device, gains: Gains, law: Sequence[Any]) -> list[Any]:
-    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that gains have."""
-    m, b, T, delay, *_ = _decimals(device, gains, Coupling(1.0, 1.0, 0.0))
+def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
+    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that the case has."""
+    m, b, T, delay, *_ = _decimals(case)
     K_v, K_p = law
     whole = int(mp.floor(delay / T + mp.mpf("1e-12")))
     late = max(delay - whole * T, mp.mpf(0))
@@ -69,26 +82,39 @@ def characteristic(device: Device, gains: Gains, law: Sequence[Any]) -> list[Any
     rate = b / m
     a = mp.exp(-rate * T)
 
-    def speed(t: Any) -> Any:
+    def velocity(t: Any) -> Any:
         return t / m if b == 0 else (1 - mp.exp(-rate * t)) / b
 
-    def place(t: Any) -> Any:
+    def position(t: Any) -> Any:
         return t * t / (2 * m) if b == 0 else (t - (1 - mp.exp(-rate * t)) / rate) / b
 
-    new, old = speed(T - late), speed(T) - speed(T - late)
-    z_new, z_old = place(T - late), place(T) - place(T - late)
-    if not gains.position > 0:
+    new, old = velocity(T - late), velocity(T) - velocity(T - late)
+    x_new, x_old = position(T - late), position(T) - position(T - late)
+    if not case.K_p > 0:
         poly = [mp.mpf(1), -a] + [mp.mpf(0)] * (whole + 1)
         for i, beta in enumerate((new, old)):
             poly[whole + 1 + i] += K_v * beta
         return poly
     drift = T if b == 0 else (1 - a) / rate
     poly = [mp.mpf(1), -(1 + a), a] + [mp.mpf(0)] * (whole + 1)
-    for i, (beta, gamma) in enumerate(((new, z_new), (old, z_old))):
+    for i, (beta, gamma) in enumerate(((new, x_new), (old, x_old))):
         at = whole + 1 + i
         poly[at] += K_v * beta + K_p * gamma
         poly[at + 1] += -K_v * beta + K_p * (drift * beta - a * gamma)
     return poly
+
+
+def _decimals(case: Case) -> list[Any]:
+    device = (case.mass, case.damping, case.sample_time, case.delay)
+    rest = (case.K_v, case.K_p, case.b_c, case.m_c, case.b_0, case.m_h, case.b_h)
+    return [mp.mpf(repr(float(x))) for x in (*device, *rest)]
+
+
+def _value(poly: list[Any], z: Any) -> Any:
+    total = mp.mpf(0)
+    for coefficient in poly:
+        total = total * z + coefficient
+    return total
 
 
 def _all_inside(poly: list[Any]) -> bool:

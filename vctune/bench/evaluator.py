@@ -1,184 +1,265 @@
-"""A second opinion in plain complex numbers: DESIGN section 1 written down once more, sharing nothing with the model.
+"""A second opinion in plain complex numbers: the theory written down once more, sharing nothing with the model.
 
-Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference.
+Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
+it too, many designs or many devices at a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, floor, inf, log2, pi
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from math import inf, pi
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 
 Floats = NDArray[np.float64]
-Complexes = NDArray[np.complex128]
 
 POINTS = 20_001
-"""Frequencies looked at in each band."""
+"""Frequencies looked at in each band; odd, for Simpson's rule."""
 ENDLESS = 1e-6
 """Where a band from 0 begins, and the reciprocal of where one to inf ends, relative to the other frequencies."""
+WHOLE = 1e-12
+"""Share of a sample by which a delay may miss a whole number of them."""
+SERIES = 1e-2
+"""Up to here (1 - e^-x)/x and its integral are Taylor series, whose closed forms cancel."""
 
 
 @dataclass(frozen=True, slots=True)
-class Opinion:
-    """What dense evaluation finds.
+class Case:
+    """Numbers in SI units; each but `sample_time` and `hold` is a number, or a one-dimensional array of as many cases.
 
     Attributes
     ----------
-    error : transparency error
-    violation : log of the worst of safety_factor R/Re Z_c and |S|/max_sensitivity, 0 if both are met; inf where
-        Re G_hh <= 0
-    radius : spectral radius of the sampled loop
+    mass, damping, sample_time, delay, hold : of the device
+    K_v, K_p : gains
+    b_c, m_c, b_0 : damping, mass and drag of the coupling
+    m_h, b_h : mass and damping of the least operator
     """
 
-    error: float
-    violation: float
-    radius: float
+    mass: Any
+    damping: Any
+    sample_time: float
+    delay: Any
+    hold: str
+    K_v: Any
+    K_p: Any
+    b_c: Any = 1.0
+    m_c: Any = 1.0
+    b_0: Any = 0.0
+    m_h: float = 0.0
+    b_h: float = 0.0
 
     @property
-    def stable(self) -> bool:
-        """Whether the sampled loop is stable."""
-        return self.radius < 1
+    def bare(self) -> Case:
+        """The same without the operator."""
+        return replace(self, m_h=0.0, b_h=0.0)
+
+    @property
+    def loops(self) -> tuple[Case, ...]:
+        """The loops that must be stable by themselves: of the device let go and, if there is one, in the hand."""
+        if self.m_h == self.b_h == 0:
+            return (self,)
+        return self.bare, replace(self.bare, mass=self.mass + self.m_h, damping=self.damping + self.b_h)
+
+    def at(self, index: Any) -> Case:
+        """Return some of the cases, by a NumPy index."""
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return replace(self, **{name: x[index] for name, x in arrays.items() if np.ndim(x)})
 
 
-def opinion(problem: Problem, gains: Gains, coupling: Coupling, extra: Sequence[float] = ()) -> Opinion:
-    """Evaluate a design densely, and at extra frequencies, rad/s, that someone has pointed at."""
-    return Opinion(
-        error(problem, gains, coupling),
-        violation(problem, gains, coupling, extra),
-        spectral_radius(problem.device, gains),
-    )
+def cases(device: Device, design: ArrayLike) -> Case:
+    """Return a device's cases with a design, or with the columns of many, in rows K_v, K_p, b_c, m_c, b_0."""
+    hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
+    numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
+    return Case(*numbers, *np.asarray(design, float), *hand)
 
 
-def impedances(device: Device, K_v: Floats | float, K_p: Floats | float, omega: Floats) -> tuple[Complexes, Complexes]:
-    """Return Z_d and C at omega > 0 (DESIGN 1.1)."""
-    s = 1j * omega
-    T = device.sample_time
-    hold = -np.expm1(-s * T) / (s * T) if device.hold == "zoh" else 2 / (2 + s * T)
-    return device.mass * s + device.damping, (K_v + K_p / s) * hold * np.exp(-s * device.delay)
+def case_of(device: Device, gains: Gains, coupling: Coupling) -> Case:
+    """Return one case."""
+    return cases(device, (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag))
 
 
-def coupling_impedance(coupling: Coupling, omega: Floats) -> Complexes:
-    """Return Z_c at omega > 0 (DESIGN 1.3): damper and mass in series, the drag beside them."""
-    moving = 1j * omega * coupling.mass
-    if coupling.damping == 0 or coupling.mass == 0:
-        return np.full(np.shape(omega), coupling.drag, dtype=np.complex128)
-    return coupling.drag + 1 / (1 / coupling.damping + 1 / moving)
+def _column(number: Any) -> Any:
+    """Return a number, or an array of cases to be spread over frequencies."""
+    return number[:, None] if np.ndim(number) else number
 
 
-def required(Z_d: Complexes, C: Complexes) -> Floats:
-    """Return R = (|q| - Re q)/(2 Re G_hh), inf where Re G_hh <= 0 (DESIGN 1.4, 1.5)."""
-    D = Z_d + C
-    q, S, G = C / D, Z_d / D, 1 / D
-    kind = q.real > 0
+def impedances(case: Case, s: Any) -> tuple[Any, Any]:
+    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) at complex s != 0; cases in rows."""
+    T = case.sample_time
+    hold = -np.expm1(-s * T) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
+    law = _column(case.K_v) + _column(case.K_p) / s
+    return _column(case.mass) * s + _column(case.damping), law * hold * np.exp(-s * _column(case.delay))
+
+
+def coupling_impedance(case: Case, s: Any) -> Any:
+    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them."""
+    damper, moving = _column(case.b_c), _column(case.m_c) * s
+    return _column(case.b_0) + damper * moving / (damper + moving)
+
+
+def required(case: Case, omega: Any) -> Any:
+    """Return R = (|q| - Re q)/(2 Re h11) - Re h22, which Re Z_c has to reach; inf where Re h11 <= 0.
+
+    Of the two-port that has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
+    q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
+    Im q that of 1 - q, so that nothing cancels. A mass in the hand changes nothing: any reactance may be there anyway.
+    """
+    Z_d, C = impedances(case, 1j * omega)
+    W = Z_d + case.b_h
+    D = W + C
+    q, rest = C * (Z_d + C) / D**2, ((2 * W - Z_d) * C + W**2) / D**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        excess = np.where(kind, S.imag**2 / (np.abs(q) + np.abs(q.real)), np.abs(q) - q.real)
-        return np.where(G.real > 0, excess / (2 * G.real), inf)
+        excess = np.where(q.real > 0, rest.imag**2 / (np.abs(q) + np.abs(q.real)), np.abs(q) - q.real)
+        R = excess * np.abs(D) ** 2 / (2 * D.real) - case.b_h * (C / D).real
+        return np.where(D.real > 0, R, inf)
 
 
-def violation(problem: Problem, gains: Gains, coupling: Coupling, extra: Sequence[float] = ()) -> float:
-    """Return by how much the demands of DESIGN 1.9 on frequencies are exceeded, as a logarithm; 0 if they are met."""
-    device, stability = problem.device, problem.stability
-    nyquist = pi / device.sample_time
+def stability_ratio(case: Case, omega: Any) -> Any:
+    """Return Re Z_c / R, inf where R <= 0, -inf where Re h11 <= 0."""
+    R = required(case, omega)
+    with np.errstate(divide="ignore"):
+        ratio = np.where(R > 0, coupling_impedance(case, 1j * omega).real / R, inf)
+    return np.where(inf > R, ratio, -inf)
+
+
+def sensitivity(case: Case, omega: Any) -> Any:
+    """Return |S| = 1/|1 + K_v G_v + K_p G_x| of the sampled loop of the device let go, omega > 0.
+
+    G_v and G_x are velocity and position at the samples over the force told at them: a force that is told acts `whole`
+    samples and `late` seconds afterwards.
+    """
+    T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
+    whole, late = (_column(x) for x in _samples(case))
+    back = np.exp(-1j * omega * T)  # 1/z
+    (v, x), (v_new, x_new) = _moved(rate, T), _moved(rate, T - late)
+    velocity, position = ((new + (old - new) * back) / m for new, old in ((v_new, v), (x_new, x)))
+    acting, forward = back**whole, -np.expm1(-1j * omega * T)  # z^-whole, 1 - 1/z
+    G_v = acting * back * velocity / (forward + back * -np.expm1(-rate * T))
+    G_x = back * (v * G_v + acting * position) / forward
+    return 1 / np.abs(1 + _column(case.K_v) * G_v + _column(case.K_p) * G_x)
+
+
+def _samples(case: Case) -> tuple[Any, Any]:
+    """Return the delay as whole samples and the rest of it, s."""
+    T = case.sample_time
+    whole = np.floor(np.asarray(case.delay) / T + WHOLE)
+    late = np.maximum(case.delay - whole * T, 0.0)
+    return whole, np.where(late < WHOLE * T, 0.0, late)
+
+
+def _moved(rate: Any, t: Any) -> tuple[Any, Any]:
+    """Return the integral of e^(-rate s) over [0, t], and the integral of that."""
+    x = rate * t
+    small = x < SERIES
+    y = np.where(small, 1.0, x)
+    first = np.where(small, 1 - x / 2 + x**2 / 6 - x**3 / 24 + x**4 / 120 - x**5 / 720, -np.expm1(-y) / y)
+    second = 1 / 2 - x / 6 + x**2 / 24 - x**3 / 120 + x**4 / 720 - x**5 / 5040
+    second = np.where(small, second, (y + np.expm1(-y)) / y**2)
+    return t * first, t**2 * second
+
+
+def spectral_radius(case: Case) -> Any:
+    """Return the spectral radius of each sampled loop, of the device let go."""
+    return by_kind(case, lambda loops: np.abs(np.linalg.eigvals(loop_matrices(loops))).max(axis=1))
+
+
+def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
+    """Return what `work` makes of arrays of loops with as many states each; a number for one case."""
+    names = ("mass", "damping", "delay", "K_v", "K_p")
+    arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
+    loops: dict[str, Any] = dict(zip(names, arrays, strict=True))
+    flat, found = replace(case, b_c=1.0, m_c=1.0, b_0=0.0, **loops), np.empty(arrays[0].size)
+    kinds = np.stack((_samples(flat)[0], flat.K_p > 0))
+    for kind in np.unique(kinds, axis=1).T:
+        at = np.flatnonzero((kinds == kind[:, None]).all(axis=0))
+        found[at] = work(flat.at(at))
+    return found if any(np.ndim(getattr(case, name)) for name in names) else float(found[0])
+
+
+def loop_matrices(case: Case) -> Floats:
+    """Return the matrices that take v, x and the forces on their way from one sample to the next.
+
+    Cases are arrays, all with K_p > 0 or all without, where there is no x, and with as many whole samples of delay.
+    """
+    order, whole = 2 if case.K_p[0] > 0 else 1, int(_samples(case)[0][0])
+    late, n = _samples(case)[1], len(case.K_v)
+    (A, held), (_, newest) = (
+        _motion(case, np.full(n, case.sample_time), order),
+        _motion(case, case.sample_time - late, order),
+    )
+    size = order + whole + 1
+    told = np.zeros((n, whole + 2, size))  # the force that is told now, the one a sample ago, ...
+    told[:, 0, :order] = -np.stack((case.K_v, case.K_p)[:order], axis=1)
+    told[:, 1:, order:] = np.eye(whole + 1)
+    loops = np.zeros((n, size, size))
+    loops[:, :order, :order] = A
+    loops[:, :order] += newest[:, :, None] * told[:, None, whole]
+    loops[:, :order] += (held - newest)[:, :, None] * told[:, None, whole + 1]
+    loops[:, order:] = told[:, : whole + 1]
+    return loops
+
+
+def _motion(case: Case, t: Floats, order: int) -> tuple[Floats, Floats]:
+    """Return the motion over t: its matrix and what a constant unit force adds to it."""
+    rates = np.zeros((len(t), order + 1, order + 1))
+    rates[:, 0, 0], rates[:, 0, order], rates[:, 1:order, 0] = -case.damping / case.mass, 1 / case.mass, 1.0
+    whole = _exponentials(rates * t[:, None, None])
+    return whole[:, :order, :order], whole[:, :order, order]
+
+
+def _exponentials(A: Floats) -> Floats:
+    """Return e^A of each matrix by scaling, Taylor's series and squaring."""
+    norms = np.abs(A).sum(axis=2).max(axis=1)
+    halvings = np.maximum(np.ceil(np.log2(np.maximum(norms, 1e-300))) + 4, 0)
+    scaled = A / 2.0 ** halvings[:, None, None]
+    total = term = np.broadcast_to(np.eye(A.shape[-1]), A.shape)
+    for k in range(1, 16):
+        term = term @ scaled / k
+        total = total + term
+    for k in range(int(halvings.max())):
+        at = halvings > k
+        total[at] = total[at] @ total[at]
+    return total
+
+
+def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
+    """Return the transparency error of each case by Simpson's rule, or the greatest value on the grid."""
+    wanted = problem.transparency
+    omega = np.geomspace(wanted.band.min, wanted.band.max, points)
+    Z_d, C = impedances(case, 1j * omega)
+    D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
+    square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
+    square = square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
+    if wanted.norm == "peak":
+        return np.sqrt(square.max(axis=-1))
+    simpson = np.full(points, 2.0)
+    simpson[1::2] = 4.0
+    simpson[[0, -1]] = 1.0
+    return np.sqrt(square @ (simpson / simpson.sum()))
+
+
+def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:
+    """Return the log of how much one case misses the demand on Re Z_c/R or |S| that it misses most; 0 if it meets both.
+
+    Looked at are dense grids, and extra frequencies, rad/s, that someone has pointed at.
+    """
+    device, stability, nyquist = problem.device, problem.stability, pi / problem.device.sample_time
     middle = [problem.transparency.band.min, problem.transparency.band.max, nyquist]
     low = stability.band.min or ENDLESS * min(middle)
     high = stability.band.max if stability.band.max < inf else max(middle) / ENDLESS
     noted = np.array([w for w in extra if 0 < w < inf])
     inside = noted[(noted >= low) & (noted <= high)]
-    omega = np.concatenate((np.geomspace(low, high, POINTS), inside))
-    R = required(*impedances(device, gains.velocity, gains.position, omega))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        short = float(np.max(stability.safety_factor * R / coupling_impedance(coupling, omega).real))
-    ringing = min(np.sqrt(gains.position / device.mass), nyquist) or nyquist
+    ratio = float(stability_ratio(case, np.concatenate((np.geomspace(low, high, POINTS), inside))).min())
+    short = stability.safety_factor / ratio if ratio > 0 else inf
+    ringing = min(float(np.sqrt(case.K_p / device.mass)), nyquist) or nyquist
     bottom = min(1e-4 * nyquist, 0.1 * ringing, problem.transparency.band.min, low)
     nearby = ringing * np.geomspace(0.25, 1.0, POINTS), np.minimum(ringing * np.geomspace(1.0, 4.0, POINTS), nyquist)
     omega = np.concatenate((np.geomspace(bottom, nyquist, POINTS), *nearby, noted[noted <= nyquist]))
-    loud = float(np.max(sensitivity(device, gains, omega))) / stability.max_sensitivity
+    loud = float(sensitivity(case, omega).max()) / stability.max_sensitivity
     return float(np.log(max(short, loud, 1.0)))
-
-
-def error(problem: Problem, gains: Gains, coupling: Coupling) -> float:
-    """Return the transparency error (DESIGN 1.8) by Simpson's rule, or the greatest value on the grid."""
-    wanted = problem.transparency
-    omega = np.geomspace(wanted.band.min, wanted.band.max, POINTS)
-    Z_d, C = impedances(problem.device, gains.velocity, gains.position, omega)
-    D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
-    square = (weights.admittance * Z_0 * np.abs(1 / D)) ** 2 + (weights.tracking * np.abs(1 - C / D)) ** 2
-    square = square + (weights.coupling * np.abs(coupling_impedance(coupling, omega)) / Z_0) ** 2
-    if wanted.norm == "peak":
-        return float(np.sqrt(square.max()))
-    simpson = np.full(POINTS, 2.0)
-    simpson[1::2] = 4.0
-    simpson[[0, -1]] = 1.0
-    return float(np.sqrt(np.average(square, weights=simpson)))
-
-
-def spectral_radius(device: Device, gains: Gains) -> float:
-    """Return the spectral radius of the sampled loop (DESIGN 1.7) from its companion matrix."""
-    return float(np.abs(np.linalg.eigvals(loop_matrix(device, gains, order_of(gains)))).max())
-
-
-def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
-    """Return |S| of the sampled loop at omega > 0: product of z less each pole with the loop open over those closed."""
-    z = np.exp(1j * omega * device.sample_time)
-    unit = Gains(0.0, 0.0), gains
-    opened, closed = (np.linalg.eigvals(loop_matrix(device, law, order_of(gains))) for law in unit)
-    S = np.ones(z.shape)
-    for free, bound in zip(opened, closed, strict=True):
-        S *= np.abs((z - free) / (z - bound))
-    return S
-
-
-def order_of(gains: Gains) -> int:
-    """Return how many of v and x are in the loop."""
-    return 2 if gains.position > 0 else 1
-
-
-def loop_matrix(device: Device, gains: Gains, order: int) -> Floats:
-    """Return the matrix that takes v, x and the forces on their way from one sample to the next.
-
-    A force that is told at a sample acts `whole` samples and `late` seconds afterwards. Without K_p there is no x.
-    """
-    T, delay = device.sample_time, device.delay
-    whole = floor(delay / T + 1e-9)
-    late = max(delay - whole * T, 0.0)
-    A, held = _sampled(device, T, order)
-    _, newest = _sampled(device, T - late, order)
-    size = order + whole + 1
-    loop = np.zeros((size, size))
-    law = np.zeros(size)
-    law[:order] = [-gains.velocity, -gains.position][:order]
-    told = [law, *np.eye(size)[order:]]  # the force that is told now, the one a sample ago, ...
-    loop[:order, :order] = A
-    loop[:order] += np.outer(newest, told[whole]) + np.outer(held - newest, told[whole + 1])
-    loop[order:] = told[: whole + 1]
-    return loop
-
-
-def _sampled(device: Device, t: float, order: int) -> tuple[Floats, Floats]:
-    """Return the motion over t: its matrix and what a constant unit force adds to it."""
-    rates = np.zeros((order + 1, order + 1))
-    rates[0, 0], rates[0, order] = -device.damping / device.mass, 1 / device.mass
-    if order == 2:
-        rates[1, 0] = 1.0
-    whole = _exponential(rates * t)
-    return whole[:order, :order], whole[:order, order]
-
-
-def _exponential(A: Floats) -> Floats:
-    """Return e^A by scaling, Taylor's series and squaring."""
-    norm = float(np.abs(A).sum(axis=1).max())
-    halvings = max(0, ceil(log2(norm)) + 4) if norm > 0 else 0
-    scaled = A / 2.0**halvings
-    term = total = np.eye(len(A))
-    for k in range(1, 16):
-        term = term @ scaled / k
-        total = total + term
-    for _ in range(halvings):
-        total = total @ total
-    return total

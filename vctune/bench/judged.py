@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf
 
-from vctune.bench.evaluator import opinion
+from vctune.bench import evaluator
 from vctune.design.judge import Status, judge
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 AGREEMENT = 1e-6
@@ -21,8 +21,8 @@ class Worth:
     Attributes
     ----------
     error : transparency error, by the independent evaluator
-    violation : by how much the demands are exceeded at the worst, relative; also where the prover pointed
-    stable : whether the sampled loop is stable, by the eigenvalues of its companion matrix
+    violation : by how much the demands are missed at the worst, relative; also where the prover pointed
+    stable : whether the sampled loop is stable, by its eigenvalues
     verdict : the prover's
     consistent : whether prover and evaluator do not contradict each other
     """
@@ -38,8 +38,10 @@ def worth(problem: Problem, gains: Gains, coupling: Coupling) -> Worth:
     """Judge an answer twice."""
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]
-    seen = opinion(problem, gains, coupling, [*witnesses, judged.worst, judged.worst_sensitivity])
+    case = evaluator.case_of(problem.device, gains, coupling)
+    error, stable = float(evaluator.error(problem, case)), evaluator.spectral_radius(case) < 1
+    violation = evaluator.violation(problem, case, [*witnesses, judged.worst, judged.worst_sensitivity])
     verdict = judged.status
-    same = abs(judged.transparency.error - seen.error) <= AGREEMENT * seen.error or not seen.error < inf
-    sound = verdict is not Status.CERTIFIED or (seen.violation == 0 and seen.stable)
-    return Worth(seen.error, seen.violation, seen.stable, verdict, same and sound)
+    same = abs(judged.transparency.error - error) <= AGREEMENT * error or not error < inf
+    sound = verdict is not Status.CERTIFIED or (violation == 0 and stable)
+    return Worth(error, violation, stable, verdict, same and sound)

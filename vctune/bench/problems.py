@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.document.problem import Problem
 from vctune.document.reading import pose
+from vctune.model.problem import Problem
 
 WHEEL = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}
 LIMITS = {"velocity": {"min": 0.1, "max": 1000.0}, "position": {"min": 0.0, "max": 1e5}}
@@ -25,12 +25,12 @@ def _wheel(gains: dict[str, Any], edge: float, **device: Any) -> dict[str, Any]:
 
 
 DOCUMENTS: dict[str, dict[str, Any]] = {
-    "friction-wheel": _wheel(PAPER, 100.0),
     "two-basins": {
         **_wheel(LIMITS, 30.0, mass=0.8, damping=1.5, delay=1e-3),
         "transparency": {**FELT, "band_hz": [0.5, 20.0]},
         "stability": {"band_hz": [0.2, 30.0]},
     },
+    "friction-wheel": _wheel(PAPER, 100.0),
     "fast-sampling": _wheel(LIMITS, 120.0, mass=0.3, damping=0.4, sample_time=5e-4, delay=1e-4),
     "desktop": {"device": {"mass": 0.05, "damping": 0.2, "sample_time": 2.5e-4}},
     "friction-wheel-paper": _wheel(PAPER, 100.0, hold="lag"),
@@ -45,7 +45,7 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),
 }
-"""As problem files would state them, by name, the most telling first."""
+"""As problem files would state them, by name; the first has two basins and demands that bind between frequencies."""
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:

@@ -7,7 +7,8 @@ import signal
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from math import inf, nan, pi
 from statistics import median
 from time import process_time
@@ -15,15 +16,14 @@ from types import FrameType
 
 import numpy as np
 
-from vctune.analysis.demands import error_terms, sampled_span, stability_ratio
-from vctune.bench.benchmark import Measured, Size, Tick
+from vctune.analysis import demands
+from vctune.bench.benchmark import Measured, Tick
 from vctune.bench.devices import device
-from vctune.bench.evaluator import coupling_impedance, impedances, opinion, required, sensitivity, spectral_radius
+from vctune.bench.evaluator import case_of, cases, sensitivity, spectral_radius, stability_ratio, violation
 from vctune.bench.peers import need
 from vctune.design.judge import Judgement
 from vctune.design.solve import solve
-from vctune.document.problem import Problem, Range
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.problem import Problem, Range
 from vctune.report.benchmarks import Panel, Series
 from vctune.study.executors import available_cores, crew_of
 
@@ -46,8 +46,8 @@ class Row:
     status : certified, infeasible, undecided, or failed: an exception, a number that is none, no answer in time
     seconds : processor time of the solve
     wrong : what contradicts the verdict, "" if nothing does
-    float_error : largest relative error of the float formulas against 50 digits, over ratio, |G_hh|, |S|, |Z_c|; nan
-        where no design was found
+    float_error : largest relative error of the float formulas against 50 digits, over Re Z_c/R, |G_hh|, |1 - G_he| and
+        |Z_c|; nan where no design was found
     reason, device : what is said of a device without an answer or with a wrong one, and its numbers; else ""
     """
 
@@ -60,20 +60,20 @@ class Row:
     device: str
 
 
-def measure(size: Size, tick: Tick) -> Measured:
+def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     """Solve and check random devices."""
     need("mpmath")
-    count = QUICK if size.quick else FULL
+    count = QUICK if quick else FULL
     rows = []
     with crew_of("processes", available_cores()) as crew:
-        for future in [crew.executor.submit(examined, size.seed, number) for number in range(count)]:
+        for future in [crew.executor.submit(examined, seed, number) for number in range(count)]:
             rows.append(future.result())
             tick(f"{len(rows)} of {count} devices")
     return Measured(
         "Devices over ten decades",
         "Left: how long each device took, by what became of it. Right: the largest relative error of the double "
         "precision formulas at the frequencies that were checked with 50 digits.",
-        {"stress": rows},
+        rows,
         facts(rows),
         panels(rows),
     )
@@ -123,29 +123,35 @@ def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
     """Return what 50 digits say against a certified design, "" if nothing, and the floats' largest relative error."""
     from vctune.bench import digits
 
-    device, gains, coupling = problem.device, judgement.gains, judgement.coupling
-    impedance = problem.transparency.reference_impedance
+    case = case_of(problem.device, judgement.gains, judgement.coupling)
     factor, faults = problem.stability.safety_factor, []
-    inside = [*np.geomspace(*sampled_span(problem), FREQUENCIES), judgement.worst]
+    inside = [*np.geomspace(*demands.sampled_span(problem), FREQUENCIES), judgement.worst]
     below = [*np.geomspace(1e-3 * problem.nyquist, problem.nyquist, FREQUENCIES), judgement.worst_sensitivity]
     largest = 0.0
     for omega in (w for w in {*map(float, inside), *map(float, below)} if 0 < w < inf):
-        true = digits.exact(device, gains, coupling, omega)
-        at = np.array([omega])
-        terms = error_terms(problem, gains, coupling, at)
-        floats = [(float(np.sqrt(terms.admittance[0])) / impedance, true.admittance)]
-        floats += [(float(np.sqrt(terms.tracking[0])), true.tracking)]
-        floats += [(float(np.sqrt(terms.coupling[0])) * impedance, true.coupling)]
-        if omega in inside and true.conductance > 0:
-            floats.append((float(stability_ratio(device, gains, coupling, at)[0]), true.ratio))
-        largest = max([largest, *(float(abs(x - y) / abs(y)) for x, y in floats if y and np.isfinite(x))])
-        if omega in inside and not (true.conductance > 0 and true.ratio >= factor):
+        true = digits.exact(case, omega)
+        floats = _floats(problem, judgement, omega)
+        defined = omega in inside and true.resistance > 0
+        pairs = zip(floats, (true.admittance, true.tracking, true.coupling, true.ratio if defined else 0), strict=True)
+        largest = max([largest, *(float(abs(x - y) / abs(y)) for x, y in pairs if y and np.isfinite(x))])
+        if omega in inside and not (true.resistance > 0 and true.ratio >= factor):
             faults.append(f"Re Z_c/R is {float(true.ratio):.9g} at {omega / (2 * pi):.6g} Hz")
-        if omega in below and omega <= problem.nyquist and true.sensitivity > problem.stability.max_sensitivity:
-            faults.append(f"|S| is {float(true.sensitivity):.9g} at {omega / (2 * pi):.6g} Hz")
-    if not digits.stable(device, gains):
+        if omega in below and omega <= problem.nyquist:
+            S = digits.sensitivity(case, omega)
+            if problem.stability.max_sensitivity < S:
+                faults.append(f"|S| is {float(S):.9g} at {omega / (2 * pi):.6g} Hz")
+    if not digits.stable(case):
         faults.append("a pole of the sampled loop lies outside the unit circle")
     return "; ".join(faults) if judgement.status.value == "certified" else "", largest
+
+
+def _floats(problem: Problem, judgement: Judgement, omega: float) -> tuple[float, float, float, float]:
+    """Return |G_hh|, |1 - G_he|, |Z_c| and Re Z_c/R as the float formulas give them."""
+    at, Z_0 = np.array([omega]), problem.transparency.reference_impedance
+    terms = demands.error_terms(problem, judgement.gains, judgement.coupling, at)
+    admittance, tracking, coupling = (float(np.sqrt(x[0])) for x in (terms.admittance, terms.tracking, terms.coupling))
+    ratio = demands.stability_ratio(problem.device, judgement.gains, judgement.coupling, at)
+    return admittance / Z_0, tracking, coupling * Z_0, float(ratio[0])
 
 
 def feasible(problem: Problem) -> str | None:
@@ -153,28 +159,20 @@ def feasible(problem: Problem) -> str | None:
 
     m_c and b_0 are at their upper bounds, which ease the demands; b_c is scanned.
     """
-    device, bounds, stability = problem.device, problem.bounds, problem.stability
-    omega = np.geomspace(*sampled_span(problem), SCAN_FREQUENCIES)
+    bounds, stability = problem.bounds, problem.stability
+    omega = np.geomspace(*demands.sampled_span(problem), SCAN_FREQUENCIES)
     below = np.geomspace(1e-3 * problem.nyquist, problem.nyquist, SCAN_FREQUENCIES)
-    m_c, b_0 = bounds.mass.max, bounds.drag.max
-    couplings = [Coupling(b_c, m_c, b_0) for b_c in _spread(bounds.damping, SCAN_DAMPING)]
-    offered = np.array([coupling_impedance(coupling, omega).real for coupling in couplings])
-    for gains in _loops(problem):
-        if sensitivity(device, gains, below).max() > stability.max_sensitivity:
+    b_c = np.array(_spread(bounds.damping, SCAN_DAMPING))
+    for K_v, K_p in product(_spread(bounds.velocity, SCAN_GAINS), _spread(bounds.position, SCAN_GAINS)):
+        loop = cases(problem.device, (K_v, K_p, 1.0, bounds.mass.max, bounds.drag.max))
+        if sensitivity(loop, below).max() > stability.max_sensitivity:
             continue
-        needed = stability.safety_factor * required(*impedances(device, gains.velocity, gains.position, omega))
-        enough = (offered >= needed).all(axis=1)
-        if enough.any() and spectral_radius(device, gains) < 1 - 1e-9:
-            coupling = couplings[int(np.argmax(enough))]
-            if opinion(problem, gains, coupling).violation == 0:  # the scan's frequencies are few
-                return f"{gains} with {coupling}"
+        enough = (stability_ratio(replace(loop, b_c=b_c), omega) >= stability.safety_factor).all(axis=1)
+        if enough.any() and spectral_radius(loop) < 1 - 1e-9:
+            found = replace(loop, b_c=float(b_c[np.argmax(enough)]))
+            if violation(problem, found) == 0:  # the scan's frequencies are few
+                return f"{found}"
     return None
-
-
-def _loops(problem: Problem) -> Iterator[Gains]:
-    for K_v in _spread(problem.bounds.velocity, SCAN_GAINS):
-        for K_p in _spread(problem.bounds.position, SCAN_GAINS):
-            yield Gains(K_v, K_p)
 
 
 def _spread(bounds: Range, count: int) -> list[float]:

@@ -1,31 +1,15 @@
-"""Time on a machine that others use too: processor time, the middle of repeats, ratios within pairs."""
+"""Time on a machine that others use too: processor time, the middle of repeats."""
 
 from __future__ import annotations
 
 import os
 import platform
 from collections.abc import Callable
-from dataclasses import dataclass
 from statistics import median
 from time import process_time
 from typing import TypeVar
 
 Made = TypeVar("Made")
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """How two pieces of work compare when they take turns.
-
-    Attributes
-    ----------
-    first, second : median processor time of each, s
-    ratio : median of second/first over the pairs
-    """
-
-    first: float
-    second: float
-    ratio: float
 
 
 def machine() -> str:
@@ -50,23 +34,3 @@ def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
         made = work()
         seconds.append(process_time() - began)
     return made, median(seconds)
-
-
-def paired(first: Callable[[], object], second: Callable[[], object], pairs: int) -> Pace:
-    """Let two pieces of work take turns, each once unmeasured before."""
-    first()
-    second()
-    times = []
-    for turn in range(pairs):
-        order = (first, second) if turn % 2 == 0 else (second, first)
-        took = {work: timed(work)[1] for work in order}
-        times.append((took[first], took[second]))
-    ratio = median(b / max(a, 1e-9) for a, b in times)
-    return Pace(median(a for a, _ in times), median(b for _, b in times), ratio)
-
-
-def slope(sizes: list[float], costs: list[float]) -> float:
-    """Return the exponent p of cost ~ size^p by least squares on logarithmic axes."""
-    import numpy as np
-
-    return float(np.polyfit(np.log(sizes), np.log(costs), 1)[0])

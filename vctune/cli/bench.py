@@ -10,11 +10,8 @@ from typing import Any
 import click
 
 ABOUT = {
-    "sampling": "Fixed grids of frequencies against the exchange.",
-    "solvers": "vctune against other solvers.",
-    "stress": "Thousands of devices over ten decades.",
-    "scaling": "How cost grows, and where the time goes.",
-    "scene": "What leaving out is worth.",
+    "solvers": "vctune against other solvers and fixed grids: error against run time.",
+    "stress": "Thousands of devices over ten decades, every verdict checked.",
 }
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -23,7 +20,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def bench() -> None:
     """Measure vctune against its peers and at the extremes; results go to OUT/, as CSV, picture and page.
 
-    Peers come with pip install 'vctune[bench]'; GNU Octave is used where it is on PATH.
+    Peers come with pip install 'vctune[bench]'.
     """
 
 
@@ -47,8 +44,7 @@ for _name in ABOUT:
 def _run(name: str, quick: bool, seed: int, out: Path) -> int:
     for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
         os.environ[variable] = "1"
-    from vctune.bench.benchmark import Size
-    from vctune.bench.files import write_measured
+    from vctune.bench.benchmark import write_measured
     from vctune.bench.timing import machine
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
@@ -59,7 +55,7 @@ def _run(name: str, quick: bool, seed: int, out: Path) -> int:
     where, size = machine(), "quick" if quick else "full"
     command = f"vctune bench {name} --{size} --seed {seed}"
     with progress_on_stderr(command, shown=True) as progress:
-        measured = import_module(f"vctune.bench.{name}").measure(Size(quick, seed), progress)
+        measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
         write_measured(out, name, measured, command, where)
     emit("\n".join([measured.title, where, *measured.facts, f"written to {out}"]))
     return ExitCode.OK

@@ -1,4 +1,6 @@
-"""How much better any design could be: a lower bound on the error of all of them, by branch and bound (DESIGN 1.9).
+"""How much better any design could be: a lower bound on the error of all of them, by branch and bound.
+
+See design/README.md, section 10.
 
 Boxes of (K_v, K_p, tau_c, b_0) are halved, the most promising first, and fall when even their lower bound is within
 the gap of the best design known, when no design in them meets the demands, or when their loops are unstable.
@@ -14,13 +16,13 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.analysis.demands import ratio_minima, sampled_span, sensitivity_maxima, slowest_resonance
+from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
-from vctune.design.cases import cases_of
 from vctune.design.judge import Judgement
 from vctune.design.leaves import Leaves, Unfinished, joined, root
-from vctune.document.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.design.prepared import Posed
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import floors, least_coupling
 from vctune.proof.quadratics import Boxes
@@ -113,7 +115,7 @@ class _Search:
 
 
 def bound(
-    problem: Problem,
+    posed: Posed,
     best: Judgement | None,
     improve: Improve,
     *,
@@ -131,7 +133,7 @@ def bound(
 
     Parameters
     ----------
-    problem : one that leaves something free
+    posed : a problem in SI units that leaves something free
     best : the best design known; None if none is
     improve : looks for a design with a lower error near given gains
     gap : stop when the incumbent's error is at most 1 + gap times the bound
@@ -141,12 +143,12 @@ def bound(
     stopped : whether to give up now
     progress : told where the search stands, every round
     """
-    axes = axes_of(problem)
+    axes = axes_of(posed.problem)
     incumbent = best.error if best else inf
     leaves, fallen, boxes = root(axes), inf, 0
     if rest is not None and rest.fallen >= incumbent / (1 + gap):
         leaves, fallen, boxes = rest.leaves, rest.fallen, rest.boxes
-    search = _Search(_relaxed(problem, best), incumbent, None, fallen, boxes, [])
+    search = _Search(_relaxed(posed, best), incumbent, None, fallen, boxes, [])
     rounds, ready = 0, perf_counter()
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
@@ -157,24 +159,29 @@ def bound(
             if not len(leaves.bound) or search.boxes > most_boxes or late or stopped():
                 break
             if rounds % LOOK_EVERY == 0:
-                _look(problem, search, leaves, improve)
-            leaves = _halved(problem, axes, search, leaves, pool)
+                _look(posed, search, leaves, improve)
+            leaves = _halved(posed, axes, search, leaves, pool)
             rounds += 1
     last, proved = search.history[-1], not len(leaves.bound)
     rest = Unfinished(leaves, search.fallen, search.boxes)
     return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, rest)
 
 
-def _relaxed(problem: Problem, best: Judgement | None) -> Relaxation:
+def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
-    omega = [np.geomspace(*sampled_span(problem), FREQUENCIES)]
+    problem, omega = posed.problem, [np.geomspace(*posed.span, FREQUENCIES)]
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
     omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
     if best is not None:
-        for case in cases_of(problem):
+        for case in posed.cases:
             omega.append(ratio_minima(case, best.gains, best.coupling).omega)
             omega_S.append(sensitivity_maxima(case, best.gains).omega)
-    return relaxation(problem, np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S)), PLACES)
+    first, first_S = np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S))
+    return relaxation(problem, _devices(posed.cases), _devices(posed.objective), first, first_S, PLACES)
+
+
+def _devices(cases: tuple[Problem, ...]) -> list[Device]:
+    return [case.device for case in cases]
 
 
 def _pruned(leaves: Leaves, search: _Search, gap: float) -> Leaves:
@@ -189,9 +196,7 @@ def _glance(search: _Search, leaves: Leaves) -> Glance:
     return Glance(search.boxes, reached, search.incumbent, len(leaves.bound))
 
 
-def _halved(
-    problem: Problem, axes: tuple[Axis, ...], search: _Search, leaves: Leaves, pool: ThreadPoolExecutor
-) -> Leaves:
+def _halved(posed: Posed, axes: tuple[Axis, ...], search: _Search, leaves: Leaves, pool: ThreadPoolExecutor) -> Leaves:
     """Halve the most promising boxes, each along the axis that raises the lower bound most.
 
     While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
@@ -201,7 +206,7 @@ def _halved(
     parents, rest = leaves.taken(chosen), leaves.taken(~chosen)
     free = [index for index, axis in enumerate(axes) if axis.low < axis.high]
     halves = [
-        flattened(problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
+        flattened(posed.problem, half) for index in free for half in halved(axes[index], index, parents.boxes)
     ]  # two for each of the free axes
     found = list(pool.map(lambda boxes: floors(search.relaxed, boxes), halves))
     search.boxes += len(found) * len(parents.bound)
@@ -218,43 +223,43 @@ def _halved(
         for k, (half, bounds) in enumerate(zip(halves, least, strict=True))
     ]
     turned = np.concatenate([np.full(len(child.bound), free[k // 2] < 2) for k, child in enumerate(children)])
-    young = _checked(problem, search, joined(children), turned)
+    young = _checked(posed, search, joined(children), turned)
     return joined([rest, young])
 
 
-def _checked(problem: Problem, search: _Search, young: Leaves, turned: Flags) -> Leaves:
+def _checked(posed: Posed, search: _Search, young: Leaves, turned: Flags) -> Leaves:
     """Let fall the boxes whose loops have just become provably unstable, and mark those that are all stable."""
     at = np.flatnonzero(turned & ~young.settled & (young.bound < search.incumbent))
     if not len(at):
         return young
-    stable, unstable = settled(problem, young.boxes.taken(at))
+    stable, unstable = settled(posed, young.boxes.taken(at))
     young.settled[at] = stable
     young.bound[at[unstable]] = inf
     return young
 
 
-def _look(problem: Problem, search: _Search, leaves: Leaves, improve: Improve) -> None:
+def _look(posed: Posed, search: _Search, leaves: Leaves, improve: Improve) -> None:
     """Look at the middle of the most promising box: which demands does it break, and is there a better design?"""
-    axes, first = axes_of(problem), int(np.argmin(leaves.bound))
+    axes, first = axes_of(posed.problem), int(np.argmin(leaves.bound))
     low, high = leaves.boxes.low[:, [first]], leaves.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[i], high[i]) for i, axis in enumerate(axes)])
-    bounds = problem.bounds
+    bounds = posed.problem.bounds
     least = least_coupling(search.relaxed, Boxes(middle, middle))
     b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(value[0]) for value in middle)
     K_p = 0.0 if high[1, 0] <= axes[1].scale else K_p
-    _know_more(problem, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
+    _know_more(posed, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     found = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if found is not None:
         search.improved, search.incumbent = found, found.error
 
 
-def _know_more(problem: Problem, search: _Search, gains: Gains, coupling: Coupling) -> None:
+def _know_more(posed: Posed, search: _Search, gains: Gains, coupling: Coupling) -> None:
     """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
-    relaxed, stability = search.relaxed, problem.stability
+    relaxed, stability = search.relaxed, posed.problem.stability
     known, known_S = np.unique(relaxed.demand.omega), relaxed.omega_S
     more, more_S = known, known_S
-    for case in cases_of(problem):
+    for case in posed.cases:
         ratio, peaks = ratio_minima(case, gains, coupling), sensitivity_maxima(case, gains)
         more = np.union1d(more, ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)])
         more_S = np.union1d(more_S, peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)])

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.cases import cases_of
-from vctune.design.judge import demands_of
+from vctune.design.prepared import Posed
 from vctune.design.variables import coordinates
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator
@@ -77,7 +76,7 @@ def flattened(problem: Problem, boxes: Boxes) -> Boxes:
     return Boxes(boxes.low, high)
 
 
-def settled(problem: Problem, boxes: Boxes) -> tuple[Flags, Flags]:
+def settled(posed: Posed, boxes: Boxes) -> tuple[Flags, Flags]:
     """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
 
     A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
@@ -85,24 +84,25 @@ def settled(problem: Problem, boxes: Boxes) -> tuple[Flags, Flags]:
     corners = np.concatenate((boxes.low[:2], boxes.high[:2]))
     rectangles, place = np.unique(corners, axis=1, return_inverse=True)
     low, high = rectangles[:2], rectangles[2:]
-    stable, unstable = _settled(problem, low, high)
+    stable, unstable = _settled(posed, low, high)
     face = (low[1] == 0) & (high[1] > 0)
     if face.any():
         flat = high[:, face] * np.array([[1.0], [0.0]])
-        as_well = _settled(problem, low[:, face], flat)
+        as_well = _settled(posed, low[:, face], flat)
         stable[face] &= as_well[0]
         unstable[face] &= as_well[1]
     place = place.ravel()
     return stable[place], unstable[place]
 
 
-def _settled(problem: Problem, low: Floats, high: Floats) -> tuple[Flags, Flags]:
+def _settled(posed: Posed, low: Floats, high: Floats) -> tuple[Flags, Flags]:
     count = low.shape[1]
     cells = Cells(*(np.concatenate((edge, np.ones((3, count)))) for edge in (low, high)))
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for at in by_law(cells):
         part = cells.taken(at)
-        number = np.concatenate([encirclements(demands_of(case), part).number for case in cases_of(problem)])
+        demands = [replace(posed.demands, device=case.device) for case in posed.cases]
+        number = np.concatenate([encirclements(each, part).number for each in demands])
         stable[at] = (number == 0).all(axis=0)
         unstable[at] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable

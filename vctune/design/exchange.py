@@ -1,4 +1,4 @@
-"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, DESIGN 1.9).
+"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, design/README.md, section 6).
 
 Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
 stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
@@ -11,18 +11,17 @@ from math import exp, inf
 
 import numpy as np
 
-from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import clearly_stable, stability_cut
-from vctune.design.cases import cases_of, error_of, with_device
-from vctune.design.ipopt import NEAR_SIDE, posed, solve
+from vctune.design.ipopt import NEAR_SIDE, numbers_of, solve
+from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
 from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.violations import Violations, least_resistance, near_peak, violations
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
@@ -49,7 +48,7 @@ tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which bas
 
 
 def polish(
-    problem: Problem,
+    posed: Posed,
     start: Start,
     seen: ScanResult,
     *,
@@ -61,26 +60,26 @@ def polish(
 
     Parameters
     ----------
-    problem : dimensionless
+    posed : dimensionless
     start : from the scan
     seen : what the scan saw, which decides which demands the NLP begins with
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
     witnesses : places that a proof has refuted, to begin with
     """
-    witnesses, cases = witnesses or WorkingSet(), list(cases_of(problem))
+    witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     refuted = dict.fromkeys(place.device for place in (*witnesses.ratio, *witnesses.sensitivity))
     known = {case.device for case in cases}
-    cases += [with_device(problem, device) for device in refuted if device not in known]
-    reference = _pulled_in(problem, cases, start)
+    cases += [with_device(posed.problem, device) for device in refuted if device not in known]
+    reference = _pulled_in(posed.problem, cases, start)
     if reference is None:
         return None
-    frequencies = _first_frequencies(problem, start, seen)
+    frequencies = _first_frequencies(posed, start, seen)
     _join(frequencies, Violations(witnesses.ratio, witnesses.sensitivity))
     _follow(frequencies, near_peak(cases, design_of(reference)[0]))
     search = _Search(start, cases, tightening, incumbent, frequencies, reference, reference, reference)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
-        _step(problem, search)
+        _step(posed, search)
     return search.best
 
 
@@ -115,14 +114,14 @@ class _Search:
     finished: bool = False
 
 
-def _step(problem: Problem, search: _Search) -> None:
+def _step(posed: Posed, search: _Search) -> None:
     """Solve one NLP, see what its answer is worth, and prepare the next."""
-    frequencies, integrator = search.frequencies, search.start.gains.position > 0
+    problem, frequencies, integrator = posed.problem, search.frequencies, search.start.gains.position > 0
     tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
     free = coordinates(problem, integrator=integrator)
-    shape = shape_of(problem, free, frequencies, search.panels, integrator=integrator)
+    shape = shape_of(posed, free, frequencies, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
-    solution = solve(shape, posed(problem, shape, free, search.warm, box, frequencies, search.tightening))
+    solution = solve(shape, numbers_of(posed, shape, free, search.warm, box, frequencies, search.tightening))
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
     unstable = next((case for case in search.cases if not _stable(case, gains)), None)
@@ -130,7 +129,7 @@ def _step(problem: Problem, search: _Search) -> None:
     search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
-    demands = violations(problem, search.cases, values, search.tightening)
+    demands = violations(posed, search.cases, values, search.tightening)
     search.rounds.append(Round(sum(frequencies.sizes()), solution))
     if unstable is not None:
         if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
@@ -142,8 +141,8 @@ def _step(problem: Problem, search: _Search) -> None:
     joined, admissible = _join(frequencies, demands), demands.positive and demands.greatest == 0
     uphill = False
     if admissible:
-        error = error_of(problem, *design_of(values))
-        _look_at_start(problem, search, error)
+        error = posed.error(*design_of(values))
+        _look_at_start(posed, search, error)
         uphill = error > (1 + UPHILL) * search.known_error
         _know(search, values, error)
         found = Polished(search.start, values, error, shape, asked, solution, search.rounds)
@@ -158,7 +157,7 @@ def _step(problem: Problem, search: _Search) -> None:
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
-def _look_at_start(problem: Problem, search: _Search, error: float) -> None:
+def _look_at_start(posed: Posed, search: _Search, error: float) -> None:
     """Get to know the start, its coupling raised by what it lacks, if it may be better than an admissible answer.
 
     IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
@@ -166,15 +165,15 @@ def _look_at_start(problem: Problem, search: _Search, error: float) -> None:
     if search.looked or not (1 + UPHILL) * search.start.error < error:
         return
     search.looked = True
-    gains, coupling, bounds = search.start.gains, search.start.coupling, problem.bounds
-    demands = violations(problem, search.cases, point(gains, coupling), search.tightening)
+    gains, coupling, bounds = search.start.gains, search.start.coupling, posed.problem.bounds
+    demands = violations(posed, search.cases, point(gains, coupling), search.tightening)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
     raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
     bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
     bounded = bounded and raised.drag <= bounds.drag.max
     stable = all(_stable(case, gains) for case in search.cases)
     if stable and demands.positive and not demands.sensitivity and bounded:
-        _know(search, point(gains, raised), error_of(problem, gains, raised))
+        _know(search, point(gains, raised), posed.error(gains, raised))
 
 
 def _know(search: _Search, values: Point, error: float) -> None:
@@ -214,10 +213,9 @@ def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     return stable
 
 
-def _first_frequencies(problem: Problem, start: Start, seen: ScanResult) -> WorkingSet:
+def _first_frequencies(posed: Posed, start: Start, seen: ScanResult) -> WorkingSet:
     """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
-    low, high = sampled_span(problem)
-    coarse = np.geomspace(low, high, FIRST_FREQUENCIES)
+    problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.bounds.velocity.max > 0 or start.gains.position > 0:
         first.ratio.extend(places(problem.device, coarse))

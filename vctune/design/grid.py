@@ -19,16 +19,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.analysis.demands import sampled_span
 from vctune.analysis.extrema import Floats
-from vctune.design.cases import counted_of
 from vctune.design.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
+from vctune.design.prepared import Posed
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed
-from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
@@ -109,10 +108,10 @@ class Scores:
 
 
 @lru_cache(maxsize=4)
-def axes(problem: Problem, *, integral: bool) -> Axes:
+def axes(posed: Posed, *, integral: bool) -> Axes:
     """Return the coarse grid of a problem with or without an integrator."""
+    problem, (low, high) = posed.problem, posed.span
     device, bounds = problem.device, problem.bounds
-    low, high = sampled_span(problem)
     loop_impedance = device.mass / device.lag + device.damping
     corner = np.array([0.0])
     if integral and bounds.position.fixed:
@@ -178,16 +177,16 @@ def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, Lo
     return _scores(problem, samples, gains, bands, loops, at), loops
 
 
-def least_errors(problem: Problem, gains: Gains) -> Floats:
+def least_errors(posed: Posed, gains: Gains) -> Floats:
     """Return the least error of any admissible coupling, inf where there is none.
 
     Parameters
     ----------
-    problem : dimensionless
+    posed : dimensionless
     gains : K_v and K_p, arrays of two dimensions
     """
-    samples = samples_of(problem, integrator=bool(np.any(gains.position)))
-    at, bands = axes(problem, integral=samples.integrator), responses(samples, gains)
+    problem, samples = posed.problem, samples_of(posed, integrator=bool(np.any(gains.position)))
+    at, bands = axes(posed, integral=samples.integrator), responses(samples, gains)
     loops = loop_feasibility(problem, samples, gains, bands)
     least: Floats = _scores(problem, samples, gains, bands, loops, at).error.min(axis=(2, 3))
     return least
@@ -231,7 +230,7 @@ def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse]
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages, weights = samples.averages, problem.transparency.weights
-    counted = samples.everywhere[: len(counted_of(problem))]
+    counted = samples.everywhere[: samples.objective]
     loops = [there.nodes.response(there.device, spread(gains)) for there in counted]
     error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2

@@ -9,8 +9,10 @@ import numpy as np
 
 from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
+from vctune.design.prepared import Prepared
 from vctune.design.scan import ScanResult
-from vctune.document.problem import Problem
+from vctune.design.variables import design_of, point
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.sampled_loop import spectral_radius
 
@@ -40,12 +42,12 @@ class Infeasibility:
         return f"{self.cause}; {self.advice}"
 
 
-def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult, *, proved: bool) -> Infeasibility:
+def nearest_miss(prepared: Prepared, seen: ScanResult, *, proved: bool) -> Infeasibility:
     """Describe how the scanned point that fails least fails.
 
     Parameters
     ----------
-    problem, scaled : in SI and in dimensionless units
+    prepared : the problem
     seen : the scan's result
     proved : whether every box of gains has been searched in vain
     """
@@ -53,11 +55,9 @@ def nearest_miss(problem: Problem, scaled: Problem, seen: ScanResult, *, proved:
     if not seen.starts:
         return Infeasibility(opening, "widen the bounds", proved)
     start = seen.starts[0]
-    Z, T = problem.transparency.reference_impedance, problem.device.sample_time
-    gains = Gains(start.gains.velocity * Z, start.gains.position * Z / T)
-    coupling = Coupling(start.coupling.damping * Z, start.coupling.mass * Z * T, start.coupling.drag * Z)
+    gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
     prefix = f"{opening}; the nearest miss has velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
-    cause, advice = _first_failure(problem, gains, coupling)
+    cause, advice = _first_failure(prepared.problem, gains, coupling)
     return Infeasibility(prefix + cause, advice, proved)
 
 

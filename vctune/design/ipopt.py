@@ -10,15 +10,15 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
-from vctune.design.cases import counted_of
 from vctune.design.nlp import COLUMN, PULSE, compiled
+from vctune.design.prepared import Posed
 from vctune.design.result import Solution
 from vctune.design.shape import TERMS, Place, Shape, WorkingSet, stacked
 from vctune.design.variables import Coordinate, Point
-from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 
@@ -29,7 +29,7 @@ REACH = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Posed:
+class NlpNumbers:
     """The numbers of an NLP: where to start, its parameters, bounds of its variables and of its constraints."""
 
     guess: Floats
@@ -40,15 +40,15 @@ class Posed:
     most: Floats
 
 
-def posed(
-    problem: Problem,
+def numbers_of(
+    posed: Posed,
     shape: Shape,
     free: tuple[Coordinate, ...],
     start: Point,
     box: tuple[Floats, Floats],
     frequencies: WorkingSet,
     tightening: float,
-) -> Posed:
+) -> NlpNumbers:
     """Return the numbers of the NLP of a dimensionless problem on the given frequencies.
 
     Parameters
@@ -57,6 +57,7 @@ def posed(
     box : bounds of the coordinates
     tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
     """
+    problem = posed.problem
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
     y = [log(place.omega) for place in frequencies.moving]
@@ -64,11 +65,11 @@ def posed(
     if shape.epigraph:
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
     least, most = _demands(problem, shape, frequencies, tightening)
-    parameters = _parameters(problem, shape, free, start, frequencies)
-    return Posed(np.array(guess), parameters, np.array(low), np.array(high), least, most)
+    parameters = _parameters(posed, shape, free, start, frequencies)
+    return NlpNumbers(np.array(guess), parameters, np.array(low), np.array(high), least, most)
 
 
-def solve(shape: Shape, given: Posed) -> Solution:
+def solve(shape: Shape, given: NlpNumbers) -> Solution:
     """Solve the NLP of a shape with the given numbers. Ctrl-C waits for IPOPT's answer."""
     with interrupt_deferred():
         solver = compiled(shape)
@@ -91,8 +92,9 @@ def solve(shape: Shape, given: Posed) -> Solution:
 
 
 def _parameters(
-    problem: Problem, shape: Shape, free: tuple[Coordinate, ...], start: Point, frequencies: WorkingSet
+    posed: Posed, shape: Shape, free: tuple[Coordinate, ...], start: Point, frequencies: WorkingSet
 ) -> Floats:
+    problem = posed.problem
     device, weights = problem.device, problem.transparency.weights
     scales = np.zeros(5)
     for coordinate in free:
@@ -104,7 +106,7 @@ def _parameters(
     if shape.norm == "rms":
         band = problem.transparency.band
         nodes, averages = log_quadrature(band.min, band.max, shape.panels)
-        for case in counted_of(problem):
+        for case in posed.objective:
             columns = _columns(shape, case.device, nodes)
             parts.append(np.vstack((columns, averages)).ravel(order="F"))
     cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in frequencies.stability]).reshape(-1, 3).T

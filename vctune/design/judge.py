@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from math import inf, pi
-from typing import Any
 
 import numpy as np
 
@@ -16,15 +15,16 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.design.cases import cases_of, counted_of, error_of
-from vctune.document.problem import Problem
+from vctune.design.prepared import Posed, pose
+from vctune.design.worst import worst_inside
 from vctune.exits import ExitCode
+from vctune.markup import html_facts, span
+from vctune.model.frequency import hertz
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
-from vctune.proof.devices import DeviceBox, device_box
-from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Outcome, Verdict
 
 
@@ -64,7 +64,7 @@ class Judgement:
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
-    tightest : the device on which it is least, of the nominal one and the vertices of a box
+    tightest : the device on which it is least, of the nominal one and those of a box
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
@@ -84,6 +84,36 @@ class Judgement:
     def status(self) -> Status:
         """The certificate's verdict as a status."""
         return STATUS_OF[self.certificate.verdict]
+
+    @property
+    def worst_hz(self) -> float:
+        """Where Re Z_c / R is least, Hz."""
+        return hertz(self.worst)
+
+    @property
+    def worst_sensitivity_hz(self) -> float:
+        """Where |S| is greatest, Hz."""
+        return hertz(self.worst_sensitivity)
+
+    @property
+    def facts(self) -> dict[str, float | str | None]:
+        """The design and what is proved of it, by name and unit."""
+        gains, coupling = self.gains, self.coupling
+        return {
+            "K_v, N s/m": gains.velocity,
+            "K_p, N/m": gains.position,
+            "b_c, N s/m": coupling.damping,
+            "m_c, kg": coupling.mass,
+            "b_0, N s/m": coupling.drag,
+            "error": self.transparency.error,
+            "least Re Z_c / R": self.min_ratio,
+            "at, Hz": self.worst_hz,
+            "greatest |S|": self.peak_sensitivity,
+            "proved band, Hz": span(self.certificate.proved_band_hz),
+        }
+
+    def _repr_html_(self) -> str:
+        return html_facts(f"design: {self.status.value}", self.facts)
 
     @property
     def idle(self) -> bool:
@@ -117,51 +147,59 @@ def _place(outcome: Outcome) -> str:
     return f"{place} with mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
 
 
-@np.errstate(all="ignore")
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
-    """Judge given gains against a problem's demands."""
-    certificate = certify(Design(problem.device, gains, coupling), demands_of(problem), devices_of(problem))
-    return Judgement(gains, coupling, certificate=certificate, **_seen(problem, gains, coupling))
+    """Judge given gains against a problem's demands.
+
+    Parameters
+    ----------
+    problem : with every default filled in
+    gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Error, least Re Z_c / R, greatest |S| and the certificate.
+    """
+    return judge_posed(pose(problem), gains, coupling)
+
+
+@np.errstate(all="ignore")
+def judge_posed(posed: Posed, gains: Gains, coupling: Coupling) -> Judgement:
+    """Judge given gains against the demands of a problem in SI units."""
+    certificate = certify(Design(posed.problem.device, gains, coupling), posed.demands, posed.box)
+    return _judgement(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
     """Judge several designs against a problem's demands, as `judge` does, their proofs made together."""
-    posed = [Design(problem.device, *design) for design in designs]
-    certificates = certify_all(posed, demands_of(problem), devices_of(problem))
-    return [
-        Judgement(*design, certificate=certificate, **_seen(problem, *design))
-        for design, certificate in zip(designs, certificates, strict=True)
-    ]
+    posed = pose(problem)
+    certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
+    return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
 
 
-def demands_of(problem: Problem) -> Demands:
-    """Return what a design of a problem has to meet (DESIGN 1.9)."""
-    band, stability = problem.stability.band, problem.stability
-    return Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
-
-
-def devices_of(problem: Problem) -> DeviceBox | None:
-    """Return the devices on which a design has to meet the demands; None for the problem's own alone."""
-    return device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
-
-
-def _seen(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
-    """Return the parts of a judgement that double precision gives."""
-    cases = cases_of(problem)
+def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Certificate) -> Judgement:
+    """Add to a certificate what double precision gives."""
+    cases = posed.cases
     ratios = [least_ratio(case, gains, coupling) for case in cases]
     (min_ratio, worst), tightest = min(zip(ratios, (case.device for case in cases), strict=True), key=lambda at: at[0])
+    inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
+    if inside and inside[0].ratio < min_ratio:
+        min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
-    transparency = transparency_error(problem, gains, coupling)
-    return {
-        "transparency": transparency,
-        "error": error_of(problem, gains, coupling) if len(counted_of(problem)) > 1 else transparency.error,
-        "min_ratio": min_ratio,
-        "worst": worst,
-        "tightest": tightest,
-        "peak_sensitivity": float(-sensitivity.value[0]),
-        "worst_sensitivity": float(sensitivity.omega[0]),
-    }
+    transparency = transparency_error(posed.problem, gains, coupling)
+    return Judgement(
+        gains,
+        coupling,
+        transparency=transparency,
+        error=posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error,
+        min_ratio=min_ratio,
+        worst=worst,
+        tightest=tightest,
+        peak_sensitivity=float(-sensitivity.value[0]),
+        worst_sensitivity=float(sensitivity.omega[0]),
+        certificate=certificate,
+    )
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float]:

@@ -9,13 +9,16 @@ from math import inf, pi
 from typing import Any
 
 from vctune.design.variables import KEYS, NAMES
-from vctune.document.problem import Problem
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
+from vctune.model.problem import Problem
 
-STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 FROM_NOTHING = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
-"""Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0."""
+"""Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0.
+
+A gain that is changed too far fails again: up to a factor of 4 no window wider than 30 % is stepped over.
+"""
 FURTHEST = 1e6
 """How far a bound, or a gain, is moved at most."""
 FINEST, FINEST_OF_NOTHING = 1e-9, 1e-18

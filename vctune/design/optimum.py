@@ -1,4 +1,4 @@
-"""The best proved design that the optimiser finds: starts polished, rounded, proved (DESIGN 1.9)."""
+"""The best proved design that the optimiser finds: starts polished, rounded, proved (design/README.md, section 8)."""
 
 from __future__ import annotations
 
@@ -9,18 +9,17 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.design.cases import with_device
 from vctune.design.exchange import TIGHTENING, polish
-from vctune.design.judge import Judgement, Status, judge
+from vctune.design.judge import Judgement, Status, judge_posed
+from vctune.design.prepared import Posed, Prepared, prepare
 from vctune.design.result import Polished
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
 from vctune.design.shape import Place, WorkingSet
 from vctune.design.start import Start
 from vctune.design.theorems import impossible
-from vctune.design.units import dimensionless, own, physical, unit_of_error
 from vctune.design.variables import design_of, point
-from vctune.document.problem import Problem, Range
+from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
@@ -58,38 +57,38 @@ class Optimum:
     seconds: dict[str, float]
 
 
-def optimum(problem: Problem, seen: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
+def optimum(prepared: Prepared, seen: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
     """Return the best design that starts lead to.
 
     Parameters
     ----------
-    problem : one that leaves something free
+    prepared : of a problem that leaves something free
     seen : what a scan of it saw, dimensionless
     progress : told the stage of the work
     """
-    began, scaled = perf_counter(), dimensionless(problem)
+    began, scaled = perf_counter(), prepared.scaled
     optima = _optima(scaled, seen, progress)
     polished = perf_counter()
     progress("proving")
-    best, judgement = _best_proved(problem, scaled, seen, optima)
+    best, judgement = _best_proved(prepared, seen, optima)
     if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
         tried = [optimum.start for optimum in optima]
         optima = _optima(scaled, replace(seen, starts=[s for s in seen.starts if s not in tried]), progress, worth=inf)
-        best, judgement = _best_proved(problem, scaled, seen, optima)
-    if judgement is not None and problem.transparency.weights.coupling == 0:
-        judgement = _with_least_coupling(problem, judgement)
+        best, judgement = _best_proved(prepared, seen, optima)
+    if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
+        judgement = _with_least_coupling(prepared, judgement)
     seconds = {"polish": polished - began, "prove": perf_counter() - polished}
     return Optimum(judgement, best, len(optima), seconds)
 
 
-def nominal_start(problem: Problem) -> Start | None:
+def nominal_start(prepared: Prepared) -> Start | None:
     """Return the best design for the nominal device of an uncertain one: its basin may be the best, too."""
-    nominal = replace(problem, uncertainty=None)
-    judgement = optimum(nominal, scan(dimensionless(nominal))).judgement
+    nominal = prepare(replace(prepared.problem, uncertainty=None))
+    judgement = optimum(nominal, scan(nominal.scaled)).judgement
     if judgement is None:
         return None
-    law = design_of(own(problem, point(judgement.gains, judgement.coupling)))
-    return Start(*law, judgement.error / unit_of_error(problem))
+    law = design_of(prepared.units.to_dimensionless(point(judgement.gains, judgement.coupling)))
+    return Start(*law, judgement.error / prepared.units.error)
 
 
 @np.errstate(all="ignore")
@@ -100,35 +99,34 @@ def attained(problem: Problem) -> Judgement | None:
     """
     if impossible(problem) is not None:
         return None
-    scaled = dimensionless(problem)
-    seen = scan(scaled)
+    prepared = prepare(problem)
+    seen = scan(prepared.scaled)
     for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
         hopeful = start.workable and start.violation < NEARLY
-        optimum = polish(scaled, start, seen) if hopeful else None
-        judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+        optimum = polish(prepared.scaled, start, seen) if hopeful else None
+        judgement = _best_proved(prepared, seen, [optimum])[1] if optimum is not None else None
         if judgement is not None and judgement.status is Status.CERTIFIED:
             return judgement
     return None
 
 
 @np.errstate(all="ignore")
-def improved(problem: Problem, gains: Gains, incumbent: float) -> Judgement | None:
+def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
     """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
-    scaled = dimensionless(problem)
-    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    start = start_at(scaled, Gains(gains.velocity / impedance, gains.position * time / impedance))
-    target = incumbent / unit_of_error(problem)
+    scaled, units = prepared.scaled, prepared.units
+    start = start_at(scaled, design_of(units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0)))[0])
+    target = incumbent / units.error
     if start is None or start.error >= target:
         return None
     seen = scan(scaled)
     optimum = polish(scaled, start, seen, incumbent=target)
-    judgement = _best_proved(problem, scaled, seen, [optimum])[1] if optimum is not None else None
+    judgement = _best_proved(prepared, seen, [optimum])[1] if optimum is not None else None
     if judgement is None or judgement.status is not Status.CERTIFIED or judgement.error >= incumbent:
         return None
     return judgement
 
 
-def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
+def _optima(scaled: Posed, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first."""
     optima: list[Polished] = []
     done: list[Start] = []
@@ -154,12 +152,12 @@ def _optima(scaled: Problem, seen: ScanResult, progress: Progress, worth: float 
 
 
 def _best_proved(
-    problem: Problem, scaled: Problem, seen: ScanResult, optima: list[Polished]
+    prepared: Prepared, seen: ScanResult, optima: list[Polished]
 ) -> tuple[Polished | None, Judgement | None]:
     """Return the best design that is proved; failing that the best one that is merely undecided."""
     doubtful: tuple[Polished, Judgement] | None = None
     for optimum in optima:
-        for polished, judgement in _attempts(problem, scaled, seen, optimum):
+        for polished, judgement in _attempts(prepared, seen, optimum):
             if judgement.status is Status.CERTIFIED:
                 return polished, judgement
             if judgement.status is Status.UNDECIDED and doubtful is None:
@@ -167,9 +165,7 @@ def _best_proved(
     return doubtful if doubtful is not None else (None, None)
 
 
-def _attempts(
-    problem: Problem, scaled: Problem, seen: ScanResult, optimum: Polished
-) -> Iterator[tuple[Polished, Judgement]]:
+def _attempts(prepared: Prepared, seen: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
@@ -177,38 +173,42 @@ def _attempts(
         if polished is None:
             return
         digits = DIGITS + MORE_DIGITS * again
-        judgement = judge(problem, *design_of(rounded(problem, physical(problem, polished.values), digits)))
+        values = rounded(prepared.problem, prepared.units.to_si(polished.values), digits)
+        judgement = judge_posed(prepared.given, *design_of(values))
         yield polished, judgement
         certificate = judgement.certificate
-        _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], problem)
-        _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], problem)
+        _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], prepared)
+        _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], prepared)
         tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)
-        polished = polish(scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
+        polished = polish(prepared.scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
 
 
 def _undecided(judgement: Judgement) -> bool:
     return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
-def _collect(known: list[Place], outcome: Outcome, problem: Problem) -> None:
+def _collect(known: list[Place], outcome: Outcome, prepared: Prepared) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
-        refuted = dimensionless(with_device(problem, outcome.device or problem.device))
-        known.append(Place(outcome.witness * problem.device.sample_time, refuted.device))
+        device = prepared.on_device(outcome.device or prepared.problem.device)
+        known.append(Place(outcome.witness * prepared.units.time, device))
 
 
-def _with_least_coupling(problem: Problem, judgement: Judgement) -> Judgement:
+def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
     """When the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
-    gains, bounds = judgement.gains, problem.bounds
+    problem, gains = prepared.problem, judgement.gains
+    bounds = problem.bounds
     loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}
-    narrowed = replace(
-        problem,
-        bounds=replace(bounds, **loop),
-        transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
+    narrowed = prepare(
+        replace(
+            problem,
+            bounds=replace(bounds, **loop),
+            transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
+        )
     )
-    least = optimum(narrowed, scan(dimensionless(narrowed))).judgement
+    least = optimum(narrowed, scan(narrowed.scaled)).judgement
     if least is None:
         return judgement
-    lighter = judge(problem, gains, least.coupling)
+    lighter = judge_posed(prepared.given, gains, least.coupling)
     return lighter if lighter.status is Status.CERTIFIED else judgement

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
-from vctune.design.cases import cases_of
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.levers import Lever
-from vctune.document.problem import Problem
+from vctune.design.prepared import pose as pose_devices
 from vctune.document.reading import pose
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
@@ -78,7 +78,7 @@ class Trial:
 
 def _seems_in_order(problem: Problem) -> bool:
     """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
-    return all(_in_order_with(case, *problem.fixed_design) for case in cases_of(problem))
+    return all(_in_order_with(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
 def _in_order_with(problem: Problem, gains: Gains, coupling: Coupling) -> bool:

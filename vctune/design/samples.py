@@ -7,11 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from vctune.analysis.demands import sampled_span, slowest_resonance, towards_zero
+from vctune.analysis.demands import slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import FIRST_ANGLE, unit_circle
-from vctune.design.cases import cases_of
-from vctune.document.problem import Problem
+from vctune.design.prepared import Posed
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import HoldResponse, LoopResponse, hold_response, loop_response
 from vctune.model.quantities import Device, Gains
@@ -48,6 +47,7 @@ class Samples:
     band : of stability
     nodes, averages : of the transparency band's quadrature
     circles : the return differences of the sampled loops on the unit circle, first the device's let go
+    objective : of how many devices the greatest error is the objective
     others : the other devices at which the demands are posed, with the same frequencies
     """
 
@@ -57,6 +57,7 @@ class Samples:
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
+    objective: int
     others: list[Samples]
 
     @property
@@ -66,10 +67,10 @@ class Samples:
 
 
 @lru_cache(maxsize=4)
-def samples_of(problem: Problem, *, integrator: bool) -> Samples:
+def samples_of(posed: Posed, *, integrator: bool) -> Samples:
     """Return where to look at a dimensionless problem."""
+    problem, (low, high) = posed.problem, posed.span
     band = problem.transparency.band
-    low, high = sampled_span(problem)
     first = min(FIRST_ANGLE, slowest_resonance(problem, problem.bounds.velocity.min))
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
     within = np.append(towards_zero(problem), across)
@@ -80,6 +81,6 @@ def samples_of(problem: Problem, *, integrator: bool) -> Samples:
     def samples(device: Device, others: list[Samples]) -> Samples:
         band, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
         circles = [unit_circle(loop, first, position=integrator) for loop in device.loops]
-        return Samples(device, integrator, band, seen, averages, circles, others)
+        return Samples(device, integrator, band, seen, averages, circles, len(posed.objective), others)
 
-    return samples(problem.device, [samples(case.device, []) for case in cases_of(problem)[1:]])
+    return samples(problem.device, [samples(case.device, []) for case in posed.cases[1:]])

@@ -1,4 +1,4 @@
-"""A cheap global scan: starts for the optimiser in every basin it can see (DESIGN 1.9)."""
+"""A cheap global scan: starts for the optimiser in every basin it can see (design/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,12 @@ import numpy as np
 
 from vctune.design.gain_limit import GainLimits, gain_limits
 from vctune.design.grid import Axes, Scores, axes, evaluated, least_errors, position_gain
+from vctune.design.prepared import Posed
 from vctune.design.refine import Index, between_neighbours, lowest, minima_of, refined
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed, Start
 from vctune.design.variables import point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 STARTS = 8
@@ -49,17 +50,17 @@ class ScanResult:
     peak_sensitivity: float
 
 
-def scan(problem: Problem) -> ScanResult:
+def scan(posed: Posed) -> ScanResult:
     """Scan a dimensionless problem for starts.
 
     K_p = 0 is scanned by itself: the integrator's absence changes the low-frequency demands. Minima of the rest that
     lie at its lowest K_p belong to that basin and are left to it.
     """
-    faces = _faces(problem)
+    problem, faces = posed.problem, _faces(posed.problem)
     found: list[Start] = []
     peak = 0.0
     for integral in faces:
-        coarse, samples = axes(problem, integral=integral), samples_of(problem, integrator=integral)
+        coarse, samples = axes(posed, integral=integral), samples_of(posed, integrator=integral)
         scores, loops = evaluated(problem, samples, coarse)
         workable = loops.missed < Missed.RESISTANCE
         peak = max(peak, float(loops.peak_sensitivity[workable].max(initial=0.0)))
@@ -100,7 +101,7 @@ def _promising(
 
 
 def _faces(problem: Problem) -> list[bool]:
-    """Return whether to search without and with an integrator, as far as the bounds and DESIGN 1.6 allow.
+    """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
 
     With damping, without drag and without an operator's damping no K_p > 0 is admissible on a band from 0.
     """
@@ -110,20 +111,20 @@ def _faces(problem: Problem) -> list[bool]:
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 
 
-def start_at(problem: Problem, gains: Gains) -> Start | None:
+def start_at(posed: Posed, gains: Gains) -> Start | None:
     """Return the best start around given gains, with any coupling; None if none is admissible."""
-    samples, fine = _surroundings(problem, gains)
+    problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
     at = lowest(scores)
     return refined(problem, samples, between_neighbours(fine, [at]))[0] if scores.error[at] < inf else None
 
 
-def better_start_near(problem: Problem, gains: Gains, coupling: Coupling) -> Start | None:
+def better_start_near(posed: Posed, gains: Gains, coupling: Coupling) -> Start | None:
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
     What is better is judged on the scan's few frequencies, the design itself too.
     """
-    samples, fine = _surroundings(problem, gains)
+    problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
     fine = replace(fine, time_constant=tau_c, drag=np.sort(np.append(fine.drag, coupling.drag)))
     (scores, _), place = evaluated(problem, samples, fine), _place(problem, gains, coupling)
@@ -135,13 +136,13 @@ def better_start_near(problem: Problem, gains: Gains, coupling: Coupling) -> Sta
     return refined(problem, samples, between_neighbours(fine, [at]))[0]
 
 
-def _surroundings(problem: Problem, gains: Gains) -> tuple[Samples, Axes]:
+def _surroundings(posed: Posed, gains: Gains) -> tuple[Samples, Axes]:
     """Return a fine grid around gains, with every coupling."""
-    integral = gains.position > 0
-    coarse, bounds = axes(problem, integral=integral), problem.bounds.velocity
+    problem, integral = posed.problem, gains.position > 0
+    coarse, bounds = axes(posed, integral=integral), problem.bounds.velocity
     K_v = np.array(sorted({*np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max).tolist()}))
     corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
-    return samples_of(problem, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
+    return samples_of(posed, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
 
 
 def _corner(problem: Problem, gains: Gains) -> float:
@@ -153,18 +154,19 @@ def _place(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, f
     return gains.velocity, _corner(problem, gains), coupling.mass / coupling.damping, coupling.drag
 
 
-def in_same_basin(problem: Problem, starts: list[Start], gains: Gains) -> list[Start]:
+def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
     """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
     At every pair of gains on the way the coupling is the best one of the scan's.
     """
+    problem = posed.problem
     law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]
     if not law or gains.velocity == 0 or any(start.gains.velocity == 0 for start in law):
         return []
     t, end = np.linspace(0.0, 1.0, STEPS), _corner(problem, gains)
     K_v = np.array([[start.gains.velocity] for start in law]) ** (1 - t) * gains.velocity**t
     corner = np.array([[_corner(problem, start.gains)] for start in law]) ** (1 - t) * end**t
-    errors = least_errors(problem, Gains(K_v, position_gain(problem, K_v, corner)))
+    errors = least_errors(posed, Gains(K_v, position_gain(problem, K_v, corner)))
     falls = np.all(errors[:, 1:] <= errors[:, :-1] * FLAT, axis=1) & np.all(np.isfinite(errors), axis=1)
     return [start for start, down in zip(law, falls.tolist(), strict=True) if down]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
-from vctune.design.cases import counted_of
+from vctune.design.prepared import Posed
 from vctune.design.variables import Coordinate
-from vctune.document.problem import Norm, Problem
+from vctune.model.problem import Norm
 from vctune.model.quantities import Device
 from vctune.proof.devices import UNCERTAIN
 
@@ -110,10 +110,10 @@ class Shape:
 
 
 def shape_of(
-    problem: Problem, free: tuple[Coordinate, ...], frequencies: WorkingSet, panels: int, *, integrator: bool
+    posed: Posed, free: tuple[Coordinate, ...], frequencies: WorkingSet, panels: int, *, integrator: bool
 ) -> Shape:
     """Return the shape of the NLP for a problem and a set of frequencies; what cannot act is not in it."""
-    weights = problem.transparency.weights
+    problem, weights = posed.problem, posed.problem.transparency.weights
     slots = [-(-used // step) * step for used, step in zip(frequencies.sizes(), SLOTS, strict=True)]
     if slots[1] > 0:  # where |S| can bind the stability boundary is near
         slots[2] = max(slots[2], SLOTS[2])
@@ -127,7 +127,7 @@ def shape_of(
         moving=len(frequencies.moving),
         held=problem.device.held.damping > problem.device.damping,
         uncertain=problem.uncertainty is not None,
-        counted=len(counted_of(problem)) if problem.transparency.norm == "rms" else 1,
+        counted=len(posed.objective) if problem.transparency.norm == "rms" else 1,
     )
 
 

@@ -1,4 +1,4 @@
-"""The design problem from start to end: theorem, scan, optimum, search of every box (DESIGN 1.9)."""
+"""The design problem from start to end: theorem, scan, optimum, search of every box (design/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from vctune.design.infeasible import nearest_miss
 from vctune.design.judge import judge
 from vctune.design.optimum import Progress, improved, nominal_start, optimum
+from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Solved
 from vctune.design.scan import scan
 from vctune.design.theorems import impossible
-from vctune.design.units import dimensionless, unit_of_error
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Glance, Optimality
     from vctune.design.leaves import Unfinished
 
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
-"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none; how good a
-design it is content with."""
+"""Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
+devices at which a box is looked at; how good a design it is content with."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
 BOUND_BOXES = 20_000_000
@@ -53,51 +53,53 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if theorem is not None:
         return Solved(problem, None, None, 0, theorem, None, {})
     progress("scanning")
-    scaled = dimensionless(problem)
-    seen = scan(scaled)
+    prepared = prepare(problem)
+    seen = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
-    early = None if any(start.admissible for start in seen.starts) else _early(problem)
+    early = None if any(start.admissible for start in seen.starts) else _early(prepared)
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
-        miss = nearest_miss(problem, scaled, seen, proved=True)
+        miss = nearest_miss(prepared, seen, proved=True)
         return Solved(problem, None, None, 0, miss, seen, seconds, early)
     waited = perf_counter()
-    nominal = nominal_start(problem) if problem.uncertainty is not None else None
+    nominal = nominal_start(prepared) if problem.uncertainty is not None else None
     if problem.uncertainty is not None:
         seconds["nominal"] = perf_counter() - waited
     starts = [nominal, *seen.starts] if nominal is not None else seen.starts
-    best = optimum(problem, replace(seen, starts=starts), progress)
-    nominal_error = nominal.error * unit_of_error(problem) if nominal is not None else None
+    best = optimum(prepared, replace(seen, starts=starts), progress)
+    nominal_error = nominal.error * prepared.units.error if nominal is not None else None
     solved = Solved(
         problem, best.judgement, best.polished, best.optima, None, seen, seconds | best.seconds, None, nominal_error
     )
     if solved.judgement is None or gap is not None:
-        solved = _searched(solved, progress, gap, early.rest if early else None)
+        solved = _searched(prepared, solved, progress, gap, early.rest if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
-        solved = replace(solved, infeasibility=nearest_miss(problem, scaled, seen, proved=proved))
+        solved = replace(solved, infeasibility=nearest_miss(prepared, seen, proved=proved))
     return solved
 
 
-def _early(problem: Problem) -> Optimality:
+def _early(prepared: Prepared) -> Optimality:
     """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
     from vctune.design.bound import bound
 
-    return bound(problem, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
+    return bound(prepared.given, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
 
 
-def _searched(solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None) -> Solved:
+def _searched(
+    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None
+) -> Solved:
     """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
     from vctune.design.bound import bound
 
-    problem, began = solved.problem, perf_counter()
+    began = perf_counter()
 
     def tell(at: Glance) -> None:
         progress(f"searching every box: {at}")
 
-    most, within = (SEARCH_BOXES, SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
-    improve = partial(improved, problem)
-    found = bound(problem, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
+    most, within = (SEARCH_BOXES // len(prepared.given.cases), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
+    improve = partial(improved, prepared)
+    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)

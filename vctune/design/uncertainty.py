@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from vctune.analysis.demands import transparency_error
-from vctune.design.cases import cases_of
-from vctune.design.judge import Judgement, devices_of
-from vctune.document.problem import Problem
+from vctune.design.judge import Judgement
+from vctune.design.prepared import pose
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.proof.devices import UNCERTAIN
 
@@ -26,9 +26,10 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     judgement : of the robust design
     nominal_error : of the best design for the nominal device alone, None if it was not looked for
     """
-    box, uncertainty, design = devices_of(problem), problem.uncertainty, (judgement.gains, judgement.coupling)
+    posed, design = pose(problem), (judgement.gains, judgement.coupling)
+    box, uncertainty = posed.box, problem.uncertainty
     assert box is not None and uncertainty is not None
-    worst = max(cases_of(problem), key=lambda case: transparency_error(case, *design).error)
+    worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
     return {
         "box": {name: [getattr(box.low, name), getattr(box.high, name)] for name in box.moving},
         "objective": uncertainty.objective,

@@ -19,11 +19,11 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.design.cases import counted_of
+from vctune.design.prepared import Posed
 from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
 from vctune.design.worst import worst_inside
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 FOLLOWED = 0.8
@@ -50,14 +50,14 @@ class Violations:
     positive: bool = True
 
 
-def violations(problem: Problem, cases: list[Problem], values: Point, tightening: float) -> Violations:
+def violations(posed: Posed, cases: list[Problem], values: Point, tightening: float) -> Violations:
     """Find where the demands fail on any device by more than half the tightening, and where the error is greatest."""
     gains, coupling = design_of(values)
     peaks = [sensitivity_maxima(case, gains) for case in cases]
     parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]
-    if problem.uncertainty is not None:
-        parts.append(_inside(problem, gains, coupling, tightening))
-    counted = counted_of(problem) if problem.transparency.norm == "peak" else ()
+    if posed.box is not None:
+        parts.append(_inside(posed, gains, coupling, tightening))
+    counted = posed.objective if posed.problem.transparency.norm == "peak" else ()
     return Violations(
         ratio=[place for part in parts for place in part.ratio],
         sensitivity=[place for part in parts for place in part.sensitivity],
@@ -82,15 +82,15 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
     return found
 
 
-def _inside(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
     """Find where the ratio fails on devices that are not among the vertices of their box."""
-    found, least = Violations(), log(problem.stability.safety_factor) + tightening
-    for ratio, place in worst_inside(problem, gains, coupling):
-        short = least - log(max(ratio, 1e-300))
+    found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
+    for worst in worst_inside(posed, gains, coupling):
+        short = least - log(max(worst.ratio, 1e-300))
         if short > tightening / 2:
-            found.ratio.append(place)
+            found.ratio.append(Place(worst.omega, worst.device))
         found.greatest = max(found.greatest, short - tightening / 2)
-        found.positive = found.positive and ratio > 0
+        found.positive = found.positive and worst.ratio > 0
     return found
 
 

@@ -6,19 +6,19 @@ one turn stand for all longer ones.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from math import pi
+from typing import Any
 
 import numpy as np
 
-from vctune.analysis.demands import demand_grid, ratio_or_resistance, sampled_span
+from vctune.analysis.demands import demand_grid, ratio_or_resistance
 from vctune.analysis.extrema import Floats
-from vctune.design.shape import Place
-from vctune.document.problem import Problem
+from vctune.design.prepared import Posed
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.devices import DeviceBox
 
 SHARES = {"mass": 5, "damping": 5, "delay": 13}
 """Values of each uncertain number that are looked at, its ends among them."""
@@ -29,36 +29,44 @@ FIRST_STEP = 0.02, 0.1
 STEPS, SHRINK = 40, 0.5
 """Rounds of the refinement, and what its steps shrink by where no neighbour is lower."""
 
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """A local minimum of the ratio over frequency and a box of devices.
+
+    Attributes
+    ----------
+    ratio : Re Z_c / R, or Re(D + Z_h)/|D| where that is not positive
+    omega : rad/s
+    device : one that is not a vertex of the box
+    """
+
+    ratio: float
+    omega: float
+    device: Device
+
+
 Value = Callable[[Floats], Floats]
 """Of omega and the uncertain numbers, along the first axis."""
 
 
-def worst_inside(problem: Problem, gains: Gains, coupling: Coupling) -> list[tuple[float, Place]]:
-    """Return the local minima of the ratio over frequency and box that lie inside the box, lowest first.
-
-    Where Re(D + Z_h) <= 0 it stands in for the ratio, relative to the loop's impedance.
-    """
-    assert problem.uncertainty is not None
-    box = device_box(problem.device, problem.uncertainty)
+def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
+    """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first."""
+    box, (low, high) = posed.box, posed.span
+    assert box is not None
 
     def value(at: Floats) -> Floats:
-        return ratio_or_resistance(_device(box, at[1:]), gains, coupling, at[0])
+        return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
 
-    low, high = sampled_span(problem)
     ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.moving)])
     least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
     inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)
-    found = [(float(least[k]), _place(box, at[:, k])) for k in np.flatnonzero(inside)]
-    return sorted(found, key=lambda one: one[0])
+    found = [Worst(float(least[k]), float(at[0, k]), _device(box, at[1:, k].tolist())) for k in np.flatnonzero(inside)]
+    return sorted(found, key=lambda worst: worst.ratio)
 
 
-def _device(box: DeviceBox, numbers: Floats) -> Device:
+def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
     return replace(box.nominal, **dict(zip(box.moving, numbers, strict=True)))
-
-
-def _place(box: DeviceBox, at: Floats) -> Place:
-    omega, *numbers = at.tolist()
-    return Place(omega, replace(box.nominal, **dict(zip(box.moving, numbers, strict=True))))
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:

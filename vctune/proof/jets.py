@@ -111,10 +111,10 @@ def _sinc(x: Enclosure) -> Enclosure:
     Its derivative is at most |x|/3 and at most 1/2, its second derivative at most 1/3 and at most
     1/|x| + 2/x^2 + 2/|x|^3.
     """
-    size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, TINY)
+    size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
     slope = np.minimum((size + x.rad) / 3, 0.5)
-    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / size + 8 * LIBRARY, slope)
+    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY, slope)
     curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
     return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY)
 

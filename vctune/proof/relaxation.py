@@ -1,4 +1,6 @@
-"""A design problem made easier, so that boxes of designs can be judged at once (DESIGN 1.8, 1.9).
+"""A design problem made easier, so that boxes of designs can be judged at once.
+
+See model/README.md, section 8; proof/README.md, section 10.
 
 C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
 
@@ -18,15 +20,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import acb, arb, ctx
 
-from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import return_difference, sampled_plant, whole_samples
 from vctune.proof.balls import BALLS, ball, device_ball
-from vctune.proof.devices import UNCERTAIN, device_box
+from vctune.proof.devices import UNCERTAIN
 from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 from vctune.proof.quadratics import Quadratic
@@ -118,6 +120,7 @@ class Relaxation:
     Attributes
     ----------
     problem : the problem
+    devices : at which the demands are posed
     demand : on the coupling
     omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
         are posed at each vertex of its box too
@@ -127,6 +130,7 @@ class Relaxation:
     """
 
     problem: Problem
+    devices: list[Device]
     demand: Demand
     omega_S: Floats
     sensitivity: Share
@@ -136,53 +140,47 @@ class Relaxation:
     counted: int
 
 
-def relaxation(problem: Problem, omega: Floats, omega_S: Floats, places: int) -> Relaxation:
+def relaxation(
+    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, places: int
+) -> Relaxation:
     """Relax a problem.
 
     Parameters
     ----------
     problem : Problem
+    devices : at which the demands are posed
+    objective : those of them the greatest of whose errors is the objective
     omega : rad/s, frequencies of the stability band
     omega_S : rad/s, frequencies up to Nyquist
     places : into how many intervals, or at how many frequencies, the transparency band is divided
     """
-    band, weights, devices = problem.transparency.band, problem.transparency.weights, _counted(problem)
+    band, weights = problem.transparency.band, problem.transparency.weights
     if problem.transparency.norm == "peak":
         nodes = np.geomspace(band.min, band.max, places)
-        omega_e = np.tile(nodes, len(devices))
-        seen = _enclosed(_stacked(devices, places), omega_e)
+        omega_e = np.tile(nodes, len(objective))
+        seen = _enclosed(_stacked(objective, places), omega_e)
         shares = Share(np.ones(len(omega_e)), _squared(seen)), Share(_bottom(seen.Z2), _squared(seen))
     else:
         omega_e = None
-        admittances, trackings = zip(*(_integrated(d, band.min, band.max, places) for d in devices), strict=True)
+        admittances, trackings = zip(*(_integrated(d, band.min, band.max, places) for d in objective), strict=True)
         shares = _joined(admittances), _joined(trackings)
     scale = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
         Share(share.numerator * (factor * (1 - GUARD)), share.D2) for share, factor in zip(shares, scale, strict=True)
     )
-    demand, sensitivity = _demand(*_everywhere(problem, omega)), _sensitivity(*_everywhere(problem, omega_S))
-    return Relaxation(problem, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(devices))
+    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
+    return Relaxation(problem, devices, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
     """Return the relaxation with its demands at other frequencies."""
-    problem = relaxed.problem
-    demand, sensitivity = _demand(*_everywhere(problem, omega)), _sensitivity(*_everywhere(problem, omega_S))
+    devices = relaxed.devices
+    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
     return replace(relaxed, demand=demand, omega_S=omega_S, sensitivity=sensitivity)
 
 
-def _counted(problem: Problem) -> list[Device]:
-    """Return the devices whose greatest error is the objective."""
-    if problem.uncertainty is None or problem.uncertainty.objective == "nominal":
-        return [problem.device]
-    return device_box(problem.device, problem.uncertainty).devices()
-
-
-def _everywhere(problem: Problem, omega: Floats) -> tuple[Device, Floats]:
-    """Return the device and the frequencies; of an uncertain one its box's vertices, each with every frequency."""
-    if problem.uncertainty is None:
-        return problem.device, omega
-    devices = device_box(problem.device, problem.uncertainty).devices()
+def _everywhere(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:
+    """Return devices as one, and every frequency for each of them."""
     return _stacked(devices, len(omega)), np.tile(omega, len(devices))
 
 

@@ -1,4 +1,4 @@
-"""Pictures of benchmarks: points and curves on logarithmic axes."""
+"""Pictures of benchmarks: points on logarithmic axes."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ MANY = 400
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Points with a name, on a curve or not."""
+    """Points with a name."""
 
     label: str
     x: list[float]
     y: list[float]
-    joined: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,38 +45,19 @@ class Panel:
 
 
 def benchmark_figure(panels: list[Panel]) -> Figure:
-    """Return the panels that have points, side by side, two in a row; one legend for series of the same names."""
+    """Return the panels that have points, side by side."""
     panels = [panel for panel in panels if any(series.x for series in panel.series)]
     with rc_context(STYLE):
-        columns = min(2, len(panels))
-        rows = -(-len(panels) // columns)
-        figure = Figure(figsize=(PANEL_WIDTH * columns, PANEL_HEIGHT * rows), layout="constrained")
-        places = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, panel in zip(places, panels, strict=False):
+        figure = Figure(figsize=(PANEL_WIDTH * len(panels), PANEL_HEIGHT), layout="constrained")
+        for axes, panel in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
             axes.set(xscale="log", yscale="log")  # before there are points: all may be at one place
             for k, series in enumerate(panel.series):
                 y = [max(value, panel.floor) for value in series.y] if panel.floor else series.y
                 style = {"color": INKS[k % len(INKS)], "marker": MARKS[k % len(MARKS)], "markersize": 5}
-                axes.plot(
-                    series.x,
-                    y,
-                    linestyle="-" if series.joined else "",
-                    linewidth=1.2,
-                    label=series.label,
-                    rasterized=len(series.x) > MANY,
-                    **style,
-                )
+                axes.plot(series.x, y, linestyle="", label=series.label, rasterized=len(series.x) > MANY, **style)
             if panel.floor:
                 axes.axhline(panel.floor, color=GREY, linewidth=1, linestyle=":")
             axes.set(title=panel.title, xlabel=panel.x, ylabel=panel.y)
             axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-        for axes in places[len(panels) :]:
-            axes.set_axis_off()
-        labels = [[series.label for series in panel.series] for panel in panels]
-        if all(names == labels[0] for names in labels):
-            handles, names = places[0].get_legend_handles_labels()
-            figure.legend(handles, names, loc="outside lower center", ncols=2 * columns)
-        else:
-            for axes in places[: len(panels)]:
-                axes.legend(loc="best", fontsize=8)
+            axes.legend(loc="best", fontsize=8)
     return figure

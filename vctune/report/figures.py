@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
-from vctune.design.cases import cases_of
-from vctune.document.problem import Problem
+from vctune.design.prepared import pose
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.curves import (
     Transparency,
@@ -81,7 +81,7 @@ def _llewellyn(design: Design) -> Figure:
         bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, design.coupling)
         upper.semilogy(bare.hz, bare.required, ":", color=ORANGE, label="R without operator")
         lower.plot(bare.hz, bare.ratio, ":", color=BLUE, label="ratio without operator")
-    for number, case in enumerate(cases_of(problem)[1:]):
+    for number, case in enumerate(pose(problem).cases[1:]):
         there, label = llewellyn(case, design.gains, design.coupling), "of uncertain devices" if number == 0 else None
         upper.semilogy(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
         lower.plot(there.hz, there.ratio, color=BLUE, linewidth=0.6, label=label)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
+from vctune.design.prepared import prepare
 from vctune.design.variables import KEYS, point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
 from vctune.study.baseline import Design, Recheck
@@ -158,13 +159,13 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
     plane = region.plane
-    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    prepared = prepare(problem)
     marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
     x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
     K_v, K_p = (x, y) if plane.axes == (0, 1) else (y, x)
-    scaled = problem.in_units(impedance, time)
+    K_v, K_p, *_ = prepared.units.to_dimensionless((K_v, K_p, 0.0, 0.0, 0.0))
     with np.errstate(all="ignore"):
-        errors = least_errors(scaled, Gains(K_v / impedance, K_p * time / impedance))
+        errors = least_errors(prepared.scaled, Gains(K_v, K_p)) * prepared.units.error
     sound = np.isfinite(errors) & _feasible(region)[np.ix_(marks, marks)]
     if sound.sum() < 4:
         return

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vctune.document.experiment import Experiment
-from vctune.document.problem import Problem
+from vctune.model.experiment import Experiment
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
 from vctune.simulation.stability import Mode, fastest_mode, least_virtual
-from vctune.simulation.step import DEFAULT, Method
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +52,6 @@ def simulate(
     gains: Gains,
     coupling: Coupling,
     experiment: Experiment,
-    method: Method = DEFAULT,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Simulated:
     """Simulate an experiment with a design and with its regular PID.
@@ -63,13 +61,12 @@ def simulate(
     problem : the device
     gains, coupling : the design
     experiment : one of the problem's, or any other
-    method : how friction is integrated
     progress : told the stage of the work
     """
 
     def ran(scene: Scene, name: str) -> Run:
         title = f"{experiment.name}, {name}"
-        traces = run(scene, method, lambda share: progress(f"{title} {share:.0%}"))
+        traces = run(scene, lambda share: progress(f"{title} {share:.0%}"))
         measured = None
         if traces.diverged is None:
             measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)

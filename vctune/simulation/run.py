@@ -10,7 +10,7 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.simulation.motion import Floats, intended_motion, sample_count
 from vctune.simulation.scene import Scene
-from vctune.simulation.step import CHUNK, COLUMNS, DEFAULT, INPUTS, Method, build
+from vctune.simulation.step import CHUNK, COLUMNS, INPUTS, Stretch, build, fixed_steps
 
 ASTRAY = 1e3
 """A handle this many times the hand's travel away from where the hand wants it has diverged."""
@@ -44,14 +44,14 @@ class Traces:
     diverged: float | None
 
 
-def run(scene: Scene, method: Method = DEFAULT, progress: Callable[[float], None] = lambda share: None) -> Traces:
+def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, stretch: Stretch = fixed_steps) -> Traces:
     """Simulate a scene.
 
     Parameters
     ----------
     scene : Scene
-    method : how friction is integrated; not looked at without friction, where the device moves on exactly
     progress : told the share of the samples that is done
+    stretch : how friction is integrated; not looked at without friction, where the device moves on exactly
 
     Returns
     -------
@@ -60,7 +60,7 @@ def run(scene: Scene, method: Method = DEFAULT, progress: Callable[[float], None
     """
     samples = sample_count(scene.operator, scene.device.sample_time)
     with interrupt_deferred():
-        step = build(scene, method)
+        step = build(scene, stretch)
         chunk = step.chunk()
     recorded = np.empty((samples, len(COLUMNS)))
     wanted = np.empty(samples)

@@ -7,12 +7,12 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.experiment import Baseline, Environment, Experiment
 from vctune.interrupt import interrupt_deferred
+from vctune.model.experiment import Baseline, Environment, Experiment
 from vctune.model.quantities import Device
 from vctune.simulation.motion import Floats
 from vctune.simulation.scene import Scene, baseline_scene
-from vctune.simulation.step import INPUTS, Method, build
+from vctune.simulation.step import INPUTS, build
 
 STANDING = 1e-6
 """Eigenvalues this near to 1 are positions that nothing holds, not oscillations."""
@@ -41,7 +41,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
 def loop_matrix(scene: Scene) -> Floats:
     """Return the matrix of a linear scene's step, from state to state, by the step's answers to unit states."""
     with interrupt_deferred():
-        step = build(scene, Method())
+        step = build(scene)
         size, still = len(step.start), np.zeros(INPUTS)
         answers = [np.asarray(step.one(state, still)[0]).ravel() for state in (np.zeros(size), *np.eye(size))]
     return np.array([answer - answers[0] for answer in answers[1:]]).T

@@ -7,15 +7,15 @@ scene has them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from enum import StrEnum
 from math import ceil
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from vctune.document.experiment import Friction
+from vctune.model.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step
@@ -51,36 +51,11 @@ class _SymbolArithmetic:
 SYMBOLS: Arithmetic = _SymbolArithmetic()
 
 
-class Scheme(StrEnum):
-    """How a device with friction moves on between samples."""
-
-    MIDPOINT = "midpoint"
-    """Fixed steps of second order (`friction.slide`)."""
-    EULER = "euler"
-    """Fixed steps of first order."""
-    CVODES = "cvodes"
-    """SUNDIALS' variable-step BDF, started anew at each sample: the reference."""
-    IDAS = "idas"
-    """SUNDIALS' variable-step DAE solver: a second reference."""
-
-
-@dataclass(frozen=True, slots=True)
-class Method:
-    """A scheme with its accuracy.
-
-    Attributes
-    ----------
-    scheme : Scheme
-    substeps : per sample, for fixed steps; None for `default_substeps`
-    tolerance : relative, for variable steps
-    """
-
-    scheme: Scheme = Scheme.MIDPOINT
-    substeps: int | None = None
-    tolerance: float = 1e-10
-
-
-DEFAULT = Method()
+Stretch = Callable[[Scene, Friction, float, float], Any]
+"""Makes the function (body, motor, push) -> body over a stretch of a sample: of a scene with friction, where in the
+sample the stretch begins and how long it is, s."""
+MIDPOINT = 0.5
+"""Where in a fixed step its forces are taken; of second order (`friction.slide`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +82,37 @@ def default_substeps(scene: Scene, friction: Friction) -> int:
     return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
 
 
-def build(scene: Scene, method: Method) -> Step:
-    """Assemble and compile the step of a scene."""
+def fixed_steps(
+    scene: Scene,
+    friction: Friction,
+    begin: float,
+    length: float,
+    substeps: int | None = None,
+    theta: float = MIDPOINT,
+) -> Any:
+    """Return the function (body, motor, push) -> body over a stretch of a sample, in fixed steps.
+
+    Parameters
+    ----------
+    scene, friction : what moves
+    begin, length : where in the sample the stretch begins, and how long it is, s
+    substeps : per sample; None for `default_substeps`
+    theta : where in a step its forces are taken, see `friction.slide`
+    """
+    share = length / scene.device.sample_time
+    count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
+    body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
+
+    def force(time: float) -> Any:
+        return motor + push_at(push, begin + time)
+
+    step = _slide_step(scene, friction, length / count, theta)
+    end = slide(step, Slide(*ca.vertsplit(body)), force, length / count, count, theta)
+    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
+
+
+def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
+    """Assemble and compile the step of a scene; `stretch` says how friction is integrated."""
     when = timing(scene)
     names = [field.name for field in fields(State)]
     body, given = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("given", INPUTS)
@@ -133,7 +137,7 @@ def build(scene: Scene, method: Method) -> Step:
         one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
     else:
         firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
-        one = _with_friction(scene, scene.friction, method, firmware)
+        one = _with_friction(scene, scene.friction, stretch, firmware)
     return Step(one, start)
 
 
@@ -158,7 +162,7 @@ def _moved_exactly(scene: Scene, body: Any, given: Any, told: list[Any]) -> Any:
     return moved + ca.DM(exact.early) * told[-1] if exact.early.any() else moved
 
 
-def _with_friction(scene: Scene, friction: Friction, method: Method, firmware: Any) -> Any:
+def _with_friction(scene: Scene, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
     """Return the step of a device with friction: firmware, then one or two stretches of constant motor force."""
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, given = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("given", INPUTS)
@@ -166,25 +170,8 @@ def _with_friction(scene: Scene, friction: Friction, method: Method, firmware: A
     body = state[:3]
     for begin, length, motor in ((0.0, when.early, early), (when.early, when.late, late)):
         if length > 0:
-            body = _stretch(scene, friction, method, begin, length)(body, motor, ca.mtimes(push, given[:4]))
+            body = stretch(scene, friction, begin, length)(body, motor, ca.mtimes(push, given[:4]))
     return ca.Function("one", [state, given], [ca.vertcat(body, kept), record])
-
-
-def _stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
-    """Return the function (body, motor, push) -> body over a stretch of a sample."""
-    if method.scheme in (Scheme.CVODES, Scheme.IDAS):
-        return _reference_stretch(scene, friction, method, begin, length)
-    share = length / scene.device.sample_time
-    count = max(1, ceil((method.substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
-    theta = 0.5 if method.scheme is Scheme.MIDPOINT else 1.0
-    body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
-
-    def force(time: float) -> Any:
-        return motor + _push_at(push, begin + time)
-
-    step = _slide_step(scene, friction, length / count, theta)
-    end = slide(step, Slide(*ca.vertsplit(body)), force, length / count, count, theta)
-    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
 
 
 def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
@@ -201,18 +188,6 @@ def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> Sli
     return step
 
 
-def _push_at(push: Any, time: Any) -> Any:
+def push_at(push: Any, time: Any) -> Any:
+    """Return the force of the hand's spring and damper from its derivatives at the sample, `time` after it."""
     return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))
-
-
-def _reference_stretch(scene: Scene, friction: Friction, method: Method, begin: float, length: float) -> Any:
-    carriage = scene.carriage
-    body, given, time = ca.SX.sym("body", 3), ca.SX.sym("given", 5), ca.SX.sym("time")
-    rubbing, creep = friction_force(friction, body[1], body[2], SYMBOLS)
-    force = given[0] + _push_at(given[1:], begin + time * length)
-    acceleration = (force - carriage.damping * body[1] - carriage.stiffness * body[0] - rubbing) / carriage.mass
-    problem = {"x": body, "p": given, "t": time, "ode": length * ca.vertcat(body[1], acceleration, creep)}
-    options = {"reltol": method.tolerance, "abstol": method.tolerance * 1e-3, "max_num_steps": 1_000_000}
-    solver = ca.integrator("reference", method.scheme.value, problem, 0.0, 1.0, options)
-    start = [ca.MX.sym("body", 3), ca.MX.sym("motor"), ca.MX.sym("push", 4)]
-    return ca.Function("stretch", start, [solver(x0=start[0], p=ca.vertcat(*start[1:]))["xf"]])

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.sampled_loop import sensitivity
-from vctune.design.judge import demands_of
-from vctune.document.problem import Problem
+from vctune.design.prepared import pose
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import inwards
@@ -116,7 +116,7 @@ def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Flo
 @np.errstate(all="ignore")
 def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    demands = demands_of(problem)
+    demands = pose(problem).demands
     damping, worst, worst_S = _estimate(problem, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))

@@ -1,0 +1,199 @@
+"""Designs and devices judged on dense grids by `vctune.bench.evaluator`, many at a time; a problem is only read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from vctune.bench import digits
+from vctune.bench.evaluator import (
+    Case,
+    by_kind,
+    cases,
+    coupling_impedance,
+    error,
+    impedances,
+    required,
+    sensitivity,
+    spectral_radius,
+    stability_ratio,
+)
+from vctune.model.problem import Problem
+
+COARSE = 60
+"""Frequencies that sort out most designs."""
+GRID, PER_DECADE, PLACES, ZOOMS = 500, 100, 3, 6
+ZOOM = np.linspace(0.0, 1.0, 13)
+TOGETHER = 500
+"""Cases judged at a time."""
+DECADES = 3
+NEXT_TO_1 = 1e-9
+"""Spectral radii that eigenvalues do not tell from 1."""
+STEEP = 2.0
+"""Radians between neighbouring frequencies from which a curve's turns cannot be counted."""
+NAMES = ("velocity", "position", "damping", "mass", "drag")
+
+
+def band(problem: Problem) -> tuple[float, float]:
+    """Return the stability band, an endless one cut far beyond everything that happens."""
+    low, high = problem.stability.band.min, problem.stability.band.max
+    slow = min(problem.transparency.band.min, problem.nyquist) * 10.0**-DECADES
+    return low if low > 0 else slow, high if np.isfinite(high) else problem.nyquist * 10.0**DECADES
+
+
+def least(f: Callable, low: float, high: float, count: int) -> np.ndarray:
+    """Return the least value of f over [low, high] for each case: a grid's lowest places, each refined."""
+    steps = max(GRID, int(PER_DECADE * np.log10(high / low)))
+    omega = np.union1d(np.geomspace(low, high, steps)[1:-1], np.linspace(low, high, GRID))
+    values = np.broadcast_to(f(omega), (count, omega.size)).copy()
+    best, rows = values.min(axis=1), np.arange(count)
+    for _ in range(PLACES):
+        at = values.argmin(axis=1)
+        left, right = omega[np.maximum(at - 1, 0)], omega[np.minimum(at + 1, omega.size - 1)]
+        for away in range(-3, 4):
+            values[rows, np.clip(at + away, 0, omega.size - 1)] = np.inf
+        for _ in range(ZOOMS):
+            fine = left[:, None] + (right - left)[:, None] * ZOOM
+            near = f(fine)
+            k = near.argmin(axis=1)
+            best = np.minimum(best, near[rows, k])
+            left, right = fine[rows, np.maximum(k - 1, 0)], fine[rows, np.minimum(k + 1, ZOOM.size - 1)]
+    return best
+
+
+def surpluses(problem: Problem, case: Case) -> np.ndarray:
+    """Return by how much each case meets each demand, >= 0 where it does; shape (4, n).
+
+    Rows are the least Re Z_c/(factor R) - 1 on the band, at most 1; 1 - max |S|/limit; 1 - spectral radius; and 0.5
+    less the frequency model's unstable poles, nan where they cannot be counted, 0.5 where another demand is missed.
+    """
+    count = np.broadcast(case.mass, case.K_v).size
+    parts = [case.at(slice(i, i + TOGETHER)) for i in range(0, count, TOGETHER)]
+    found = np.full((4, count), 0.5)
+    for k, row in enumerate((conditions_surplus, sensitivity_surplus, sampled_surplus)):
+        found[k] = np.concatenate([row(problem, part) for part in parts])
+    good = np.flatnonzero((found[:3] >= 0).all(axis=0))
+    if good.size:
+        found[3, good] -= np.max([unstable_model_poles(loop.at(good)) for loop in case.loops], axis=0)
+    return found
+
+
+def conditions_surplus(problem: Problem, case: Case) -> np.ndarray:
+    factor, count = problem.stability.safety_factor, np.broadcast(case.mass, case.K_v).size
+    return least(lambda omega: np.minimum(stability_ratio(case, omega) / factor - 1, 1.0), *band(problem), count)
+
+
+def sensitivity_surplus(problem: Problem, case: Case) -> np.ndarray:
+    limit, nyquist = problem.stability.max_sensitivity, problem.nyquist
+    ringing = np.sqrt(case.K_p / case.mass) + np.zeros(np.broadcast(case.mass, case.K_v).size)
+    low = 0.1 * np.clip(ringing[ringing > 0], nyquist * 1e-8, nyquist * 1e-3).min(initial=nyquist * 1e-3)
+    return least(lambda omega: 1 - sensitivity(case, omega) / limit, low, nyquist, ringing.size)
+
+
+def sampled_surplus(problem: Problem, case: Case) -> np.ndarray:
+    rows = []
+    for loop in case.loops:
+        rows.append(1 - spectral_radius(loop))
+        for i in np.flatnonzero(np.abs(rows[-1]) < NEXT_TO_1):
+            rows[-1][i] = NEXT_TO_1 if digits.stable(loop.at(i)) else -NEXT_TO_1
+    return np.min(rows, axis=0)
+
+
+def unstable_model_poles(case: Case) -> np.ndarray:
+    """Return how many zeros Z_d + C has in the right half plane; nan where it comes too close to 0 to say.
+
+    s D/(m (s + a)^2), or D/(m (s + a)) without K_p, is real at 0 and at infinity and turns by -2 pi for each of them.
+    """
+
+    def counted(loops: Case) -> np.ndarray:
+        parts = range(0, len(loops.K_v), TOGETHER // 10)
+        return np.concatenate([_turns(loops.at(slice(i, i + TOGETHER // 10)), 1) for i in parts])
+
+    return by_kind(case, counted)
+
+
+def _turns(case: Case, density: int) -> np.ndarray:
+    a = np.maximum(np.maximum(case.K_v, case.damping) / case.mass, np.sqrt(case.K_p / case.mass))
+    with np.errstate(divide="ignore"):
+        creeping = case.K_p / (case.K_v + case.damping)
+    slow = np.minimum(np.minimum(creeping, np.sqrt(case.K_p / case.mass)), a) if case.K_p[0] > 0 else a
+    even = density * (400 + int((10 * a * (case.sample_time + case.delay)).max() / 0.02))
+    across = np.geomspace(1e-4 * (slow / a).min(), 1, density * 1500)
+    s = 10j * a[:, None] * np.union1d(across, np.linspace(0, 1, even)[1:])
+    around = sum(impedances(case, s)) / (s + a[:, None])
+    angle = np.unwrap(np.angle(around * (s / (s + a[:, None]) if case.K_p[0] > 0 else 1)), axis=1)
+    poles = 2 * np.round((angle[:, 0] - angle[:, -1]) / (2 * np.pi))
+    steep = np.abs(np.diff(angle, axis=1)).max(axis=1) > STEEP
+    if steep.any():
+        poles[steep] = np.nan if density > 1 else _turns(case.at(steep), 8)
+    return poles
+
+
+def meet_demands(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    """Return which designs, in columns, meet every demand."""
+    return (surpluses(problem, cases(problem.device, designs)) >= 0).all(axis=0) & meet_limit(problem, designs)
+
+
+def meet_limit(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    """Return which designs meet the conditions in the limit omega = 0, as far as drag and K_p decide."""
+    device, (K_v, K_p, _, _, b_0) = problem.device, designs
+    if problem.stability.band.min > 0:
+        return np.ones(designs.shape[1], bool)
+    held = device.operator.damping if device.operator else 0.0
+    rest = K_v - (device.sample_time / 2 + device.delay) * K_p
+    slope = device.damping + held + rest
+    enough = 4 * slope * b_0 >= problem.stability.safety_factor * (device.damping**2 - 4 * held * rest)
+    return (K_p == 0) | ((slope >= 0) & enough)
+
+
+def within_bounds(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    ranges = (getattr(problem.bounds, name) for name in NAMES)
+    return np.all([(x >= r.min) & (x <= r.max) for x, r in zip(designs, ranges, strict=True)], axis=0)
+
+
+def below(problem: Problem, bound: float, designs: np.ndarray) -> np.ndarray:
+    """Return the admissible ones of some designs with an error below a bound."""
+    found, omega = [], np.geomspace(*band(problem), COARSE)
+
+    def first(part: np.ndarray) -> np.ndarray:
+        case = cases(problem.device, part)
+        return (stability_ratio(case, omega) >= problem.stability.safety_factor).all(axis=1)
+
+    for start in range(0, designs.shape[1], 8 * TOGETHER):
+        part = designs[:, start : start + 8 * TOGETHER]
+        part = part[:, within_bounds(problem, part)]
+        part = part[:, error(problem, cases(problem.device, part), 33) < 1.01 * bound]
+        part = part[:, first(part)] if part.size else part
+        part = part[:, error(problem, cases(problem.device, part), 2049) < bound] if part.size else part
+        found.append(part[:, meet_demands(problem, part)] if part.size else part)
+    return np.hstack(found)
+
+
+def least_damping(problem: Problem, designs: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Return the least b_c that meets the conditions on a grid of frequencies, for given m_c/b_c; inf where none."""
+    tau_c = (designs[3] / designs[2])[:, None]
+    with np.errstate(all="ignore"):
+        R = required(cases(problem.device, designs), omega)
+        needed = problem.stability.safety_factor * R - designs[4][:, None]
+        return (np.maximum(needed, 0) * (1 + 1 / (omega * tau_c) ** 2)).max(axis=1)
+
+
+def best_damping(problem: Problem, designs: np.ndarray) -> np.ndarray:
+    """Return the b_c in bounds with the greatest least ratio, by search: that is a quasiconcave function of log b_c."""
+    bounds, omega = problem.bounds.damping, np.geomspace(*band(problem), 300)
+    found, low, high = np.empty(designs.shape[1]), np.log(bounds.min), np.log(bounds.max)
+    for i in range(0, designs.shape[1], TOGETHER):
+        case = cases(problem.device, designs[:, i : i + TOGETHER])
+        needed = required(case, omega)
+        left, right, rows = np.full(len(needed), low), np.full(len(needed), high), np.arange(len(needed))
+        for _ in range(8):
+            tried = left[:, None] + (right - left)[:, None] * ZOOM
+            offered = (coupling_impedance(replace(case, b_c=np.exp(z)), 1j * omega) for z in tried.T)
+            with np.errstate(divide="ignore"):
+                scores = np.stack([(Z_c.real / needed).min(axis=1) for Z_c in offered], axis=1)
+            k = scores.argmax(axis=1)
+            found[i : i + TOGETHER] = np.exp(tried[rows, k])
+            left, right = tried[rows, np.maximum(k - 1, 0)], tried[rows, np.minimum(k + 1, ZOOM.size - 1)]
+    return np.clip(found, bounds.min, bounds.max)

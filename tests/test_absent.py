@@ -1,0 +1,159 @@
+"""What a problem or a scene lacks is not in what is compiled: a build without a part has the size of one that was never
+told of it, and is smaller than the one with everything."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from dataclasses import replace
+from functools import cache
+
+import pytest
+from sizes import nlp_size, step_size
+
+from vctune.bench.problems import DOCUMENTS, posed
+from vctune.design.prepared import prepare
+from vctune.design.shape import WorkingSet, places, shape_of
+from vctune.design.variables import coordinates
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.simulation.scene import designed_scene
+from vctune.simulation.step import build
+
+WHEEL = DOCUMENTS["friction-wheel"]
+WHOLE = {
+    **WHEEL,
+    "device": {**WHEEL["device"], "delay": 5e-4},
+    "coupling": {**WHEEL["coupling"], "drag": {"min": 0.0, "max": 10.0}},
+    "operator": {"damping": 0.5},
+    "uncertainty": {"mass": 0.1, "damping": 0.5, "delay": 0.2, "objective": "worst"},
+}
+"""A problem with everything that an NLP can have."""
+ANY = Device(1.0, 0.0, 1.0, 0.0, "zoh")
+RATIO, PEAK = places(ANY, (0.003, 0.03, 0.3)), places(ANY, (1.2,))
+FREQUENCIES = WorkingSet(ratio=RATIO, sensitivity=places(ANY, (0.5, 1.0, 2.0)), moving=PEAK)
+"""Three demands of each kind, and a peak of |S| that is followed; dimensionless."""
+
+
+def shape(document, frequencies=FREQUENCIES):
+    problem = posed("wheel", document)
+    scaled, integrator = prepare(problem).scaled, problem.bounds.position.max > 0
+    return shape_of(scaled, coordinates(scaled.problem, integrator=integrator), frequencies, 4, integrator=integrator)
+
+
+def without(document, table, key=None, value=None):
+    """A document without a table or a key of one, or with another value there."""
+    document = deepcopy(document)
+    if key is None:
+        del document[table]
+    elif value is None:
+        del document[table][key]
+    else:
+        document.setdefault(table, {})[key] = value
+    return document
+
+
+@cache
+def whole_shape():
+    return shape(WHOLE)
+
+
+def freed(index):
+    return tuple(pair for pair in whole_shape().free if pair[0] != index)
+
+
+def weightless(term):
+    weights = {"weights": {term: 0.0}}
+    shape_of_it = replace(whole_shape(), terms=tuple(other for other in whole_shape().terms if other != term))
+    return {**WHOLE, "transparency": {**WHOLE["transparency"], **weights}}, shape_of_it
+
+
+NLPS = {
+    "free K_p": lambda: (
+        without(WHOLE, "gains", "position", 0.0),
+        replace(whole_shape(), free=freed(1), integrator=False),
+    ),
+    "free b_0": lambda: (without(WHOLE, "coupling", "drag", 0.0), replace(whole_shape(), free=freed(4))),
+    "free m_c": lambda: (without(WHOLE, "coupling", "mass", 0.3), replace(whole_shape(), free=freed(3))),
+    "uncertain delay": lambda: (without(WHOLE, "device", "delay"), replace(whole_shape(), counted=5)),
+    "operator": lambda: (without(WHOLE, "operator"), replace(whole_shape(), held=False)),
+    "uncertainty": lambda: (without(WHOLE, "uncertainty"), replace(whole_shape(), uncertain=False, counted=1)),
+    "worst error": lambda: (without(WHOLE, "uncertainty", "objective"), replace(whole_shape(), counted=1)),
+    "admittance term": lambda: weightless("admittance"),
+    "tracking term": lambda: weightless("tracking"),
+    "coupling term": lambda: weightless("coupling"),
+}
+
+
+@pytest.mark.parametrize("part", NLPS)
+def test_what_a_problem_lacks_is_not_in_its_nlp(part):
+    document, by_hand = NLPS[part]()
+    found = nlp_size(shape(document))
+    assert found == nlp_size(by_hand)
+    assert found.operations < nlp_size(whole_shape()).operations
+
+
+def test_demands_that_do_not_act_are_not_in_the_nlp():
+    ratio, _, _, peak = whole_shape().slots
+    unfollowed = WorkingSet(ratio=RATIO, sensitivity=FREQUENCIES.sensitivity)
+    sizes = [nlp_size(shape(WHOLE, frequencies)) for frequencies in (FREQUENCIES, unfollowed, WorkingSet(ratio=RATIO))]
+    assert sizes[1] == nlp_size(replace(whole_shape(), moving=0))
+    assert sizes[2] == nlp_size(replace(whole_shape(), moving=0, slots=(ratio, 0, 0, peak)))
+    assert sizes[2].operations < sizes[1].operations < sizes[0].operations
+
+
+EXPERIMENT = {
+    "name": "everything",
+    "environment": {"stiffness": 200.0, "damping": 1.0, "mass": 0.1, "zero": 0.025, "wall": True},
+    "operator": {
+        "motion": "reciprocate", "from": 0.0, "to": 0.05, "speed": 0.02, "cycles": 1,
+        "mass": 0.1, "damping": 2.0, "stiffness": 1000.0,
+    },
+    "friction": {"coulomb": 0.3, "stiction": 0.4, "stribeck_velocity": 0.005, "stiffness": 1e5},
+    "sensors": {"position_resolution": 1e-6, "velocity": "difference", "filter_hz": 100.0, "force_noise": 0.01},
+    "actuator": {"limit": 50.0},
+}  # fmt: skip
+MEASURED = {**EXPERIMENT, "sensors": {"position_resolution": 1e-6, "velocity": "measured", "force_noise": 0.01}}
+
+
+def scene(experiment, delay=5e-4):
+    device = {**WHEEL["device"], "delay": delay}
+    problem = posed("scene", {**WHEEL, "device": device, "experiment": [experiment]})
+    return designed_scene(problem.device, Gains(150.0, 6000.0), Coupling(160.0, 0.4, 0.5), problem.experiments[0])
+
+
+def law(**changes):
+    return lambda whole: replace(whole, law=replace(whole.law, **changes))
+
+
+def environment(**changes):
+    return lambda whole: law(environment=replace(whole.law.environment, **changes))(whole)
+
+
+NOTHING = {"stiffness": 0.0, "damping": 0.0, "mass": 0.0, "zero": 0.0, "wall": False}
+STEPS = {
+    "friction": (without(EXPERIMENT, "friction"), lambda whole: replace(whole, friction=None)),
+    "quantised position": (without(EXPERIMENT, "sensors", "position_resolution"), law(position_resolution=0.0)),
+    "filtered difference": (MEASURED, law(smoothing=None)),
+    "noise": (without(EXPERIMENT, "sensors", "force_noise"), lambda whole: replace(whole, force_noise=0.0)),
+    "saturation": (without(EXPERIMENT, "actuator"), law(limit=None)),
+    "wall": (without(EXPERIMENT, "environment", "wall"), environment(wall=False)),
+    "environment": (without(EXPERIMENT, "environment"), environment(**NOTHING)),
+}
+
+
+@pytest.mark.parametrize("part", STEPS)
+def test_what_a_scene_lacks_is_not_in_its_step(part):
+    experiment, by_hand = STEPS[part]
+    whole = scene(EXPERIMENT)
+    size = step_size(build(scene(experiment)))
+    assert size == step_size(build(by_hand(whole)))
+    assert size[1] < step_size(build(whole))[1]
+
+
+def test_a_delay_and_a_mass_in_the_hand_that_are_none_are_not_in_the_step():
+    whole = scene(EXPERIMENT)
+    light = without(EXPERIMENT, "operator", "mass")  # swings faster and gets more steps
+    for lacking, by_hand in (
+        (scene(EXPERIMENT, 0.0), replace(whole, device=replace(whole.device, delay=0.0))),
+        (scene(light), replace(whole, operator=replace(whole.operator, mass=0.0))),
+    ):
+        assert step_size(build(lacking)) == step_size(build(by_hand))

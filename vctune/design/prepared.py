@@ -1,0 +1,118 @@
+"""A problem made ready, once, for the search: its devices, what is demanded of them, and the optimiser's own units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from vctune.analysis.demands import sampled_span, transparency_error
+from vctune.design.variables import Point
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.transparency import Terms
+from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.enclosed import Demands
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """The optimiser's units, in which Z_0 = T = 1 and the greatest weight is 1.
+
+    Attributes
+    ----------
+    impedance : Z_0, N s/m
+    time : T, s
+    error : the greatest weight, in which errors are counted
+    """
+
+    impedance: float
+    time: float
+    error: float
+
+    def to_si(self, values: Point) -> Point:
+        """Return K_v, K_p, b_c, m_c, b_0 in SI units."""
+        K_v, K_p, b_c, m_c, b_0 = values
+        Z, T = self.impedance, self.time
+        return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)
+
+    def to_dimensionless(self, values: Point) -> Point:
+        """Return K_v, K_p, b_c, m_c, b_0 in the optimiser's units."""
+        K_v, K_p, b_c, m_c, b_0 = values
+        Z, T = self.impedance, self.time
+        return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Posed:
+    """A problem and the devices at which its demands are posed.
+
+    What lies between the vertices of a box is the prover's business: a device of it that is refuted joins them. Two are
+    the same only if they are one, so that what is worked out of one can be kept for it.
+
+    Attributes
+    ----------
+    problem : in SI or in the optimiser's units
+    cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices
+    objective : those of them whose greatest error is the objective
+    box : all devices for which a design is to be proved; None for the problem's own alone
+    demands : what a design has to meet
+    span : the part of the stability band that sampling can reach, rad/s
+    """
+
+    problem: Problem
+    cases: tuple[Problem, ...]
+    objective: tuple[Problem, ...]
+    box: DeviceBox | None
+    demands: Demands
+    span: tuple[float, float]
+
+    def error(self, gains: Gains, coupling: Coupling) -> float:
+        """Return the objective of a design: its error, or the greatest of the devices that count."""
+        return max(transparency_error(case, gains, coupling).error for case in self.objective)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """A problem in SI units, the same in the optimiser's, and those units."""
+
+    given: Posed
+    scaled: Posed
+    units: Units
+
+    @property
+    def problem(self) -> Problem:
+        """The problem as it was given."""
+        return self.given.problem
+
+    def on_device(self, device: Device) -> Device:
+        """Return a device of the given problem in the optimiser's units."""
+        return _dimensionless(with_device(self.problem, device), self.units).device
+
+
+def prepare(problem: Problem) -> Prepared:
+    """Make a problem ready."""
+    weights = problem.transparency.weights
+    greatest = max(weights.admittance, weights.tracking, weights.coupling)
+    units = Units(problem.transparency.reference_impedance, problem.device.sample_time, greatest)
+    return Prepared(pose(problem), pose(_dimensionless(problem, units)), units)
+
+
+def pose(problem: Problem) -> Posed:
+    """Return a problem with its devices and demands, in the units that it has."""
+    box = device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
+    cases = (problem,) if box is None else tuple(with_device(problem, device) for device in box.devices())
+    worst = problem.uncertainty is not None and problem.uncertainty.objective == "worst"
+    band, stability = problem.stability.band, problem.stability
+    demands = Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
+    return Posed(problem, cases, cases if worst else (problem,), box, demands, sampled_span(problem))
+
+
+def with_device(problem: Problem, device: Device) -> Problem:
+    """Return the problem of another device, known exactly."""
+    return replace(problem, device=device, uncertainty=None)
+
+
+def _dimensionless(problem: Problem, units: Units) -> Problem:
+    scaled = problem.in_units(units.impedance, units.time)
+    weights, one = scaled.transparency.weights, units.error
+    relative = Terms(weights.admittance / one, weights.tracking / one, weights.coupling / one)
+    return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
