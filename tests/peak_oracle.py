@@ -138,7 +138,7 @@ def _evolved(problem, coarse, fine, integral, rng):
 
 
 @np.errstate(all="ignore")
-def global_search(problem, seed, runs=2):
+def global_search(problem, seed, runs):
     """Return the least error found and its K_v, K_p, b_c, m_c; inf if nothing admissible was found."""
     rng, coarse, fine = np.random.default_rng(seed), Judge(problem, 1.0), Judge(problem, 4.0)
     found = (_evolved(problem, coarse, fine, integral, rng) for integral in (False, True) for _ in range(runs))
