@@ -1,4 +1,4 @@
-"""A linear scene sample by sample with scipy's matrix exponentials, written from DESIGN 1.1 to 1.7, not from vctune.
+"""A linear scene sample by sample with scipy's matrix exponentials, written from the equations, not from vctune.
 
 The firmware is not solved by hand: its equations of a sample are put into a matrix and given to numpy.
 """

@@ -1,4 +1,4 @@
-"""The formulas against 50 digits, against each other in every arithmetic, and against DESIGN 1.6's numbers."""
+"""The formulas against 50 digits, against each other in every arithmetic, and against check numbers."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_required_resistance_agrees_with_50_digits(case, place):
 
 
 def test_plain_formula_would_return_zero():
-    """DESIGN 1.5's check: R = 5.5543e-5 where |q| - Re q loses every digit."""
+    """R = 5.5543e-5 where |q| - Re q loses every digit."""
     gains = Gains(5000.0, 1e6)
     assert R(Device(0.5, 1.0, 1e-3, 0.0, "lag"), gains, 0.01) == pytest.approx(5.5543e-5, rel=1e-4)
     Z_d, C = impedances(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
@@ -184,7 +184,7 @@ def test_all_three_arithmetics_agree(case, place):
 @settings(max_examples=200, deadline=None)
 @given(cases(), logs(1e-2, 1e2))
 def test_sensitivity_and_transfer_add_up_to_one(case, corner):
-    """S + G_he = 1 and G_hh = S/Z_d (DESIGN 1.2), against plain complex arithmetic."""
+    """S + G_he = 1 and G_hh = S/Z_d, against plain complex arithmetic."""
     omega = corner
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     ours = response(device, Gains(case.K_v, case.K_p), omega)
