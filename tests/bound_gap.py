@@ -21,8 +21,8 @@ from vctune.design.judge import Judgement
 from vctune.design.optimum import improved
 from vctune.design.prepared import prepare
 from vctune.design.solve import solve
-from vctune.document.problem import Problem
 from vctune.document.reading import read_problem
+from vctune.model.problem import Problem
 from vctune.report.page import svg
 
 ROOT = Path(__file__).parent.parent

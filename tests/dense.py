@@ -20,7 +20,7 @@ from vctune.bench.evaluator import (
     spectral_radius,
     stability_ratio,
 )
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 
 COARSE = 60
 """Frequencies that sort out most designs."""

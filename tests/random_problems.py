@@ -9,7 +9,7 @@ import numpy as np
 from dense import COARSE, NAMES, band, least_damping
 
 from vctune.bench.evaluator import Case, cases
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 
 CHUNK = 4000
 """Designs made at a time."""

@@ -1,4 +1,6 @@
-"""A linear scene sample by sample with scipy's matrix exponentials, written from the equations, not from vctune.
+"""A linear scene sample by sample with scipy's matrix exponentials, not from vctune.
+
+Written from model/README.md, sections 1 to 7.
 
 The firmware is not solved by hand: its equations of a sample are put into a matrix and given to numpy.
 """

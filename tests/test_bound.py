@@ -20,8 +20,8 @@ from vctune.design.optimum import improved
 from vctune.design.prepared import pose, prepare
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem, Range
 from vctune.document.reading import parse_problem, read_problem
+from vctune.model.problem import Problem, Range
 from vctune.proof.least import floors, least_coupling
 from vctune.proof.quadratics import Boxes
 from vctune.proof.relaxation import relaxation

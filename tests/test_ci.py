@@ -111,7 +111,7 @@ def test_the_hook_is_valid(repository):
 
 
 def test_the_hook_checks(repository):
-    """What pre-commit would run: the hook's entry with README's arguments, when a file that matches is changed."""
+    """What pre-commit would run: the hook's entry with the guide's arguments, when a file that matches is changed."""
     (hook,) = yaml.safe_load((ROOT / ".pre-commit-hooks.yaml").read_text())
     (used,) = yaml.safe_load(HOOKS)["repos"][0]["hooks"]
     assert used["id"] == hook["id"]

@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 
 from vctune.document import toml
 from vctune.document.errors import InputError
-from vctune.document.experiment import Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.files import folder_name, write_together
 from vctune.document.gains import gains_text
-from vctune.document.problem import Band, Range
 from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.schema import json_schema
+from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.problem import Band, Range
 from vctune.model.quantities import Coupling, Gains
 
 BAD = Path(__file__).parent / "bad"

@@ -1,4 +1,4 @@
-"""The formulas against 50 digits, against each other in every arithmetic, and against check numbers."""
+"""The formulas against 50 digits, the check numbers of model/README.md, and each other in every arithmetic."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_required_resistance_agrees_with_50_digits(case, place):
 
 
 def test_plain_formula_would_return_zero():
-    """R = 5.5543e-5 where |q| - Re q loses every digit."""
+    """The check number of model/README.md, section 5: R = 5.5543e-5 where |q| - Re q loses every digit."""
     gains = Gains(5000.0, 1e6)
     assert R(Device(0.5, 1.0, 1e-3, 0.0, "lag"), gains, 0.01) == pytest.approx(5.5543e-5, rel=1e-4)
     Z_d, C = impedances(Case(0.5, 1.0, 1e-3, 0.0, "lag", 5000.0, 1e6), 0.01j)
@@ -87,7 +87,7 @@ def test_plain_formula_would_return_zero():
     ("device", "expected"),
     [(LAG, [14.1276, 394.645, 1140.27, 2215.64]), (ZOH, [14.1121, 411.113, 1619.22, 13078.68])],
 )
-def test_required_resistance_of_the_design_page(device, expected):
+def test_required_resistance_of_the_guide(device, expected):
     assert R(device, Gains(40.0, 4000.0), np.array([100.0, 1000, 2000, 3000])) == pytest.approx(expected, rel=1e-5)
 
 
@@ -98,14 +98,14 @@ def test_required_resistance_of_the_design_page(device, expected):
         (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.66]),
     ],
 )
-def test_ratio_crosses_one_where_the_design_page_says(coupling, crossings):
+def test_ratio_crosses_one_where_the_guide_says(coupling, crossings):
     omega = np.geomspace(1.0, 1e4, 400_001)
     above = ratio(LAG, Gains(40.0, 4000.0), coupling, omega) >= 1
     assert omega[1:][above[1:] != above[:-1]] == pytest.approx(crossings, rel=5e-5)
     assert not above[0]
 
 
-def test_position_gain_with_damping_and_no_drag_fails_below_the_frequency_of_the_design_page():
+def test_position_gain_with_damping_and_no_drag_fails_below_the_frequency_of_the_guide():
     gains, coupling = Gains(40.0, 4000.0), Coupling(25000.0, 5.0, 0.0)
     omega_L = 2.0 * np.sqrt(25000.0) / (2 * 5.0 * np.sqrt(2.0 + 40.0 - 0.5e-3 * 4000.0))
     omega = np.geomspace(omega_L / 3, omega_L * 3, 100_001)
@@ -184,7 +184,7 @@ def test_all_three_arithmetics_agree(case, place):
 @settings(max_examples=200, deadline=None)
 @given(cases(), logs(1e-2, 1e2))
 def test_sensitivity_and_transfer_add_up_to_one(case, corner):
-    """S + G_he = 1 and G_hh = S/Z_d, against plain complex arithmetic."""
+    """S + G_he = 1 and G_hh = S/Z_d (model/README.md, section 2), against plain complex arithmetic."""
     omega = corner
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     ours = response(device, Gains(case.K_v, case.K_p), omega)

@@ -166,7 +166,10 @@ band_hz = [0.0, inf]
 
 
 def test_certified_means_stable_with_every_passive_operator_that_contains_the_least_one():
-    """Without drag no design has K_p > 0 on a band from 0, but in the hand of an operator (DESIGN 1.6)."""
+    """Without drag no design has K_p > 0 on a band from 0, but in the hand of an operator.
+
+    See model/README.md, section 6.
+    """
     bare = solve(parse_problem(WHOLE_AXIS.format("0.0").replace("mass = 0.2\n", ""), "p", "p"))
     assert bare.status == "infeasible" and bare.infeasibility.proved
     problem = parse_problem(WHOLE_AXIS.format("0.1"), "p", "p")

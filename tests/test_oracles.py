@@ -128,7 +128,7 @@ def test_unstable_poles_of_the_model_in_closed_form(K_p, poles):
 
 @pytest.mark.parametrize("case", LOOPS)
 def test_rollett_factor_agrees_with_scikit_rf(case):
-    """The two-port of DESIGN 1.2 is an inverse hybrid matrix: [i1; v2] = g [v1; i2]."""
+    """The two-port of model/README.md, section 2, is an inverse hybrid matrix: [i1; v2] = g [v1; i2]."""
     device, gains = quantities(case)
     virtual = Coupling(30.0, 0.2, 0.01)
     case = replace(case, b_c=30.0, m_c=0.2, b_0=0.01)

@@ -1,4 +1,4 @@
-"""The prover against DESIGN 1.6's fixtures, against 50 digits, and at the limit of what can be told apart."""
+"""The prover against the check numbers of model/README.md and 50 digits, and at the limit of what can be told apart."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ def conditions(design, low, high, factor=1.0):
         (INTEGRAL, 3000.0, 2.0, (199.372, 3197.7), Verdict.REFUTED),
     ],
 )
-def test_fixtures_of_the_design_page(gains, b_c, m_c, band, verdict):
+def test_fixtures_of_the_guide(gains, b_c, m_c, band, verdict):
     assert conditions(Design(LAG, gains, Coupling(b_c, m_c, 0.0)), *band).verdict is verdict
 
 
 def test_a_tiny_drag_repairs_the_low_end():
-    """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0 (DESIGN 1.6)."""
+    """R -> b^2/(4 (b + K_v - tau K_p)) = 0.025 for omega -> 0 (model/README.md, section 6)."""
     for drag, verdict in ((0.0251, Verdict.PROVED), (0.0249, Verdict.REFUTED)):
         assert conditions(Design(LAG, INTEGRAL, Coupling(25000.0, 5.0, drag)), 0.0, 50.0).verdict is verdict
 
@@ -145,7 +145,7 @@ def test_the_low_end_chart_agrees_with_the_formulas_of_the_middle(gains, hold):
         assert digits.exact(case, omega).ratio > 1
 
 
-def test_polynomial_roots_are_the_crossings_of_the_design_page():
+def test_polynomial_roots_are_the_crossings_of_the_guide():
     for coupling, crossings in (
         (Coupling(25000.0, 5.0, 0.0), [5.3410, 76.1960, 284.483]),
         (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.67]),
@@ -231,7 +231,7 @@ def test_sensitivity_is_decided_close_to_its_peak():
 
 
 def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
-    """DESIGN 1.4 (i): far beyond the stability limit |S| is small all over the band."""
+    """The paper leaves stable poles out: far beyond the stability limit |S| is small all over the band."""
     design = Design(Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(3e4, 0.0), Coupling(1e5, 1.0, 0.0))
     certificate = certify(design, Demands(design.device, (pi, 60 * pi), 1.0, 2.0))
     assert certificate.outcomes[Claim.SAMPLED_POLES].verdict is Verdict.REFUTED

@@ -217,7 +217,7 @@ def test_a_fixed_coupling_is_one_of_the_free_ones():
 
 
 def test_the_low_frequency_limits_bound_the_region():
-    """Hold lag (DESIGN 1.6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
+    """Hold lag (model/README.md, section 6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
     text = LAG + "[stability]\nband_hz = [0.001, 400.0]\nmax_sensitivity = 100.0\nsafety_factor = 1.0\n"
     cells = found(text, K_V, K_P, 7)
     x, y = cells.plane.edges
@@ -230,7 +230,7 @@ def test_the_low_frequency_limits_bound_the_region():
 
 
 def test_without_position_the_coupling_needs_inertia():
-    """Hold lag, K_v = 40, K_p = 0 (DESIGN 1.6): (21000, 5.5) is feasible and (21000, 5.4) is not."""
+    """Hold lag, K_v = 40, K_p = 0 (model/README.md, section 6): (21000, 5.5) is feasible and (21000, 5.4) is not."""
     text = (
         LAG + "[gains]\nvelocity = 40.0\nposition = 0.0\n[coupling]\ndamping = { min = 20500.0, max = 21500.0 }\n"
         "mass = { min = 5.3, max = 5.7 }\n"

@@ -31,15 +31,15 @@ from vctune.design.solve import solve
 from vctune.design.theorems import impossible
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.exits import ExitCode
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.page import page
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'
 LOOP = "[gains]\nvelocity = 40.0\nposition = 4000.0\n[coupling]\ndamping = 25000.0\nmass = 5.0\n"
-"""DESIGN 1.6: with damping 2 the ratio is 1 at 5.3410 rad/s, above which it holds up to 76.196 rad/s."""
+"""With damping 2 the ratio is 1 at 5.3410 rad/s, then above it up to 76.196 (model/README.md, section 6)."""
 QUICK = {
     "narrow bounds": infeasible_texts(10)[9][1],
     "no damping, whole axis": LAG.format(0.0) + "[stability]\nband_hz = [0.0, inf]\n",

@@ -99,7 +99,7 @@ def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
 
 
 def test_no_position_in_the_loop_without_position_gain():
-    """With K_p = 0 the free integrator from velocity to position does not count (DESIGN 1.7)."""
+    """With K_p = 0 the free integrator from velocity to position does not count (model/README.md, section 7)."""
     device = Device(0.4, 0.0, 1e-3, 0.0, "zoh")
     assert spectral_radius(device, Gains(100.0, 0.0)) == pytest.approx(1 - 100.0 * 1e-3 / 0.4)
 

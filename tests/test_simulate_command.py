@@ -18,8 +18,8 @@ from conftest import ROOT
 from test_cli import run as vctune
 from test_cli import strict
 
-from vctune.document.experiment import Environment, Operator
 from vctune.exits import ExitCode
+from vctune.model.experiment import Environment, Operator
 from vctune.simulation.metrics import metrics
 from vctune.simulation.motion import intended_motion, sample_count
 from vctune.simulation.run import Traces
@@ -260,7 +260,7 @@ def test_the_papers_experiments_on_the_friction_wheel(tmp_path):
 @pytest.mark.slow
 def test_stiff_and_extreme():
     """Finite, or a divergence with its time: bristles to 1e8 N/m, walls to 1e6 N/m, T and speed over their decades."""
-    from vctune.document.experiment import Experiment, Friction, Sensors
+    from vctune.model.experiment import Experiment, Friction, Sensors
     from vctune.model.quantities import Coupling, Device, Gains
     from vctune.simulation.run import run
     from vctune.simulation.scene import designed_scene

@@ -15,8 +15,8 @@ from integrators import euler, midpoint, sundials
 from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
 
-from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control

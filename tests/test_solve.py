@@ -157,7 +157,10 @@ def test_drag_may_be_free():
 
 
 def test_least_coupling_of_a_fixed_loop_has_a_closed_form():
-    """With m_c/b_c given through both bounds, the least b_c is a maximum over frequency (DESIGN 1.9)."""
+    """With m_c/b_c given through both bounds, the least b_c is a maximum over frequency.
+
+    See design/README.md, section 1.
+    """
     problem = parse(DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\nmass = 0.4\n")
     solved = solve(problem)
     b_c = solved.judgement.coupling.damping

@@ -10,16 +10,18 @@ from conftest import ROOT
 
 FLOORS = [
     "version",
-    "model",
+    "markup",
     "exits",
     "interrupt",
-    "document",
+    "model",
     "proof",
     "analysis",
+    "document",
     "simulation",
     "design",
     "study",
     "report",
+    "api",
     "bench",
     "cli",
 ]

@@ -30,8 +30,8 @@ from vctune.design.scan import scan
 from vctune.design.shape import WorkingSet, places, shape_of
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates
-from vctune.document.problem import Uncertainty
 from vctune.document.reading import parse_problem
+from vctune.model.problem import Uncertainty
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import band_of, over_band

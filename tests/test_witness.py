@@ -96,7 +96,7 @@ def value(polynomials, s):
 
 
 def handle_admittance(case, Z_e, s):
-    """Y = G_hh + G_he/(Z_c + Z_e), from the two-port of DESIGN 1.2 with f_e = Z_e v_e."""
+    """Y = G_hh + G_he/(Z_c + Z_e), from the two-port of model/README.md, section 2, with f_e = Z_e v_e."""
     Z_d, C = impedances(case, s)
     return 1 / (Z_d + C) + C / (Z_d + C) / (coupling_impedance(case, s) + Z_e)
 

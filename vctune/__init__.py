@@ -8,45 +8,67 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+    from vctune.api.bounding import bound as bound
+    from vctune.api.checking import check as check
+    from vctune.api.experiments import simulate as simulate
+    from vctune.api.files import write_design as write_design
+    from vctune.api.files import write_report as write_report
+    from vctune.api.regions import region as region
+    from vctune.api.solving import solve as solve
+    from vctune.api.studies import front as front
+    from vctune.api.studies import sweep as sweep
     from vctune.design.judge import Judgement as Judgement
     from vctune.design.judge import Status as Status
     from vctune.design.judge import judge as judge
     from vctune.design.record import design_record as design_record
     from vctune.design.result import Solved as Solved
-    from vctune.design.solve import solve as solve
+    from vctune.document.building import Device as Device
+    from vctune.document.building import problem as problem
     from vctune.document.errors import InputError as InputError
-    from vctune.document.problem import Problem as Problem
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
     from vctune.exits import ExitCode as ExitCode
+    from vctune.model.experiment import Experiment as Experiment
+    from vctune.model.problem import Problem as Problem
+    from vctune.model.problem import Range as Range
     from vctune.model.quantities import Coupling as Coupling
-    from vctune.model.quantities import Device as Device
     from vctune.model.quantities import Gains as Gains
+    from vctune.model.quantities import LeastOperator as LeastOperator
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
     from vctune.simulation.experiment import Simulated as Simulated
-    from vctune.simulation.experiment import simulate as simulate
 
 
 _HOME = {
     "Certificate": "proof.certificate",
     "Coupling": "model.quantities",
-    "Device": "model.quantities",
+    "Device": "document.building",
     "ExitCode": "exits",
+    "Experiment": "model.experiment",
     "Gains": "model.quantities",
     "InputError": "document.errors",
     "Judgement": "design.judge",
-    "Problem": "document.problem",
+    "LeastOperator": "model.quantities",
+    "Problem": "model.problem",
     "ProblemFile": "document.reading",
+    "Range": "model.problem",
     "Simulated": "simulation.experiment",
     "Solved": "design.result",
     "Status": "design.judge",
+    "bound": "api.bounding",
     "certify": "proof.certificate",
+    "check": "api.checking",
     "design_record": "design.record",
+    "front": "api.studies",
     "judge": "design.judge",
+    "problem": "document.building",
     "read_problem": "document.reading",
-    "simulate": "simulation.experiment",
-    "solve": "design.solve",
+    "region": "api.regions",
+    "simulate": "api.experiments",
+    "solve": "api.solving",
+    "sweep": "api.studies",
+    "write_design": "api.files",
+    "write_report": "api.files",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""
 
@@ -59,3 +81,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     return getattr(import_module(f"vctune.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -1,4 +1,4 @@
-"""Exit codes of the command line: part of vctune's contract (DESIGN 2.6)."""
+"""Exit codes of the command line: part of vctune's contract (cli/README.md, section 1)."""
 
 from enum import IntEnum
 

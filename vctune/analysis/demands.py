@@ -1,4 +1,7 @@
-"""The demands of a problem and its objective at given gains, in double precision (DESIGN 1.8, 1.9)."""
+"""The demands of a problem and its objective at given gains, in double precision.
+
+See model/README.md, section 8; design/README.md, section 1.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,11 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.sampled_loop import sensitivity
-from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import demanded, rollett_factor
 from vctune.model.loop import LoopResponse, hold_response, loop_response
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
 
@@ -29,7 +32,10 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R (DESIGN 1.4) at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0."""
+    """Return Re Z_c / R at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0.
+
+    See model/README.md, section 4.
+    """
     loop = response(device, gains, omega)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
 
@@ -59,7 +65,7 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
     """Return the part of the stability band that sampling can reach.
 
     A band from 0 or to inf is cut `END_DECADES` decades beyond every corner of the device and of the transparency
-    band; what lies outside follows the limits of DESIGN 1.6 to better than 1e-8.
+    band; what lies outside follows the limits at both ends of the axis to better than 1e-8.
     """
     device, band = problem.device, problem.stability.band
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
@@ -132,7 +138,7 @@ def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Float
 
 
 def weighted_square(weights: Terms, squares: Terms) -> Floats:
-    """Return e(f)^2 (DESIGN 1.8) from the squares of the terms."""
+    """Return e(f)^2 (model/README.md, section 8) from the squares of the terms."""
     total: Floats = (
         weights.admittance**2 * squares.admittance
         + weights.tracking**2 * squares.tracking
@@ -142,7 +148,7 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
 
 def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
-    """Return the error of a design and its three terms, to about 1e-9 relative (DESIGN 1.8)."""
+    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8)."""
     norm = _rms if problem.transparency.norm == "rms" else _peak
     return norm(problem, gains, coupling)
 

@@ -1,4 +1,7 @@
-"""Stability of both loops on grids, and where it ends: estimates for the search, not proofs (DESIGN 1.7)."""
+"""Stability of both loops on grids, and where it ends: estimates for the search, not proofs.
+
+See model/README.md, section 7.
+"""
 
 from __future__ import annotations
 

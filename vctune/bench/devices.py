@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from vctune.document.problem import Problem
 from vctune.document.reading import pose
+from vctune.model.problem import Problem
 
 MOST_DELAY = 150.0
 """Samples."""

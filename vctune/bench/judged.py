@@ -7,7 +7,7 @@ from math import inf
 
 from vctune.bench import evaluator
 from vctune.design.judge import Status, judge
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 AGREEMENT = 1e-6

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.document.problem import Problem
 from vctune.document.reading import pose
+from vctune.model.problem import Problem
 
 WHEEL = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}
 LIMITS = {"velocity": {"min": 0.1, "max": 1000.0}, "position": {"min": 0.0, "max": 1e5}}

@@ -22,7 +22,7 @@ from vctune.design.prepared import Prepared, prepare
 from vctune.design.scan import ScanResult, scan
 from vctune.design.solve import solve
 from vctune.design.start import Start
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.benchmarks import Panel, Series
 

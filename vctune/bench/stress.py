@@ -23,7 +23,7 @@ from vctune.bench.evaluator import case_of, cases, sensitivity, spectral_radius,
 from vctune.bench.peers import need
 from vctune.design.judge import Judgement
 from vctune.design.solve import solve
-from vctune.document.problem import Problem, Range
+from vctune.model.problem import Problem, Range
 from vctune.report.benchmarks import Panel, Series
 from vctune.study.executors import available_cores, crew_of
 

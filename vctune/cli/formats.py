@@ -39,7 +39,7 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return the object of DESIGN 2.3, or a list of them for several checks."""
+    """Return the object of design.json, or a list of them for several checks."""
     objects = [checked.finding.record() if checked.finding else _refused(checked) for checked in checks]
     return json.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False)
 

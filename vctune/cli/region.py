@@ -32,48 +32,22 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
 
     Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved.
     """
-    from math import ceil, log2
-
+    from vctune.api.regions import region as find
+    from vctune.api.regions import require_plane, write_region
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
-    from vctune.document.errors import InputError
-    from vctune.document.files import folder_name, make_folder, write_together
+    from vctune.design.judge import EXIT_CODES
+    from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
-    from vctune.study.plane import obstacles, plane
 
-    file = read_problem(problem)
-    if mistakes := obstacles(file.problem, x, y):
-        raise InputError(str(problem), mistakes)
+    file = require_plane(read_problem(problem), x, y)
     folder = out / folder_name(file.problem.name)
     make_folder(folder)
-
-    import json
-
-    from vctune.design.judge import Status
-    from vctune.design.solve import solve
-    from vctune.exits import ExitCode
-    from vctune.study.baseline import region_record
-    from vctune.study.region import Kind
-    from vctune.study.region import region as find
-
     with progress_on_stderr(f"vctune region {problem.name}", shown=True) as progress:
-        across = plane(file.problem, x, y, ceil(-log2(resolution)))
-        found = find(file.problem, across, across.whole(), progress)
-        solved = solve(file.problem, progress)
-        best = solved.judgement if solved.status is Status.CERTIFIED else None
-        designs = [(best.gains, best.coupling)] if best else []
-        record = region_record(file, found, designs)
+        found = find(file, x, y, resolution=resolution, progress=progress)
         progress("drawing")
-        from vctune.report.page import figure_file
-        from vctune.report.region import region_figure
-
-        text = json.dumps(record, allow_nan=False)
-        pictures = figure_file(region_figure(file.problem, found, designs), folder, "region")
-        write_together({folder / "region.json": text + "\n", **pictures})
-    for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED):
-        emit(f"{kind.name.lower():10} {100 * found.area(kind):7.2f} %")
+        write_region(found, folder)
+    for kind, share in found.areas.items():
+        emit(f"{kind:10} {100 * share:7.2f} %")
     emit(f"of the plane {x} by {y}; written to {folder}")
-    if found.area(Kind.FEASIBLE) > 0 or designs:
-        return ExitCode.OK
-    impossible = solved.status is Status.INFEASIBLE or found.area(Kind.UNDECIDED) == 0
-    return ExitCode.FAILED if impossible else ExitCode.UNDECIDED
+    return EXIT_CODES[found.status]

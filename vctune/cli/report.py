@@ -15,15 +15,8 @@ def report(design: Path, out: Path | None) -> int:
 
     A simulation.json of the same design beside it is drawn too.
     """
-    from vctune.document.design import read_design
-    from vctune.document.files import make_folder
-    from vctune.document.simulation import simulation_beside
+    from vctune.api.files import write_report
     from vctune.exits import ExitCode
-    from vctune.report.report import write_report
 
-    record = read_design(design)
-    folder = out if out is not None else design.parent
-    make_folder(folder)
-    write_report(record, folder, simulation_beside(design.parent, record))
-    click.echo(f"written to {folder}/report.html", err=True)
+    click.echo(f"written to {write_report(design, out)}", err=True)
     return ExitCode.OK

@@ -3,13 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import click
-
-if TYPE_CHECKING:
-    from vctune.document.reading import ProblemFile
-    from vctune.model.quantities import Coupling, Gains
 
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
@@ -35,36 +30,29 @@ def solve(
 
     PROBLEM is a TOML file; only [device] mass, damping and sample_time are required in it.
     """
-    import json
-
+    from vctune.api.files import design_folder, json_text, write_record, write_report
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
-    folder = design_folder(file, problem, out)
+    folder = design_folder(file, out)
 
+    from vctune.api.solving import solve as solve_problem
     from vctune.design.judge import EXIT_CODES, Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import design_record
-    from vctune.design.repaired import repaired
-    from vctune.design.solve import solve as solve_problem
     from vctune.exits import ExitCode
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = repaired(file, solve_problem(file.problem, progress, gap=gap), progress)
+        solved = solve_problem(file, gap=gap, progress=progress)
         record = design_record(file, solved, ipopt_version())
-        text = json.dumps(record, indent=2, allow_nan=False)
-        judgement = solved.judgement
-        write_design(folder, file, record, text, (judgement.gains, judgement.coupling) if judgement else None)
+        say_renamed(write_record(folder, file, record))
         if not no_report:
             progress("drawing the report")
-            from vctune.document.simulation import simulation_beside
-            from vctune.report.report import write_report
-
-            write_report(record, folder, simulation_beside(folder, record))
+            write_report(record, folder)
     if as_json:
-        emit(text)
+        emit(json_text(record).rstrip())
     elif not quiet:
         from vctune.cli.table import print_design
 
@@ -76,48 +64,7 @@ def solve(
     return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]
 
 
-def design_folder(file: ProblemFile, problem: Path, out: Path) -> Path:
-    """Return the folder of the design, made and writable, after making sure that nobody else's work is in it."""
-    import json
-
-    from vctune.document.errors import InputError, Mistake
-    from vctune.document.files import folder_name, make_folder
-
-    folder = out / folder_name(file.problem.name)
-    make_folder(folder)
-    if problem.resolve() in ((folder / name).resolve() for name in ("gains.toml", "design.json")):
-        raise InputError(str(problem), [Mistake("", "would be overwritten by its own design; choose another --out")])
-    try:
-        owner = json.loads((folder / "design.json").read_text())["problem"]["name"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return folder
-    if owner != file.problem.name:
-        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or --out"
-        raise InputError(str(folder), [Mistake("", message)])
-    return folder
-
-
-def write_design(
-    folder: Path, file: ProblemFile, record: dict[str, Any], text: str, design: tuple[Gains, Coupling] | None
-) -> None:
-    """Write design.json, and gains.toml with it, and remove the report of an earlier design.
-
-    Without a design older gains are renamed, not left beside it.
-    """
-    from vctune.document.files import previous, write_together
-    from vctune.document.gains import gains_text
-    from vctune.report.contents import report_paths
-
-    texts = {folder / "design.json": text + "\n"}
-    if design is not None:
-        origin = {
-            "problem": file.problem.name,
-            "sha256": file.sha256,
-            "vctune": record["versions"]["vctune"],
-            "verdict": record["certificate"]["verdict"],
-        }
-        texts[folder / "gains.toml"] = gains_text(*design, origin)
-    earlier = [path for path in (folder / "gains.toml",) if design is None and path.exists()]
-    write_together(texts, report_paths(folder), earlier)
-    for path in earlier:
-        click.echo(f"{path}: gains of an earlier run, renamed to {previous(path).name}", err=True)
+def say_renamed(gains: Path | None) -> None:
+    """Say that gains of an earlier run were renamed, if so."""
+    if gains is not None:
+        click.echo(f"{gains.with_name('gains.toml')}: gains of an earlier run, renamed to {gains.name}", err=True)

@@ -18,8 +18,8 @@ def worker_options(command: Any) -> Any:
             "--executor",
             default="processes",
             show_default=True,
-            metavar="processes|dask|dask:ADDRESS",
-            help="Who does the work: processes, a local Dask cluster, or a running one.",
+            metavar="processes|serial|dask|dask:ADDRESS",
+            help="Who does the work: processes, this process alone, a local Dask cluster, or a running one.",
         ),
         click.option(
             "--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: the cores that there are]"
@@ -48,7 +48,7 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
     """
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import InputError, Mistake
-    from vctune.document.files import folder_name, make_folder, write_together
+    from vctune.document.files import folder_name
     from vctune.document.study import read_study
 
     plan = read_study(study)
@@ -57,29 +57,14 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
         raise InputError(str(study), [Mistake("", message)])
     folder = out / folder_name(plan.name)
 
-    from vctune.study.executors import available_cores, crew_of
-    from vctune.study.rows import open_rows
-    from vctune.study.summary import summary
-    from vctune.study.sweep import sweep as run
-    from vctune.study.table import table_files, table_of
+    from vctune.api.studies import sweep as run
 
-    with crew_of(executor, jobs or available_cores()) as crew:
-        make_folder(folder)
-        with open_rows(folder / "rows.jsonl", plan, restart=not resume) as rows:
-            if rows.dropped:
-                click.echo(f"{rows.path}: {rows.dropped} torn lines dropped", err=True)
-            with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
-                keys = run(plan, rows, crew, tick)
-            table = table_of(plan, rows, keys)
-    from vctune.report.page import figure_file
-    from vctune.report.sweep import sweep_figure
-
-    figure = sweep_figure(table, grid=plan.sample.kind == "grid")
-    pictures = figure_file(figure, folder, "error") if figure else {}
-    write_together({**table_files(table, folder, "table"), **pictures}, [] if figure else [folder / "error.svg"])
-    found = summary(plan.name, table)
-    _print(found, folder, style)
-    return _exit_code(found)
+    with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
+        swept = run(plan, folder=folder, jobs=jobs, executor=executor, restart=not resume, tick=tick)
+    if swept.dropped:
+        click.echo(f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped", err=True)
+    _print(swept.summary, folder, style)
+    return _exit_code(swept.summary)
 
 
 def _print(found: dict[str, Any], folder: Path, style: str) -> None:

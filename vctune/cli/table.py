@@ -17,7 +17,7 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 
 def print_design(record: dict[str, Any], folder: Path) -> None:
-    """Print the object of design.json (DESIGN 2.3) and where the files are."""
+    """Print the object of design.json (document/README.md, section 3) and where the files are."""
     console = Console(highlight=False)
     console.width = max(console.width, WIDE)
     with console.capture() as page:  # written in one piece, whole or not at all

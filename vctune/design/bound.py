@@ -1,4 +1,6 @@
-"""How much better any design could be: a lower bound on the error of all of them, by branch and bound (DESIGN 1.9).
+"""How much better any design could be: a lower bound on the error of all of them, by branch and bound.
+
+See design/README.md, section 10.
 
 Boxes of (K_v, K_p, tau_c, b_0) are halved, the most promising first, and fall when even their lower bound is within
 the gap of the best design known, when no design in them meets the demands, or when their loops are unstable.
@@ -19,7 +21,7 @@ from vctune.design.boxes import Axis, axes_of, flattened, halved, settled
 from vctune.design.judge import Judgement
 from vctune.design.leaves import Leaves, Unfinished, joined, root
 from vctune.design.prepared import Posed
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import floors, least_coupling

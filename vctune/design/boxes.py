@@ -9,7 +9,7 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
 from vctune.design.variables import coordinates
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.proof.boxes import Cells
 from vctune.proof.enclosures import Flags
 from vctune.proof.least import without_integrator

@@ -1,4 +1,7 @@
-"""Gains that already exist, judged: the gate for continuous integration (DESIGN 2.4). Needs no optimiser."""
+"""Gains that already exist, judged: the gate for continuous integration. Needs no optimiser.
+
+See cli/README.md, section 2.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +22,10 @@ from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
-from vctune.document.problem import Problem
-from vctune.document.reading import ProblemFile, gains_file, pose, problem_file
+from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.exits import ExitCode
+from vctune.markup import html_facts
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 
@@ -57,6 +61,10 @@ class Checked:
     def failed_by_warnings(self) -> bool:
         """Whether it is for its warnings alone that the check fails."""
         return self.strict and bool(self.warnings) and self.verdict in (ExitCode.OK, ExitCode.UNDECIDED)
+
+    def _repr_html_(self) -> str:
+        facts = {"": self.message} | {f"warning {number}": text for number, text in enumerate(self.warnings, 1)}
+        return html_facts(f"{self.name}: {self.exit_code.name.lower()}", facts)
 
     @property
     def exit_code(self) -> ExitCode:
@@ -94,7 +102,7 @@ class DesignFinding:
     seconds: float
 
     def record(self) -> dict[str, Any]:
-        """Return the object of DESIGN 2.3."""
+        """Return the object of design.json."""
         seconds = {"prove": self.seconds}
         solved = Solved(self.file.problem, self.judgement, None, 0, None, None, seconds, repairs=self.repairs)
         return design_record(self.file, solved) | {"warnings": self.warnings}
@@ -130,6 +138,23 @@ def check(paths: Sequence[Path]) -> list[Checked]:
         return [*map(_refused, broken)]
     message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
     raise InputError(str(gains[0].path), [Mistake("", message)])
+
+
+def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
+    """Check a problem against its own fixed numbers, or against a design.
+
+    Raises
+    ------
+    InputError
+        If there is no design, and the problem does not fix every number.
+    """
+    name = Path(file.problem.name)
+    if design is not None:
+        given = _Input(name, design.text, None, True)
+        return _judged(file, [(given, (design.gains, design.coupling), design.sha256)])[0]
+    if not file.problem.bounds.fixed:
+        raise InputError(file.problem.name, [_free(file.problem)])
+    return _judged(file, [(_Input(name, file.text, None, False), file.problem.fixed_design, None)])[0]
 
 
 def _read(path: Path) -> _Input:

@@ -1,4 +1,4 @@
-"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, DESIGN 1.9).
+"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, design/README.md, section 6).
 
 Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
 stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
@@ -21,7 +21,7 @@ from vctune.design.shape import Place, WorkingSet, places, shape_of
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.violations import Violations, least_resistance, near_peak, violations
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles

@@ -11,8 +11,8 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import makes_no_turn
 from vctune.design.samples import Samples
 from vctune.design.start import Missed
-from vctune.document.problem import Problem
 from vctune.model.loop import LoopResponse
+from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 
 Kinds = NDArray[np.int8]

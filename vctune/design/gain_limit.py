@@ -22,7 +22,7 @@ from vctune.design.feasibility import LoopFeasibility, loop_feasibility
 from vctune.design.grid import Axes, Scores, evaluated, position_gain, responses
 from vctune.design.refine import between_neighbours
 from vctune.design.samples import Samples
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 
 ROUNDS, PARTS = 3, 4

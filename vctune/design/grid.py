@@ -24,10 +24,10 @@ from vctune.design.feasibility import Kinds, LoopFeasibility, loop_feasibility, 
 from vctune.design.prepared import Posed
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed
-from vctune.document.problem import Problem, Range
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}

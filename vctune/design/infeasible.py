@@ -12,7 +12,7 @@ from vctune.analysis.extrema import local_minima
 from vctune.design.prepared import Prepared
 from vctune.design.scan import ScanResult
 from vctune.design.variables import design_of, point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.sampled_loop import spectral_radius
 

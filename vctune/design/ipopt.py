@@ -15,10 +15,10 @@ from vctune.design.prepared import Posed
 from vctune.design.result import Solution
 from vctune.design.shape import TERMS, Place, Shape, WorkingSet, stacked
 from vctune.design.variables import Coordinate, Point
-from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 

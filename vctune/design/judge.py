@@ -17,9 +17,11 @@ from vctune.analysis.demands import (
 )
 from vctune.design.prepared import Posed, pose
 from vctune.design.worst import worst_inside
-from vctune.document.problem import Problem
 from vctune.exits import ExitCode
+from vctune.markup import html_facts, span
+from vctune.model.frequency import hertz
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
@@ -84,6 +86,36 @@ class Judgement:
         return STATUS_OF[self.certificate.verdict]
 
     @property
+    def worst_hz(self) -> float:
+        """Where Re Z_c / R is least, Hz."""
+        return hertz(self.worst)
+
+    @property
+    def worst_sensitivity_hz(self) -> float:
+        """Where |S| is greatest, Hz."""
+        return hertz(self.worst_sensitivity)
+
+    @property
+    def facts(self) -> dict[str, float | str | None]:
+        """The design and what is proved of it, by name and unit."""
+        gains, coupling = self.gains, self.coupling
+        return {
+            "K_v, N s/m": gains.velocity,
+            "K_p, N/m": gains.position,
+            "b_c, N s/m": coupling.damping,
+            "m_c, kg": coupling.mass,
+            "b_0, N s/m": coupling.drag,
+            "error": self.transparency.error,
+            "least Re Z_c / R": self.min_ratio,
+            "at, Hz": self.worst_hz,
+            "greatest |S|": self.peak_sensitivity,
+            "proved band, Hz": span(self.certificate.proved_band_hz),
+        }
+
+    def _repr_html_(self) -> str:
+        return html_facts(f"design: {self.status.value}", self.facts)
+
+    @property
     def idle(self) -> bool:
         """Whether the design is certified, and hardly uses its velocity loop."""
         return self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
@@ -116,7 +148,18 @@ def _place(outcome: Outcome) -> str:
 
 
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
-    """Judge given gains against a problem's demands."""
+    """Judge given gains against a problem's demands.
+
+    Parameters
+    ----------
+    problem : with every default filled in
+    gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Error, least Re Z_c / R, greatest |S| and the certificate.
+    """
     return judge_posed(pose(problem), gains, coupling)
 
 

@@ -9,9 +9,9 @@ from math import inf, pi
 from typing import Any
 
 from vctune.design.variables import KEYS, NAMES
-from vctune.document.problem import Problem
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
+from vctune.model.problem import Problem
 
 STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 FROM_NOTHING = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)

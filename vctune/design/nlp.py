@@ -1,4 +1,6 @@
-"""The design problem on a finite set of frequencies as a CasADi NLP (DESIGN 1.9). The only place that imports casadi.
+"""The design problem on a finite set of frequencies as a CasADi NLP. The only place that imports casadi.
+
+See design/README.md, section 7.
 
 Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its shape.
 """

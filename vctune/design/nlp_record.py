@@ -10,9 +10,9 @@ from vctune.analysis.extrema import Floats
 from vctune.design.result import Polished, Solved
 from vctune.design.shape import DEMANDS, Place, size, stacked
 from vctune.design.variables import KEYS, design_of, ranges
-from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import demanded, modulus_excess
+from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN
 
 ACTIVE = 1e-5

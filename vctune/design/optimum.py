@@ -1,4 +1,4 @@
-"""The best proved design that the optimiser finds: starts polished, rounded, proved (DESIGN 1.9)."""
+"""The best proved design that the optimiser finds: starts polished, rounded, proved (design/README.md, section 8)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from vctune.design.shape import Place, WorkingSet
 from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, point
-from vctune.document.problem import Problem, Range
+from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim

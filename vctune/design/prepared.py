@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms
 from vctune.proof.devices import DeviceBox, device_box

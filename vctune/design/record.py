@@ -1,4 +1,7 @@
-"""A solved problem as the object of design.json (DESIGN 2.3): plain, finite or null, in SI units and hertz."""
+"""A solved problem as the object of design.json: plain, finite or null, in SI units and hertz.
+
+See document/README.md, section 3.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +24,10 @@ from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import KEYS, Point, point, ranges
 from vctune.document.design import SCHEMA
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.document.strict import finite
+from vctune.model.frequency import hertz
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -45,6 +49,11 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     file : the problem and its text
     solved : what came of it
     ipopt : IPOPT's version if it took part (`vctune.design.nlp.ipopt_version`)
+
+    Returns
+    -------
+    dict
+        The object of design.json, in SI units and hertz.
     """
     judgement, problem = solved.judgement, solved.problem
     record: dict[str, Any] = {
@@ -149,7 +158,6 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
     transparency, worst, band = judgement.transparency, judgement.worst, problem.stability.band
-    proved_band = certificate.proved_band
     return {
         "gains": {"velocity": gains.velocity, "position": gains.position},
         "coupling": {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag},
@@ -162,7 +170,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "certificate": {
             "verdict": certificate.verdict.value,
             "band_hz": [_hz(band.min), _hz(band.max)],
-            "proved_band_hz": _proved_hz(problem, proved_band) if proved_band else None,
+            "proved_band_hz": (proved := certificate.proved_band_hz) and list(proved),
             "proved_ratio": certificate.proved_ratio,
             "min_ratio": judgement.min_ratio,
             "worst_hz": _hz(worst),
@@ -232,15 +240,5 @@ def optimality_record(found: Optimality) -> dict[str, Any]:
 
 
 def _hz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, free of the rounding of 2 pi where it was a decimal."""
-    if omega is None or omega == inf:
-        return None
-    return float(f"{omega / (2 * pi):.12g}")
-
-
-def _proved_hz(problem: Problem, proved: tuple[float, float]) -> list[float | None]:
-    """Return the proved band in hertz, its edges rounded inwards where the ratio may be 1 next to them."""
-    band = problem.stability.band
-    low = proved[0] if proved[0] in (0.0, band.min) else min(proved[0] * (1 + 1e-9), band.min)
-    high = proved[1] if proved[1] in (inf, band.max, problem.nyquist) else max(proved[1] * (1 - 1e-9), band.max)
-    return [_hz(low), _hz(high)]
+    """Return a frequency in hertz, None where it is infinite."""
+    return None if omega is None or omega == inf else hertz(omega)

@@ -9,7 +9,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.grid import Axes, Scores, evaluated, position_gain
 from vctune.design.samples import Samples
 from vctune.design.start import Missed, Start
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 HALVINGS = 3

@@ -14,8 +14,8 @@ from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.levers import Lever
 from vctune.design.prepared import pose as pose_devices
-from vctune.document.problem import Problem
 from vctune.document.reading import pose
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles

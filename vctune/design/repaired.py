@@ -13,8 +13,8 @@ from vctune.design.repair import JUDGED, JUDGED_IN_USE, Progress, Repair, Trial,
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.document import toml
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
+from vctune.model.problem import Problem
 
 
 def _designed(problem: Problem) -> Judgement | None:

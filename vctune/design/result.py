@@ -12,7 +12,8 @@ from vctune.design.scan import ScanResult
 from vctune.design.shape import Shape, WorkingSet
 from vctune.design.start import Start
 from vctune.design.variables import Point
-from vctune.document.problem import Problem
+from vctune.markup import html_facts
+from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Optimality
@@ -113,6 +114,11 @@ class Solved:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
         return Status.INFEASIBLE if proved else Status.UNDECIDED
+
+    def _repr_html_(self) -> str:
+        design = self.judgement.facts if self.judgement is not None else {}
+        gap = {"gap, %": 100 * self.optimality.gap} if self.optimality is not None else {}
+        return html_facts(f"{self.problem.name}: {self.status.value}", {"reason": self.reason, **design, **gap})
 
     @property
     def reason(self) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vctune.design.variables import Point, ranges
-from vctune.document.problem import Problem, Range
+from vctune.model.problem import Problem, Range
 
 DIGITS = 8
 """Significant digits written, unless a design is so near to where no coupling will do that it needs more."""

@@ -1,4 +1,4 @@
-"""A cheap global scan: starts for the optimiser in every basin it can see (DESIGN 1.9)."""
+"""A cheap global scan: starts for the optimiser in every basin it can see (design/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from vctune.design.refine import Index, between_neighbours, lowest, minima_of, r
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed, Start
 from vctune.design.variables import point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 STARTS = 8
@@ -93,7 +93,7 @@ def _promising(
 
 
 def _faces(problem: Problem) -> list[bool]:
-    """Return whether to search without and with an integrator, as far as the bounds and DESIGN 1.6 allow.
+    """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
 
     With damping, without drag and without an operator's damping no K_p > 0 is admissible on a band from 0.
     """

@@ -11,7 +11,7 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
 from vctune.design.prepared import Posed
 from vctune.design.variables import Coordinate
-from vctune.document.problem import Norm
+from vctune.model.problem import Norm
 from vctune.model.quantities import Device
 from vctune.proof.devices import UNCERTAIN
 

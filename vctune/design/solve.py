@@ -1,4 +1,4 @@
-"""The design problem from start to end: theorem, scan, optimum, search of every box (DESIGN 1.9)."""
+"""The design problem from start to end: theorem, scan, optimum, search of every box (design/README.md, section 1)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Solved
 from vctune.design.scan import scan
 from vctune.design.theorems import impossible
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound import Glance, Optimality

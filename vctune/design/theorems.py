@@ -1,4 +1,4 @@
-"""Requests that no design can meet, known beforehand: the theorems of DESIGN 1.6 with their numbers filled in.
+"""Requests that no design can meet, known beforehand: theorems with their numbers filled in.
 
 Each limit is taken at the corner of the bounds that is kindest to it: a request is refused only where even that fails.
 """
@@ -8,8 +8,8 @@ from __future__ import annotations
 from math import inf, pi, sqrt
 
 from vctune.design.infeasible import Infeasibility
-from vctune.document.problem import Problem
 from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 
 LEAST_POSITION = 5e-324
@@ -17,7 +17,7 @@ LEAST_POSITION = 5e-324
 
 
 def impossible(problem: Problem) -> Infeasibility | None:
-    """Return the theorem of DESIGN 1.6 that excludes every design of the problem, or None."""
+    """Return the theorem that excludes every design of the problem, or None."""
     found = _negative_resistance(problem)
     if found is None and problem.stability.band.min == 0:
         found = _at_zero(problem)

@@ -7,7 +7,7 @@ from typing import Any
 from vctune.analysis.demands import transparency_error
 from vctune.design.judge import Judgement
 from vctune.design.prepared import pose
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.proof.devices import UNCERTAIN
 

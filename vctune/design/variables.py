@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, expm1, inf, log, log1p
 
-from vctune.document.problem import Bounds, Problem, Range
+from vctune.model.problem import Bounds, Problem, Range
 from vctune.model.quantities import Coupling, Gains
 
 NAMES = ("velocity", "position", "damping", "mass", "drag")

@@ -23,7 +23,7 @@ from vctune.design.prepared import Posed
 from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
 from vctune.design.worst import worst_inside
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 FOLLOWED = 0.8

@@ -1,4 +1,6 @@
-"""Defaults as formulas in the device's own scales (DESIGN 2.1), so that a change of units changes nothing.
+"""Defaults as formulas in the device's own scales, so that a change of units changes nothing.
+
+See document/README.md, section 1.
 
 With tau = T/2 + delay, the loop's lag, and Z = m/tau + b, the impedance at which the loop runs out of phase:
 the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of the sampling rate without
@@ -9,10 +11,10 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
-from vctune.document.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
-from vctune.document.problem import Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
 from vctune.document.schema import ProblemDocument, StabilityTable, UncertaintyTable
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.problem import Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
 from vctune.model.quantities import Device, LeastOperator
 from vctune.model.transparency import Terms
 

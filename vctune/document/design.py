@@ -1,4 +1,4 @@
-"""The design file: the object that `vctune solve --json` prints (DESIGN 2.3), read back."""
+"""The design file: the object that `vctune solve --json` prints (document/README.md, section 3), read back."""
 
 from __future__ import annotations
 

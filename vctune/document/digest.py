@@ -8,8 +8,8 @@ from dataclasses import asdict, replace
 from hashlib import sha256
 from typing import Any
 
-from vctune.document.experiment import Experiment
-from vctune.document.problem import Problem
+from vctune.model.experiment import Experiment
+from vctune.model.problem import Problem
 
 
 def problem_digest(problem: Problem) -> str:

@@ -39,8 +39,8 @@ def _escaped(code: int) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
-class InputError(Exception):
-    """A file or an option cannot be used; `mistakes` lists everything that is wrong with it."""
+class InputError(ValueError):
+    """What the user gave, a file, an option or a number, cannot be used; `mistakes` lists all that is wrong with it."""
 
     def __init__(self, source: str, mistakes: list[Mistake]) -> None:
         self.source = source

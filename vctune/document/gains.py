@@ -1,9 +1,11 @@
-"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from (DESIGN 2.2)."""
+"""The gains file: [gains] and [coupling] to paste into a problem, [design] to say where they come from.
+
+See document/README.md, section 2.
+"""
 
 from __future__ import annotations
 
-import json
-
+from vctune.document.toml_text import quoted
 from vctune.model.quantities import Coupling, Gains
 
 
@@ -27,11 +29,6 @@ def gains_text(gains: Gains, coupling: Coupling, origin: dict[str, str]) -> str:
         f"drag = {coupling.drag!r}  # b_0, N s/m",
         "",
         "[design]",
-        *(f"{key} = {_quoted(text)}" for key, text in origin.items()),
+        *(f"{key} = {quoted(text)}" for key, text in origin.items()),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    """Return a TOML basic string; JSON's escapes are TOML's, but for DEL, which TOML wants escaped."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

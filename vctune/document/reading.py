@@ -11,18 +11,31 @@ from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
-from vctune.document.problem import Problem
 from vctune.document.schema import GainsDocument, ProblemDocument
 from vctune.document.validation import Fault, examined, refusal, validated
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 
 @dataclass(frozen=True, slots=True)
 class ProblemFile:
-    """A problem and the text it was read from."""
+    """A problem and the text that states it.
+
+    Attributes
+    ----------
+    problem : every default filled in
+    text : TOML
+    source : the path of its file; "problem" where there is none
+    """
 
     problem: Problem
     text: str
+    source: str = "problem"
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The text, parsed."""
+        return toml.parse(self.text, self.problem.name)
 
     @property
     def sha256(self) -> str:
@@ -30,21 +43,30 @@ class ProblemFile:
         return problem_digest(self.problem)
 
 
-def read_problem(path: Path) -> ProblemFile:
+def read_problem(path: str | Path) -> ProblemFile:
     """Read a problem file.
+
+    Parameters
+    ----------
+    path : of a TOML file
+
+    Returns
+    -------
+    ProblemFile
+        The `problem`, every default filled in, and the `text` that states it.
 
     Raises
     ------
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    return problem_file(toml.read_text(path), path)
+    return problem_file(toml.read_text(Path(path)), Path(path))
 
 
 def problem_file(text: str, path: Path) -> ProblemFile:
     """Return the problem that the text of a file states. Raises `InputError` like `read_problem`."""
     name = path.stem.encode("utf-8", "replace").decode()
-    return ProblemFile(parse_problem(text, str(path), name), text)
+    return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
@@ -83,9 +105,9 @@ class GainsFile:
     text: str
 
 
-def read_gains(path: Path) -> GainsFile:
+def read_gains(path: str | Path) -> GainsFile:
     """Read a gains file. Raises `InputError` like `read_problem`."""
-    return gains_file(toml.read_text(path), path)
+    return gains_file(toml.read_text(Path(path)), Path(path))
 
 
 def gains_file(text: str, path: Path) -> GainsFile:

@@ -1,4 +1,4 @@
-"""The problem file as written: types, ranges and documentation of every key (DESIGN 2.1).
+"""The problem file as written: types, ranges and documentation of every key (document/README.md, section 1).
 
 `vctune schema` prints the JSON Schema made from it.
 """

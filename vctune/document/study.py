@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations, pairwise
@@ -13,13 +13,14 @@ from typing import Any, Literal
 
 from vctune.document import toml
 from vctune.document.axes import Axis, read_axis
+from vctune.document.building import plain
 from vctune.document.errors import InputError
-from vctune.document.problem import Problem
 from vctune.document.raw import placed
-from vctune.document.reading import pose
+from vctune.document.reading import ProblemFile, pose
 from vctune.document.schema import ProblemDocument
 from vctune.document.study_schema import StudyDocument
 from vctune.document.validation import Fault, KeyPath, dotted, examined, refusal
+from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
 """What the problem must have for an element of a list or an end of a range to have a place."""
@@ -92,18 +93,13 @@ def read_study(path: Path) -> Study:
     document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
     if document is None or faults:
         raise refusal(faults, text, str(path))
-    sampled = document.sample.kind == "lhs"
-    axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
     target = path.parent / document.problem
     try:
         problem_text = toml.read_text(target)
     except InputError as error:
         raise refusal([(("problem",), f"{target}: {error.mistakes[0].message}")], text, str(path)) from None
-    except ValueError:
-        raise refusal([(("problem",), "is no path: it contains a null character")], text, str(path)) from None
     name = path.stem.encode("utf-8", "replace").decode()
-    sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
-    study = Study(name, toml.parse(problem_text, str(target)), tuple(axis for axis in axes if axis), sample)
+    study = _planned(name, toml.parse(problem_text, str(target)), document)
     homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
     if homeless:
         raise refusal(homeless, text, str(path))
@@ -111,6 +107,35 @@ def read_study(path: Path) -> Study:
     if own:
         raise refusal(own, problem_text, str(target))
     return study
+
+
+def build_study(
+    problem: ProblemFile, axes: Mapping[str, Any], sample: Mapping[str, Any] | None = None, name: str = "study"
+) -> Study:
+    """Return the study of a problem whose axes and sample are stated as in a study file's tables.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake with dotted key, value and remedy.
+    """
+    raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
+    document, faults = examined(StudyDocument, raw, _contradictions)
+    if document is None or faults:
+        raise refusal(faults, None, name)
+    study = _planned(name, problem.document, document)
+    homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
+    if homeless:
+        raise refusal(homeless, None, name)
+    return study
+
+
+def _planned(name: str, problem: dict[str, Any], document: StudyDocument) -> Study:
+    """Return the study that a valid document states of a problem's tables."""
+    sampled = document.sample.kind == "lhs"
+    axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
+    sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
+    return Study(name, problem, tuple(axis for axis in axes if axis), sample)
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Fault]:

@@ -33,6 +33,8 @@ def read_text(path: Path) -> str:
         raise InputError(str(path), [Mistake("", "is a directory; name the .toml file in it")]) from None
     except OSError as error:
         raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+    except ValueError:
+        raise InputError(str(path), [Mistake("", "is no path: it contains a null character")]) from None
     if len(data) > MAX_BYTES:
         raise InputError(str(path), [Mistake("", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")])
     try:

@@ -50,10 +50,11 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
         return None, [_fault(model, details) for details in error.errors(include_url=False)] + check(raw)
 
 
-def refusal(faults: list[Fault], text: str, source: str) -> InputError:
-    """Return the error that lists faults with their lines, the first `MAX_MISTAKES` of them."""
-    lines = toml.Lines(text)
-    shown = [Mistake(dotted(path), message, _line(lines, path)) for path, message in faults[:MAX_MISTAKES]]
+def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
+    """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text."""
+    lines = toml.Lines(text) if text is not None else None
+    listed = faults[:MAX_MISTAKES]
+    shown = [Mistake(dotted(path), message, _line(lines, path) if lines else None) for path, message in listed]
     more = [Mistake("", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
     return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
 

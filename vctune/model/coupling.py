@@ -1,4 +1,4 @@
-"""The virtual coupling's impedance Z_c = b_0 + b_c m_c s/(b_c + m_c s) (DESIGN 1.3, paper eq. 17)."""
+"""The virtual coupling's impedance Z_c = b_0 + b_c m_c s/(b_c + m_c s) (model/README.md, section 3, paper eq. 17)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Exact limits of R and Re Z_c at the ends of the frequency axis (DESIGN 1.6)."""
+"""Exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
 
 from __future__ import annotations
 

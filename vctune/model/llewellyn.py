@@ -1,4 +1,4 @@
-"""Llewellyn's absolute stability as a demand on the coupling (DESIGN 1.4 and 1.5, paper eqs. 12 and 19).
+"""Llewellyn's absolute stability as a demand on the coupling (model/README.md, sections 4 and 5, paper eqs. 12 and 19).
 
 A passive operator Z that always contains Z_h presents 1/(D + Z) anywhere in the disc over the diameter
 [0, 1/Re(D + Z_h)] to the environment's side, where the impedance is Z_c + C - C D/(D + Z). Its real part is nowhere
@@ -6,7 +6,8 @@ negative if and only if
 
     Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re C)/(2 Re(D + Z_h)),
 
-which is DESIGN 1.4 (iii) for Z_h = 0. The operator's mass is not in it: any reactance may be in the hand anyway.
+which is condition 3 of model/README.md, section 4 for Z_h = 0. The operator's mass is not in it: any reactance may
+be in the hand anyway. See model/README.md, section 9.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from vctune.model.pair import Pair, re_conj_product
 def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return (|q| - Re q) |D|^2 = |C||D| - Re(C conj D), (N s/m)^2, without cancellation.
 
-    With P = Re(C conj D) and Q = Im(C conj D) = Im(C conj Z_d) it is Q^2/(|C||D| + P) wherever P > 0 (DESIGN 1.5).
+    With P = Re(C conj D) and Q = Im(C conj D) = Im(C conj Z_d) it is Q^2/(|C||D| + P) wherever P > 0.
     """
     product = ops.sqrt(loop.C.abs2() * loop.D.abs2())
     P = re_conj_product(loop.C, loop.D)
@@ -37,7 +38,9 @@ def demanded(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
-    """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator (DESIGN 1.4).
+    """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator.
+
+    See model/README.md, section 4.
 
     No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0 otherwise.
     """
@@ -45,7 +48,9 @@ def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
 
 
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
-    """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is (DESIGN 1.4).
+    """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is.
+
+    See model/README.md, section 4.
 
     Of the two-port that has absorbed the least operator, everything times |D + Z_h|^2.
     """

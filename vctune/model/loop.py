@@ -1,4 +1,4 @@
-"""The velocity loop at a frequency (DESIGN 1.1 and 1.2; paper eqs. 7, 9, 10, 11)."""
+"""The velocity loop at a frequency (model/README.md, sections 1 and 2; paper eqs. 7, 9, 10, 11)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class HoldResponse:
 
 
 def hold_response(device: Device, omega: Number, ops: Arithmetic) -> HoldResponse:
-    """Evaluate H = hold(j omega) e^{-j omega delay} (DESIGN 1.1; the 1/T that paper eq. 9 lacks included).
+    """Evaluate H = hold(j omega) e^{-j omega delay} (with the 1/T that paper eq. 9 lacks).
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class LoopResponse:
     ----------
     C, Z_d, D : scaled complex impedances
     scale2 : the scale squared
-    turn : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (DESIGN 1.5: "from its own formula")
+    turn : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (model/README.md, section 5)
     resistance : Re(D + Z_h) of the device in the hand of its least operator, Re D = |D|^2 Re G_hh without one; not
         scaled, N s/m
     relief : 2 Re Z_h Re C, by which an operator eases the conditions, (N s/m)^2, not scaled; None without one
@@ -112,5 +112,8 @@ def G_hh_abs2(loop: LoopResponse) -> Number:
 
 
 def tracking_abs2(loop: LoopResponse) -> Number:
-    """Return |1 - G_he|^2 = |Z_d/D|^2 (DESIGN 1.2): by how much the device misses the velocity that it is told."""
+    """Return |1 - G_he|^2 = |Z_d/D|^2: by how much the device misses the velocity that it is told.
+
+    See model/README.md, section 2.
+    """
     return loop.Z_d.abs2() / loop.D.abs2()

@@ -27,7 +27,7 @@ class LeastOperator:
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """An admittance display: Z_d = mass s + damping, sampled and held (DESIGN 1.1).
+    """An admittance display: Z_d = mass s + damping, sampled and held (model/README.md, section 1).
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class Device:
     mass: Number
     damping: Number
     sample_time: Number
-    delay: Number
-    hold: Hold
+    delay: Number = 0.0
+    hold: Hold = "zoh"
     operator: LeastOperator | None = None
 
     @property

@@ -1,4 +1,4 @@
-"""The sampled velocity loop: plant 1/(m s + b) sampled exactly, any real delay (DESIGN 1.7).
+"""The sampled velocity loop: plant 1/(m s + b) sampled exactly, any real delay (model/README.md, section 7).
 
 Between samples the plant sees u[k-N-1] for the first delta T and u[k-N] for the rest, where
 delay = (N + delta) T. With z = e^{j theta} the loop's return difference is

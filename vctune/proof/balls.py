@@ -1,4 +1,7 @@
-"""Ball arithmetic (Arb): every result encloses the true value, so a sign that shows is proved (DESIGN 1.10)."""
+"""Ball arithmetic (Arb): every result encloses the true value, so a sign that shows is proved.
+
+See proof/README.md, section 2.
+"""
 
 from __future__ import annotations
 

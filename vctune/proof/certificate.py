@@ -1,4 +1,7 @@
-"""The certificate: every claim about a design, proved, refuted or undecided (DESIGN 1.10, 2.3)."""
+"""The certificate: every claim about a design, proved, refuted or undecided.
+
+See proof/README.md, section 1; document/README.md, section 3.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from functools import partial
-from math import inf
+from math import inf, pi
 
 import numpy as np
 from flint import ctx
 
+from vctune.model.frequency import hertz
 from vctune.model.quantities import Device, Gains
 from vctune.proof.balls import PRECISION
 from vctune.proof.boxes import Cells
@@ -95,6 +99,17 @@ class Certificate:
         with ctx.workprec(PRECISION):
             return widest_band(self.design, *self.demands.band)
 
+    @property
+    def proved_band_hz(self) -> tuple[float, float] | None:
+        """The proved band, Hz, its edges rounded inwards where the ratio may be 1 next to them; None unless proved."""
+        proved, (low, high) = self.proved_band, self.demands.band
+        if proved is None:
+            return None
+        nyquist = pi / self.design.device.sample_time
+        least = proved[0] if proved[0] in (0.0, low) else min(proved[0] * (1 + 1e-9), low)
+        greatest = proved[1] if proved[1] in (inf, high, nyquist) else max(proved[1] * (1 - 1e-9), high)
+        return hertz(least), hertz(greatest)
+
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:
     """Prove that a design meets its demands, its numbers taken as the decimals that they are written as.
@@ -104,6 +119,11 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     design : device, gains, coupling
     demands : of its device; the band may be (0, inf) for hold "lag" without delay
     box : devices for all of which it is to be proved, around the design's own
+
+    Returns
+    -------
+    Certificate
+        Each claim proved, refuted or undecided.
     """
     (low, high), limit = demands.band, demands.max_sensitivity
     claim = _everywhere(design, box, demands)

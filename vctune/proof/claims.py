@@ -27,7 +27,7 @@ class Design:
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 Re(D + Z_h) (Re Z_c - factor R) at omega > 0, (N s/m)^2 (DESIGN 1.4).
+    """Return 2 Re(D + Z_h) (Re Z_c - factor R) at omega > 0, (N s/m)^2 (model/README.md, section 4).
 
     Where it is positive Re(D + Z_h) > 0 and ratio >= factor: with N = |C||D| - Re(C conj D) >= 0 it is
     2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C - N), which for Re(D + Z_h) <= 0, hence Re C <= 0, is not positive.

@@ -7,7 +7,7 @@ from fractions import Fraction
 from itertools import product
 from math import nextafter
 
-from vctune.document.problem import Uncertainty
+from vctune.model.problem import Uncertainty
 from vctune.model.quantities import Device
 
 UNCERTAIN = ("mass", "damping", "delay")

@@ -1,4 +1,7 @@
-"""The claims of a certificate as functions of a frequency and a design, over enclosures and jets (DESIGN 1.10)."""
+"""The claims of a certificate as functions of a frequency and a design, over enclosures and jets.
+
+See proof/README.md, section 7.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Proof over an interval: halve until each box is decided (DESIGN 1.10)."""
+"""Proof over an interval: halve until each box is decided (proof/README.md, section 3)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from math import sqrt
 from flint import arb, arb_series
 
 from vctune.model.arithmetic import Number
+from vctune.model.frequency import hertz
 from vctune.model.quantities import Device
 from vctune.proof.balls import box
 
@@ -40,7 +41,7 @@ class Outcome:
     ----------
     verdict : proved, refuted, or undecided at the resolution limit
     boxes : boxes looked at
-    witness : where it is refuted or undecided, if at a certain place
+    witness : where it is refuted or undecided, if at a certain place, rad/s
     device : of a box of devices, the one that is refuted or undecided
     """
 
@@ -48,6 +49,11 @@ class Outcome:
     boxes: int
     witness: float | None = None
     device: Device | None = None
+
+    @property
+    def witness_hz(self) -> float | None:
+        """The witness, Hz; None without one."""
+        return None if self.witness is None else hertz(self.witness)
 
 
 def prove_boxes(

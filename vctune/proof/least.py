@@ -1,4 +1,7 @@
-"""The least that the designs of a box cost (DESIGN 1.8, 1.9), from a relaxation of their problem."""
+"""The least that the designs of a box cost, from a relaxation of their problem.
+
+See model/README.md, section 8; proof/README.md, section 10.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from math import inf, log
 
 import numpy as np
 
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.proof.enclosures import Flags, Floats
 from vctune.proof.quadratics import Boxes
 from vctune.proof.relaxation import GUARD, Demand, Relaxation
@@ -77,7 +80,7 @@ def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
 def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
-    With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (DESIGN 1.6, `vctune.model.limits`).
+    With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`).
     """
     if problem.stability.band.min > 0:
         return np.zeros(len(boxes), bool)

@@ -1,4 +1,7 @@
-"""Proof of Llewellyn's conditions on a band, and the widest band on which they hold (DESIGN 1.4, 1.10)."""
+"""Proof of Llewellyn's conditions on a band, and the widest band on which they hold.
+
+See model/README.md, section 4; proof/README.md, section 3.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Llewellyn's conditions next to omega = 0, where ratio may be 0/0 (DESIGN 1.6)."""
+"""Llewellyn's conditions next to omega = 0, where ratio may be 0/0 (model/README.md, section 6)."""
 
 from __future__ import annotations
 

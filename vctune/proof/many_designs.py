@@ -1,4 +1,7 @@
-"""The claims of a certificate for many cells at once, on arrays (DESIGN 1.10); what stays open is left to Arb."""
+"""The claims of a certificate for many cells at once, on arrays; what stays open is left to Arb.
+
+See proof/README.md, section 2.
+"""
 
 from __future__ import annotations
 

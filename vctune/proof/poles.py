@@ -1,4 +1,4 @@
-"""No pole of the frequency model in the closed right half plane (DESIGN 1.4 (i))."""
+"""No pole of the frequency model in the closed right half plane (condition 1 of model/README.md, section 4)."""
 
 from __future__ import annotations
 

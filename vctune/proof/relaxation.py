@@ -1,4 +1,6 @@
-"""A design problem made easier, so that boxes of designs can be judged at once (DESIGN 1.8, 1.9).
+"""A design problem made easier, so that boxes of designs can be judged at once.
+
+See model/README.md, section 8; proof/README.md, section 10.
 
 C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
 
@@ -18,11 +20,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import acb, arb, ctx
 
-from vctune.document.problem import Problem
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import re_conj_product
+from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import return_difference, sampled_plant, whole_samples
 from vctune.proof.balls import BALLS, ball, device_ball

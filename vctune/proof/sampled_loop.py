@@ -1,4 +1,4 @@
-"""The exact sampled loop: its poles inside the unit circle, its |S| below a limit (DESIGN 1.7)."""
+"""The exact sampled loop: its poles inside the unit circle, its |S| below a limit (model/README.md, section 7)."""
 
 from __future__ import annotations
 

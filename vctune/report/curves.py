@@ -1,4 +1,7 @@
-"""The curves behind the figures, from a problem and a design (paper eqs. 10, 11, 17; DESIGN 1.2 to 1.8)."""
+"""The curves behind the figures, from a problem and a design.
+
+See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,12 @@ from numpy.typing import NDArray
 from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
 from vctune.analysis.extrema import Floats
 from vctune.analysis.sampled_loop import loop_gain
-from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import LoopResponse
 from vctune.model.pair import Pair
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 Complex = NDArray[np.complex128]
@@ -65,7 +68,7 @@ def frequencies(problem: Problem) -> Floats:
 
 
 def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
-    """Return the curves of DESIGN 1.4."""
+    """Return Re Z_c, R and their ratio."""
     hz = frequencies(problem)
     omega = 2 * pi * hz
     loop = response(problem.device, gains, omega)
@@ -85,7 +88,7 @@ def nyquist(problem: Problem, gains: Gains) -> Nyquist:
 
 
 def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transparency:
-    """Return the three terms of DESIGN 1.8 and their weighted sum."""
+    """Return the three terms of the error and their weighted sum."""
     hz = frequencies(problem)
     omega = 2 * pi * hz
     squares = error_terms(problem, gains, coupling, omega)

@@ -14,8 +14,8 @@ from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
 from vctune.design.prepared import pose
-from vctune.document.problem import Problem
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.curves import (
     Transparency,

@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.report.style import INK, PAPER

@@ -18,7 +18,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.prepared import prepare
 from vctune.design.variables import KEYS, point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
 from vctune.study.baseline import Design, Recheck

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
-from vctune.document.problem import Band
+from vctune.model.problem import Band
 
 INK, PAPER = "#010203", "#fefdfc"
 """Text and ground; a page replaces both by its own."""

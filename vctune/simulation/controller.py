@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.document.experiment import Environment
 from vctune.model.arithmetic import Number
+from vctune.model.experiment import Environment
 from vctune.model.quantities import Coupling
 from vctune.simulation.arithmetic import Arithmetic
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vctune.document.experiment import Experiment
-from vctune.document.problem import Problem
+from vctune.model.experiment import Experiment
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run

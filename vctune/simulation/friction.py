@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from vctune.document.experiment import Friction
 from vctune.model.arithmetic import Number
+from vctune.model.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 
 SERIES = 0.01

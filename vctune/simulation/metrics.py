@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.document.experiment import Environment, Operator
+from vctune.model.experiment import Environment, Operator
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 

@@ -8,7 +8,7 @@ from math import ceil, pi
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.document.experiment import Operator
+from vctune.model.experiment import Operator
 
 Floats = NDArray[np.float64]
 TURN = 0.1

@@ -1,4 +1,4 @@
-"""Device and hand between two samples, without friction: exact, by matrix exponentials (DESIGN 1.7)."""
+"""Device and hand between two samples, without friction: exact, by matrix exponentials (model/README.md, section 7)."""
 
 from __future__ import annotations
 

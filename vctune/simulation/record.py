@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from vctune.document.digest import experiments_digest
-from vctune.document.experiment import Environment
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import SCHEMA
 from vctune.document.strict import finite
+from vctune.model.experiment import Environment
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import Run, Simulated
 from vctune.simulation.motion import Floats, stroke_time

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp, pi
 
-from vctune.document.experiment import Baseline, Experiment, Friction, Operator
+from vctune.model.experiment import Baseline, Experiment, Friction, Operator
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.controller import Law
 from vctune.simulation.friction import Carriage

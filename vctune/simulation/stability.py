@@ -7,8 +7,8 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.experiment import Baseline, Environment, Experiment
 from vctune.interrupt import interrupt_deferred
+from vctune.model.experiment import Baseline, Environment, Experiment
 from vctune.model.quantities import Device
 from vctune.simulation.motion import Floats
 from vctune.simulation.scene import Scene, baseline_scene

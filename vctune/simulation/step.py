@@ -15,7 +15,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from vctune.document.experiment import Friction
+from vctune.model.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step

@@ -10,9 +10,9 @@ import numpy as np
 from vctune.design.judge import Status, judge_all
 from vctune.design.record import versions
 from vctune.design.variables import KEYS, ranges
-from vctune.document.problem import Problem
 from vctune.document.reading import ProblemFile
 from vctune.document.region import SCHEMA, RegionDocument
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.plane import Plane
 from vctune.study.region import Kind, Region, region

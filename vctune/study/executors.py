@@ -11,7 +11,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -64,7 +64,8 @@ def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
 
     Parameters
     ----------
-    choice : "processes", "dask" for a Dask cluster of this machine, "dask:ADDRESS" for a running one
+    choice : "serial" for this process alone, "processes", "dask" for a Dask cluster of this machine, "dask:ADDRESS" for
+        a running one
     jobs : number of workers to start
 
     Raises
@@ -79,8 +80,19 @@ def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
     elif choice == "processes":
         with _process_crew(jobs) as crew:
             yield crew
+    elif choice == "serial":
+        yield Crew(_Serial(), 1, (), (), lambda: None)
     else:
-        raise _refusal(choice, 'is not "processes", "dask" or "dask:ADDRESS"')
+        raise _refusal(choice, 'is not "serial", "processes", "dask" or "dask:ADDRESS"')
+
+
+class _Serial(Executor):
+    """Work done where it is asked for: nothing to start, no script that its workers would have to import."""
+
+    def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        done: Future[Any] = Future()
+        done.set_result(work(*args, **kwargs))
+        return done
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.document.axes import Axis, Scale, number_keys
-from vctune.document.problem import Problem, Range
 from vctune.document.study import Study
+from vctune.model.problem import Problem, Range
 from vctune.study.table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2

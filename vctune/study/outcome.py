@@ -10,7 +10,7 @@ from typing import Any
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import NAMES, point
-from vctune.document.problem import Problem
+from vctune.model.problem import Problem
 from vctune.study.rows import FAILED
 
 TERMS = ("error", "admittance", "tracking", "coupling")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.variables import KEYS, Coordinate, coordinates, ranges
 from vctune.document.errors import Mistake
-from vctune.document.problem import Problem, Range
+from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells
 
 Squares = NDArray[np.intp]

@@ -14,10 +14,10 @@ from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.sampled_loop import sensitivity
 from vctune.design.prepared import pose
-from vctune.document.problem import Problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import inwards

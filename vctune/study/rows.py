@@ -19,8 +19,8 @@ from typing import Any
 from vctune.document.digest import digest, problem_digest
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
-from vctune.document.problem import Problem
 from vctune.document.study import Study
+from vctune.model.problem import Problem
 from vctune.version import __version__
 
 SCHEMA = "vctune/rows/1"

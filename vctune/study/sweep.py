@@ -9,9 +9,9 @@ from math import isfinite
 from typing import Any
 
 from vctune.document.errors import InputError, Mistake
-from vctune.document.problem import Problem
 from vctune.document.study import Study
 from vctune.document.validation import dotted
+from vctune.model.problem import Problem
 from vctune.study.executors import Crew
 from vctune.study.outcome import nothing, work
 from vctune.study.points import Values, points

@@ -15,9 +15,13 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.judge import Status
 from vctune.document.study import Study
+from vctune.markup import html_table
 from vctune.study.outcome import NUMBERS
 from vctune.study.points import points
 from vctune.study.rows import Rows
+
+MOST_SHOWN = 50
+"""Rows that a notebook shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,15 @@ class Table:
     def row(self, i: int) -> dict[str, Any]:
         """Return one row; what there is not is None."""
         return {name: _plain(column[i]) for name, column in self.columns().items()}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return every row; what there is not is None."""
+        return [self.row(i) for i in range(len(self.status))]
+
+    def _repr_html_(self) -> str:
+        columns, count = self.columns(), len(self.status)
+        shown = [list(self.row(i).values()) for i in range(min(count, MOST_SHOWN))]
+        return html_table(f"{count} points", shown, list(columns))
 
     def subset(self, chosen: NDArray[np.intp]) -> Table:
         """Return some of the rows, in the given order."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields, replace
 from math import pi
 from typing import Literal
 
-from vctune.document.experiment import Experiment
+from vctune.model.experiment import Experiment
+from vctune.model.frequency import hertz
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.model.transparency import Terms
 
@@ -37,6 +38,11 @@ class Band:
     min: float
     max: float
 
+    @property
+    def hz(self) -> tuple[float, float]:
+        """Its edges, Hz."""
+        return hertz(self.min), hertz(self.max)
+
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
@@ -56,7 +62,7 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True)
 class Transparency:
-    """The objective (DESIGN 1.8): band, reference impedance Z_0 [N s/m], norm, weights."""
+    """The objective (model/README.md, section 8): band, reference impedance Z_0 [N s/m], norm, weights."""
 
     band: Band
     reference_impedance: float
@@ -66,7 +72,7 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The demands (DESIGN 1.9): band of Llewellyn's conditions, least ratio, greatest |S|."""
+    """The demands (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|."""
 
     band: Band
     safety_factor: float
@@ -91,7 +97,9 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """A design problem (DESIGN 1.9, 2.1), and the experiments to simulate its design in; it does not depend on them.
+    """A design problem, and the experiments to simulate its design in; it does not depend on them.
+
+    See design/README.md, section 1; document/README.md, section 1.
 
     The demands hold for the device alone, or with `uncertainty` for every device of a box around it.
     """

@@ -1,0 +1,18 @@
+"""What the commands do, as functions: `from vctune import ...`.
+
+A command reads its options, calls one of these and prints. Whatever takes a problem takes the path of its file, its
+tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any of these; what is wrong with it is an
+`InputError`, which is a `ValueError`.
+
+>>> from vctune import check, problem, solve
+>>> wheel = problem({"name": "wheel", "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3},
+...                  "gains": {"position": {"min": 3000.0, "max": 1e5}}})
+>>> solved = solve(wheel)
+>>> solved.status.value
+'certified'
+>>> best = solved.judgement
+>>> best.certificate.proved_band_hz  # doctest: +SKIP
+(0.4..., 103.5...)
+>>> check(wheel, best.gains, best.coupling).exit_code.name
+'OK'
+"""

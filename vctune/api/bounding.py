@@ -1,0 +1,238 @@
+"""`vctune bound`, as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from vctune.api.files import DESIGN, json_text, write_record
+from vctune.api.solving import require_gap, solve
+from vctune.design.bound import Optimality
+from vctune.design.bound import bound as search
+from vctune.design.infeasible import OPENINGS
+from vctune.design.judge import Judgement, Status, judge
+from vctune.design.leaves import ARRAYS, Unfinished, unfinished
+from vctune.design.nlp import ipopt_version
+from vctune.design.optimum import Progress, improved
+from vctune.design.prepared import prepare
+from vctune.design.record import design_record, optimality_record
+from vctune.design.result import Solved
+from vctune.document.building import ProblemSource
+from vctune.document.building import problem as problem_of
+from vctune.document.design import read_design
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import write_together
+from vctune.document.reading import ProblemFile
+from vctune.document.unfinished import read_unfinished, unfinished_bytes
+from vctune.markup import html_facts
+from vctune.model.quantities import Coupling, Gains
+from vctune.report.contents import report_paths
+
+SAVED = "bound.npz"
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What is known before a search.
+
+    Attributes
+    ----------
+    record : the object of design.json
+    best : what is proved of its design today; None if it has none
+    rest : what an earlier search has left to do; None if there was none
+    """
+
+    record: dict[str, Any]
+    best: Judgement | None
+    rest: Unfinished | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Bounded:
+    """A problem with what is proved of the error of every admissible design.
+
+    Attributes
+    ----------
+    file : the problem
+    record : the object of design.json, with the bound in it
+    judgement : of the best design known; None if none is
+    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible
+    """
+
+    file: ProblemFile
+    record: dict[str, Any]
+    judgement: Judgement | None
+    optimality: Optimality | None
+
+    @property
+    def status(self) -> Status:
+        """Certified, infeasible or undecided."""
+        return Status(self.record["status"])
+
+    @property
+    def proved(self) -> bool:
+        """Whether the bound is within the gap that was asked for."""
+        return self.optimality is not None and self.optimality.proved
+
+    @property
+    def improved(self) -> bool:
+        """Whether the search has met a better design than the one that was known."""
+        return self.optimality is not None and self.optimality.improved is not None
+
+    def _repr_html_(self) -> str:
+        found = self.optimality
+        bound = {"lower bound": found.bound, "gap, %": 100 * found.gap} if found else {}
+        design = self.judgement.facts if self.judgement else {}
+        return html_facts(f"{self.file.problem.name}: {self.status.value}", {**bound, **design})
+
+
+def bound(
+    problem: ProblemSource,
+    design: Solved | Known | str | Path | None = None,
+    *,
+    gap: float = 0.03,
+    jobs: int = 1,
+    time_limit: float = inf,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Progress = lambda stage: None,
+) -> Bounded:
+    """Prove a lower bound on the error of every admissible design of a problem.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
+    design : what `solve` has found, or the path of a design.json; None to solve the problem first
+    gap : stop when the design's error is at most 1 + gap times the bound
+    jobs : threads
+    time_limit : s, after which the bound reached so far is returned
+    stopped : whether to give up now
+    progress : told where the search stands
+
+    Returns
+    -------
+    Bounded
+        The bound is valid whenever the search ends.
+
+    Raises
+    ------
+    InputError
+        If the problem is none or fixes every number, or the design is not of it or not proved.
+    """
+    require_gap(gap)
+    file = require_free(problem_of(problem))
+    known = _known(file, design, progress)
+    if known.record["status"] == Status.INFEASIBLE:
+        return Bounded(file, known.record, None, None)
+    prepared = prepare(file.problem)
+    found = search(
+        prepared.given,
+        known.best,
+        partial(improved, prepared),
+        gap=gap,
+        time_limit=time_limit,
+        jobs=jobs,
+        rest=known.rest,
+        stopped=stopped,
+        progress=lambda at: progress(str(at)),
+    )
+    return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
+
+
+def require_free(file: ProblemFile) -> ProblemFile:
+    """Return a problem that leaves something free.
+
+    Raises
+    ------
+    InputError
+        If it fixes every number.
+    """
+    if file.problem.bounds.fixed:
+        raise InputError(file.source, [Mistake("", "fixes every number: there is nothing to choose; free one")])
+    return file
+
+
+def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
+    """Return the design that is given, or that an unfinished search has left; None where there is none.
+
+    Parameters
+    ----------
+    file : the problem
+    path : of design.json, beside which a search leaves what is left to do
+    given : whether there has to be one
+
+    Raises
+    ------
+    InputError
+        If it has to be there, and is not, is of another problem, or is not proved.
+    """
+    arrays = read_unfinished(path.parent / SAVED, file.sha256, ARRAYS)
+    if arrays is None and not given:
+        return None
+    try:
+        record, best = _read(file, path)
+    except InputError:
+        if given:
+            raise
+        return None
+    infeasible = record["status"] == Status.INFEASIBLE
+    return None if infeasible else Known(record, best, unfinished(arrays) if arrays else None)
+
+
+def write_bounded(bounded: Bounded, path: Path) -> None:
+    """Write what is proved into a design.json, and beside it what is left to do.
+
+    Raises
+    ------
+    InputError
+        If they cannot be written.
+    """
+    file, found, saved = bounded.file, bounded.optimality, path.parent / SAVED
+    if found is not None and found.proved:
+        saved.unlink(missing_ok=True)
+    elif found is not None:
+        write_together({saved: unfinished_bytes(file.sha256, found.rest.arrays())})
+    if path.name == DESIGN:
+        write_record(path.parent, file, bounded.record)
+    else:
+        write_together({path: json_text(bounded.record)}, report_paths(path.parent))
+
+
+def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progress: Progress) -> Known:
+    if isinstance(design, Known):
+        return design
+    known = known_design(file, Path(design), given=True) if isinstance(design, str | Path) else None
+    if known is not None:
+        return known
+    solved = design if isinstance(design, Solved) else solve(file, progress=progress)
+    rest = solved.optimality.rest if solved.optimality is not None else None
+    return Known(design_record(file, solved, ipopt_version()), solved.judgement, rest)
+
+
+def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | None]:
+    """Return a design.json of the problem and what is proved of it today."""
+    record = read_design(path)
+    if record["problem"]["sha256"] != file.sha256:
+        raise InputError(str(path), [Mistake("problem.sha256", "is of another version of the problem; solve it again")])
+    if record["gains"] is None:
+        return record, None
+    best = judge(file.problem, Gains(**record["gains"]), Coupling(**record["coupling"]))
+    if best.status is not Status.CERTIFIED:
+        message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
+        raise InputError(str(path), [Mistake("gains", message)])
+    return record, best
+
+
+def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict[str, Any]:
+    """Return the design's record with what is proved of all designs; that of a better design if one was found."""
+    if found.improved is not None:
+        solved = Solved(file.problem, found.improved, None, 0, None, None, {}, found)
+        return design_record(file, solved, ipopt_version())
+    added: dict[str, Any] = {"optimality": optimality_record(found)}
+    if record["gains"] is None and found.proved:
+        reason = str(record["reason"]).replace(OPENINGS[False], OPENINGS[True], 1)
+        added |= {"status": "infeasible", "reason": reason, "proved": True}
+    return record | added

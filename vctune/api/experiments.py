@@ -1,0 +1,157 @@
+"""`vctune simulate`, as a function."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vctune.api.files import DESIGN
+from vctune.design.optimum import Progress
+from vctune.document.building import ProblemSource
+from vctune.document.building import design as design_of
+from vctune.document.building import problem as problem_of
+from vctune.document.design import read_design
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import Content, write_together
+from vctune.document.reading import ProblemFile
+from vctune.document.simulation import FILE, is_of
+from vctune.markup import html_table
+from vctune.model.experiment import Experiment
+from vctune.model.quantities import Coupling, Gains
+from vctune.simulation.experiment import Simulated
+from vctune.simulation.experiment import simulate as run
+from vctune.simulation.record import simulation_record, trace_arrays
+
+
+@dataclass(frozen=True, slots=True)
+class Simulation:
+    """A design in a problem's experiments.
+
+    Attributes
+    ----------
+    file : the problem
+    gains, coupling : the design
+    experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
+    """
+
+    file: ProblemFile
+    gains: Gains
+    coupling: Coupling
+    experiments: tuple[Simulated, ...]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the design neither diverges nor is unstable with any experiment's hand and environment."""
+        runs = [one.design for one in self.experiments]
+        return all(made.traces.diverged is None and made.mode.radius < 1 for made in runs)
+
+    def record(self) -> dict[str, Any]:
+        """Return the object of simulation.json."""
+        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
+
+    def _repr_html_(self) -> str:
+        from vctune.report.experiments import HEADINGS, measured_rows
+
+        return html_table(self.file.problem.name, measured_rows(self.record()), HEADINGS)
+
+
+def simulate(
+    problem: ProblemSource,
+    gains: Gains | str | Path | None = None,
+    coupling: Coupling | None = None,
+    experiment: Experiment | str | None = None,
+    *,
+    progress: Progress = lambda stage: None,
+) -> Simulation:
+    """Simulate a design in the experiments of a problem.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem
+    gains : N s/m and N/m, with their coupling; or the path of a gains file; None for what `solve` finds
+    coupling : N s/m and kg
+    experiment : the only one to simulate, by name or as it is; None for all of the problem
+    progress : told the stage of the work
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    InputError
+        If problem or design are none, there is no such experiment, or solving finds no design.
+    """
+    file = problem_of(problem)
+    chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
+    law, coupling = _found(file, progress) if gains is None else _given(gains, coupling)
+    runs = tuple(run(file.problem, law, coupling, one, progress=progress) for one in chosen)
+    return Simulation(file, law, coupling, runs)
+
+
+def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
+    """Return the experiments of a problem, or the one that has a name.
+
+    Raises
+    ------
+    InputError
+        If there is none.
+    """
+    experiments = file.problem.experiments
+    if not experiments:
+        message = "there is none to simulate; add an [[experiment]] table"
+        raise InputError(file.source, [Mistake("experiment", message)])
+    chosen = tuple(one for one in experiments if name in (None, one.name))
+    if not chosen:
+        known = ", ".join(one.name for one in experiments)
+        raise InputError(file.source, [Mistake("experiment", f"none is called {name!r}; there are: {known}")])
+    return chosen
+
+
+def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
+    """Write simulation.json, traces.npz and their figure, and the report again if the design beside them is this one.
+
+    Returns
+    -------
+    dict
+        The object of simulation.json.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    from vctune.report.report import report_files, simulation_files
+
+    record, traces = simulation.record(), BytesIO()
+    np.savez(traces, **trace_arrays(list(simulation.experiments)))  # type: ignore[arg-type]
+    try:
+        design = read_design(folder / DESIGN)
+    except InputError:
+        design = None
+    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+    measured: dict[Path, Content] = {folder / FILE: text, folder / "traces.npz": traces.getbuffer()}
+    if design is not None and is_of(record, design):
+        write_together({**measured, **report_files(design, folder, record)})
+    else:
+        write_together({**measured, **simulation_files(record, folder)})
+    return record
+
+
+def _given(gains: Gains | str | Path, coupling: Coupling | None) -> tuple[Gains, Coupling]:
+    given = design_of(gains, coupling)
+    return given.gains, given.coupling
+
+
+def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, Coupling]:
+    from vctune.design.solve import solve
+
+    solved = solve(file.problem, progress)
+    if solved.judgement is None:
+        raise InputError(file.source, [Mistake("", f"nothing to simulate: {solved.reason}")])
+    return solved.judgement.gains, solved.judgement.coupling

@@ -1,0 +1,144 @@
+"""The files of a design: gains.toml, design.json and the report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vctune.design.record import design_record
+from vctune.design.result import Solved
+from vctune.document.building import ProblemSource
+from vctune.document.building import problem as problem_of
+from vctune.document.design import read_design
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import folder_name, make_folder, previous, write_together
+from vctune.document.gains import gains_text
+from vctune.document.reading import ProblemFile
+from vctune.document.simulation import simulation_beside
+from vctune.model.quantities import Coupling, Gains
+from vctune.report.contents import REPORT, report_paths
+
+DESIGN, GAINS = "design.json", "gains.toml"
+
+
+def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
+    """Write gains.toml and design.json, and remove the report of an earlier design.
+
+    Parameters
+    ----------
+    problem : that was solved
+    solved : what came of it
+    folder : made if it is not there; without a design, gains.toml of an earlier one is renamed
+
+    Returns
+    -------
+    Path
+        Of design.json.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or holds the design of another problem; what is there stays.
+    """
+    from vctune.design.nlp import ipopt_version
+
+    file, folder = problem_of(problem), Path(folder)
+    claim_folder(file, folder)
+    write_record(folder, file, design_record(file, solved, ipopt_version()))
+    return folder / DESIGN
+
+
+def write_report(design: str | Path | Mapping[str, Any], folder: str | Path | None = None) -> Path:
+    """Write the report of a design, report.html and its figures; nothing is solved.
+
+    Parameters
+    ----------
+    design : path of a design.json, or its object
+    folder : made if it is not there; None for the design's own. A simulation.json of the design that is beside it, or
+        in the folder, is drawn too
+
+    Returns
+    -------
+    Path
+        Of report.html.
+
+    Raises
+    ------
+    InputError
+        If there is no such design, or the folder cannot be written.
+    """
+    from vctune.report.report import write_report as write
+
+    if isinstance(design, Mapping):
+        if folder is None:
+            raise InputError("folder", [Mistake("", "is missing; name the folder of the report")])
+        record, beside = dict(design), Path(folder)
+    else:
+        record, beside = read_design(Path(design)), Path(design).parent
+    folder = beside if folder is None else Path(folder)
+    make_folder(folder)
+    write(record, folder, simulation_beside(beside, record))
+    return folder / REPORT
+
+
+def design_folder(file: ProblemFile, out: Path) -> Path:
+    """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, holds the design of another problem, or the problem itself.
+    """
+    folder = out / folder_name(file.problem.name)
+    claim_folder(file, folder)
+    return folder
+
+
+def claim_folder(file: ProblemFile, folder: Path) -> None:
+    """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    make_folder(folder)
+    if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS, DESIGN)):
+        raise InputError(file.source, [Mistake("", "would be overwritten by its own design; choose another --out")])
+    try:
+        owner = json.loads((folder / DESIGN).read_text())["problem"]["name"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return
+    if owner != file.problem.name:
+        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or --out"
+        raise InputError(str(folder), [Mistake("", message)])
+
+
+def write_record(folder: Path, file: ProblemFile, record: dict[str, Any]) -> Path | None:
+    """Write design.json, and gains.toml with it, and remove the report of an earlier design.
+
+    Returns
+    -------
+    Path or None
+        What gains.toml of an earlier design was renamed to, where there is no design now.
+    """
+    files = {folder / DESIGN: json_text(record)}
+    gains = folder / GAINS
+    if record["gains"] is not None:
+        origin = {
+            "problem": file.problem.name,
+            "sha256": file.sha256,
+            "vctune": record["versions"]["vctune"],
+            "verdict": record["certificate"]["verdict"],
+        }
+        files[gains] = gains_text(Gains(**record["gains"]), Coupling(**record["coupling"]), origin)
+    earlier = [gains] if record["gains"] is None and gains.exists() else []
+    write_together(files, report_paths(folder), earlier)
+    return previous(gains) if earlier else None
+
+
+def json_text(record: dict[str, Any]) -> str:
+    """Return the text of a design.json."""
+    return json.dumps(record, indent=2, allow_nan=False) + "\n"

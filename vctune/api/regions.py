@@ -1,0 +1,138 @@
+"""`vctune region`, as a function."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from math import ceil, log2
+from pathlib import Path
+from typing import Any
+
+from vctune.design.judge import Status
+from vctune.design.optimum import Progress
+from vctune.design.result import Solved
+from vctune.design.solve import solve
+from vctune.design.variables import KEYS
+from vctune.document.building import ProblemSource
+from vctune.document.building import problem as problem_of
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import write_together
+from vctune.document.reading import ProblemFile
+from vctune.markup import html_facts
+from vctune.model.quantities import Coupling, Gains
+from vctune.study.baseline import region_record
+from vctune.study.plane import obstacles, plane
+from vctune.study.region import Kind, Region
+from vctune.study.region import region as divide
+
+FINEST, COARSEST = 1 / 2048, 1 / 8
+"""Least and greatest side of the smallest cell, as a share of the plane's."""
+
+
+@dataclass(frozen=True, slots=True)
+class AdmissibleGains:
+    """The plane of two design variables, each cell with what is proved of it.
+
+    Attributes
+    ----------
+    file : the problem
+    region : the cells
+    solved : the problem's best design, if it has one
+    """
+
+    file: ProblemFile
+    region: Region
+    solved: Solved
+
+    @property
+    def areas(self) -> dict[str, float]:
+        """The share of the plane, by what is proved: feasible, infeasible, undecided."""
+        return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
+
+    @property
+    def designs(self) -> list[tuple[Gains, Coupling]]:
+        """Designs that are certified on their own."""
+        best = self.solved.judgement
+        certified = best is not None and self.solved.status is Status.CERTIFIED
+        return [(best.gains, best.coupling)] if best is not None and certified else []
+
+    @property
+    def status(self) -> Status:
+        """Certified if there are admissible gains, infeasible if there are none, undecided if neither is proved."""
+        if self.areas["feasible"] > 0 or self.designs:
+            return Status.CERTIFIED
+        impossible = self.solved.status is Status.INFEASIBLE or self.areas["undecided"] == 0
+        return Status.INFEASIBLE if impossible else Status.UNDECIDED
+
+    def record(self) -> dict[str, Any]:
+        """Return the object of region.json."""
+        return region_record(self.file, self.region, self.designs)
+
+    def _repr_html_(self) -> str:
+        shares = {f"{kind}, %": 100 * share for kind, share in self.areas.items()}
+        return html_facts(f"{self.file.problem.name}: {self.status.value}", shares)
+
+
+def region(
+    problem: ProblemSource,
+    x: str = "gains.velocity",
+    y: str = "gains.position",
+    *,
+    resolution: float = 1 / 256,
+    progress: Progress = lambda stage: None,
+) -> AdmissibleGains:
+    """Find the set of gains for which a problem's demands hold, cell by cell.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem
+    x, y : dotted keys of two variables that are free; where others are free, feasible means that some values of theirs
+        within their bounds will do
+    resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
+    progress : told the stage of the work
+
+    Returns
+    -------
+    AdmissibleGains
+
+    Raises
+    ------
+    InputError
+        If the problem is none, or x and y span no plane.
+    """
+    file = require_plane(problem_of(problem), x, y)
+    if not FINEST <= resolution <= COARSEST:
+        raise InputError("resolution", [Mistake("", f"{resolution:g} is out of range: must be from 1/2048 to 1/8")])
+    across = plane(file.problem, x, y, ceil(-log2(resolution)))
+    found = divide(file.problem, across, across.whole(), progress)
+    return AdmissibleGains(file, found, solve(file.problem, progress))
+
+
+def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
+    """Return a problem that has a region in the plane of x and y.
+
+    Raises
+    ------
+    InputError
+        If it has none.
+    """
+    unknown = [Mistake(key, f"is no variable; there are: {', '.join(KEYS)}") for key in (x, y) if key not in KEYS]
+    if mistakes := unknown or obstacles(file.problem, x, y):
+        raise InputError(file.source, mistakes)
+    return file
+
+
+def write_region(found: AdmissibleGains, folder: Path) -> None:
+    """Write region.json and its picture.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    from vctune.report.page import figure_file
+    from vctune.report.region import region_figure
+
+    text = json.dumps(found.record(), allow_nan=False) + "\n"
+    pictures = figure_file(region_figure(found.file.problem, found.region, found.designs), folder, "region")
+    write_together({folder / "region.json": text, **pictures})

@@ -1,0 +1,198 @@
+"""`vctune sweep` and `vctune front`, as functions."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vctune.api.bounding import require_free
+from vctune.document.building import ProblemSource
+from vctune.document.building import problem as problem_of
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import make_folder, write_together
+from vctune.document.study import Study, build_study, read_study
+from vctune.study.executors import Crew, available_cores, crew_of
+from vctune.study.front import band_front, band_study, terms_front, terms_study
+from vctune.study.rows import open_rows
+from vctune.study.summary import summary
+from vctune.study.sweep import Tick
+from vctune.study.sweep import sweep as run
+from vctune.study.table import Table, table_files, table_of
+
+Bar = Callable[[str, int], AbstractContextManager[Tick]]
+"""Shows how a study of a name and a number of points gets on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """A study that was swept.
+
+    Attributes
+    ----------
+    study : what was solved
+    table : a row a point: its axes, what became of it, error, design and least ratio
+    dropped : torn lines of an interrupted earlier run, whose points were solved again
+    """
+
+    study: Study
+    table: Table
+    dropped: int
+
+    @property
+    def summary(self) -> dict[str, Any]:
+        """Counts by status, best and worst design, and the corner without designs."""
+        return summary(self.study.name, self.table)
+
+    def _repr_html_(self) -> str:
+        return self.table._repr_html_()
+
+
+@dataclass(frozen=True, slots=True)
+class Fronts:
+    """The designs that no other beats.
+
+    Attributes
+    ----------
+    terms : in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
+    band : in error and upper edge of the stability band
+    """
+
+    terms: Table
+    band: Table
+
+    def _repr_html_(self) -> str:
+        return self.terms._repr_html_() + self.band._repr_html_()
+
+
+def sweep(
+    problem: ProblemSource | Study,
+    axes: Mapping[str, Any] | None = None,
+    *,
+    sample: Mapping[str, Any] | None = None,
+    folder: str | Path | None = None,
+    jobs: int | None = None,
+    executor: str = "serial",
+    restart: bool = False,
+    tick: Tick = lambda: None,
+) -> Swept:
+    """Solve a problem at many points.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem; without axes the path of a study file
+    axes : numbers of the problem by dotted key, each with its values: a list or an array, `{"linear": [a, b], "n": n}`
+        or `{"log": [a, b], "n": n}`, in the units of the problem file
+    sample : `{"kind": "grid"}`, every combination, the default; `{"kind": "lhs", "n": n, "seed": seed}`, a Latin
+        hypercube; or `{"kind": "list"}`, the axes' lists side by side
+    folder : for rows, table and picture, where an interrupted sweep goes on; None to keep nothing
+    jobs : number of workers; None for the cores that there are
+    executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
+        "__main__":`; "dask" or "dask:ADDRESS"
+    restart : begin anew instead of going on
+    tick : called once a point
+
+    Returns
+    -------
+    Swept
+        `table.columns()` is what `pandas.DataFrame` takes, `table.rows()` a dict a point.
+
+    Raises
+    ------
+    InputError
+        If problem or study are none, or the folder cannot be written.
+    """
+    study = _study(problem, axes, sample)
+    with crew_of(executor, jobs or available_cores()) as crew, _kept(folder) as place:
+        swept = _swept(study, place / "rows.jsonl", crew, tick, restart=restart)
+        if folder is not None:
+            _write(swept, place)
+    return swept
+
+
+def front(
+    problem: ProblemSource,
+    *,
+    folder: str | Path | None = None,
+    jobs: int | None = None,
+    executor: str = "serial",
+    bar: Bar = lambda name, points: nullcontext(lambda: None),
+) -> Fronts:
+    """Find the Pareto fronts of a problem: between the three terms of the error, and of error against band.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
+    folder, jobs, executor : as those of `sweep`
+    bar : shows how each of the two sweeps gets on
+
+    Returns
+    -------
+    Fronts
+
+    Raises
+    ------
+    InputError
+        If the problem is none or fixes every number, or the folder cannot be written.
+    """
+    file = require_free(problem_of(problem))
+    studies = (terms_study(file.document, file.problem), band_study(file.document, file.problem))
+    with crew_of(executor, jobs or available_cores()) as crew, _kept(folder) as place:
+        tables = []
+        for study in studies:
+            with bar(study.name, study.count) as tick:
+                tables.append(_swept(study, place / f"{study.name}.rows.jsonl", crew, tick, restart=False).table)
+        fronts = Fronts(terms_front(tables[0]), band_front(tables[1]))
+        if folder is not None:
+            _write_fronts(fronts, file.problem.transparency.band.hz[1], place)
+    return fronts
+
+
+def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sample: Mapping[str, Any] | None) -> Study:
+    if isinstance(problem, Study):
+        return problem
+    if axes is not None:
+        return build_study(problem_of(problem), axes, sample)
+    if isinstance(problem, str | Path):
+        return read_study(Path(problem))
+    raise InputError("study", [Mistake("axes", 'is missing; name the numbers that vary, {"device.mass": [...]}')])
+
+
+@contextmanager
+def _kept(folder: str | Path | None) -> Iterator[Path]:
+    """Yield the folder, made if need be; without one a folder that goes at the end."""
+    if folder is None:
+        with tempfile.TemporaryDirectory() as name:
+            yield Path(name)
+    else:
+        make_folder(Path(folder))
+        yield Path(folder)
+
+
+def _swept(study: Study, path: Path, crew: Crew, tick: Tick, *, restart: bool) -> Swept:
+    with open_rows(path, study, restart=restart) as rows:
+        return Swept(study, table_of(study, rows, run(study, rows, crew, tick)), rows.dropped)
+
+
+def _write(swept: Swept, folder: Path) -> None:
+    """Write the table of a sweep and, for one or two axes, its picture."""
+    from vctune.report.page import figure_file
+    from vctune.report.sweep import sweep_figure
+
+    figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
+    pictures = figure_file(figure, folder, "error") if figure else {}
+    stale = [] if figure else [folder / "error.svg"]
+    write_together({**table_files(swept.table, folder, "table"), **pictures}, stale)
+
+
+def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
+    """Write both fronts as tables and pictures; the band's is marked at the transparency band's upper edge, Hz."""
+    from vctune.report.page import figure_file
+    from vctune.report.sweep import band_figure, terms_figure
+
+    tables = table_files(fronts.terms, folder, "terms") | table_files(fronts.band, folder, "band")
+    pictures = figure_file(terms_figure(fronts.terms), folder, "terms")
+    write_together({**tables, **pictures, **figure_file(band_figure(fronts.band, edge), folder, "band")})

@@ -1,0 +1,127 @@
+"""Problems and designs from whatever a program has of them: a path, tables, or the objects themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from vctune.document.errors import InputError, Mistake
+from vctune.document.gains import gains_text
+from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
+from vctune.document.schema import DeviceTable, GainsDocument
+from vctune.document.statement import statement
+from vctune.document.toml_text import toml_text
+from vctune.document.validation import examined, refusal, shown
+from vctune.model import quantities
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+
+ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
+"""What states a problem: the path of its file, the file's tables, or the problem itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Device(quantities.Device):
+    """An admittance display as a user states it, held to what a problem file's [device] may say.
+
+    Attributes
+    ----------
+    mass : kg
+    damping : N s/m
+    sample_time : s
+    delay : s, from sampling to actuation, beyond the hold
+    hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
+    operator : the least impedance that is always at the handle; None for none
+
+    Raises
+    ------
+    InputError
+        If a number is not one, or out of range.
+    """
+
+    def __post_init__(self) -> None:
+        table = {name: number for name, number in plain(self).items() if name != "operator"}
+        _, faults = examined(DeviceTable, table, lambda _raw: [])
+        if faults:
+            raise refusal(faults, None, "Device")
+
+
+def problem(source: ProblemSource) -> ProblemFile:
+    """Return a problem, read or built.
+
+    Parameters
+    ----------
+    source : path of a problem file; or its tables as a dict, `{"device": {"mass": 0.4, ...}, ...}`, in which numbers
+        may be NumPy's and tables `Device`, `Range` and the like; or a `Problem`, changed with `dataclasses.replace`
+
+    Returns
+    -------
+    ProblemFile
+        The `problem`, every default filled in, and the `text` that states it.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+    """
+    if isinstance(source, ProblemFile):
+        return source
+    if isinstance(source, str | Path):
+        return read_problem(source)
+    if not isinstance(source, Mapping | Problem):
+        message = f"{shown(source)} states none; give the path of a problem file, or its tables as a dict"
+        raise InputError("problem", [Mistake("", message)])
+    document = statement(source) if isinstance(source, Problem) else _tables(source)
+    posed, faults = pose(document, "problem")
+    if posed is None:
+        raise refusal(faults, None, "problem")
+    return ProblemFile(posed, toml_text(document))
+
+
+def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> GainsFile:
+    """Return a design, read or built.
+
+    Parameters
+    ----------
+    gains : path of a gains file, or the gains of a coupling
+    coupling : None with a path
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
+    """
+    if isinstance(gains, str | Path) and coupling is None:
+        return read_gains(gains)
+    if not (isinstance(gains, Gains) and isinstance(coupling, Coupling)):
+        message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...)"
+        raise InputError("design", [Mistake("", message)])
+    raw = {"gains": plain(gains), "coupling": plain(coupling)}
+    _, faults = examined(GainsDocument, raw, lambda _raw: [])
+    if faults:
+        raise refusal(faults, None, "design")
+    gains, coupling = Gains(**raw["gains"]), Coupling(**raw["coupling"])
+    return GainsFile(gains, coupling, None, gains_text(gains, coupling, {}))
+
+
+def plain(value: Any) -> Any:
+    """Return a value as TOML has it: objects as tables, what is None left out, NumPy's numbers as Python's."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items() if entry is not None}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
+
+
+def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a document; the operator that a `Device` holds has a table of its own."""
+    document: dict[str, Any] = plain(source)
+    if isinstance(source.get("device"), quantities.Device) and "operator" in document["device"]:
+        document["operator"] = document["device"].pop("operator")
+    return document

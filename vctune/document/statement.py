@@ -1,0 +1,85 @@
+"""A problem as a document that states it, every default written out: the way back from `vctune.document.defaults`."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import inf, pi
+from typing import Any
+
+from vctune.model.experiment import Experiment
+from vctune.model.frequency import hertz
+from vctune.model.problem import Band, Bounds, Problem, Range
+
+
+def statement(problem: Problem) -> dict[str, Any]:
+    """Return the document of a problem, as a problem file would state it.
+
+    Reading it gives the same problem, with edges of bands to the last place but one.
+    """
+    device = asdict(problem.device)
+    operator = device.pop("operator")
+    transparency, stability = problem.transparency, problem.stability
+    document: dict[str, Any] = {
+        "name": problem.name,
+        "description": problem.description,
+        "device": device,
+        **({"operator": operator} if operator else {}),
+        **_bounds(problem.bounds),
+        "transparency": {
+            "band_hz": _hz(transparency.band),
+            "reference_impedance": transparency.reference_impedance,
+            "norm": transparency.norm,
+            "weights": asdict(transparency.weights),
+        },
+        "stability": {
+            "band_hz": _hz(stability.band),
+            "safety_factor": stability.safety_factor,
+            "max_sensitivity": stability.max_sensitivity,
+        },
+    }
+    if problem.uncertainty is not None:
+        document["uncertainty"] = asdict(problem.uncertainty)
+    if problem.experiments:
+        document["experiment"] = [_experiment(experiment) for experiment in problem.experiments]
+    return document
+
+
+def _bounds(bounds: Bounds) -> dict[str, Any]:
+    def variable(range_: Range) -> float | dict[str, float]:
+        return range_.min if range_.fixed else asdict(range_)
+
+    return {
+        "gains": {name: variable(getattr(bounds, name)) for name in ("velocity", "position")},
+        "coupling": {name: variable(getattr(bounds, name)) for name in ("damping", "mass", "drag")},
+    }
+
+
+def _hz(band: Band) -> list[float]:
+    return [_edge(band.min), _edge(band.max)]
+
+
+def _edge(omega: float) -> float:
+    """Return a frequency in hertz: the short decimal that it was, if it was one."""
+    short = hertz(omega)
+    return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
+
+
+def _experiment(experiment: Experiment) -> dict[str, Any]:
+    operator, sensors = asdict(experiment.operator), asdict(experiment.sensors)
+    operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")
+    if sensors["filter_hz"] is None:
+        sensors.pop("filter_hz")
+    else:
+        sensors["velocity"] = "difference"
+    parts = {
+        "friction": experiment.friction and asdict(experiment.friction),
+        "actuator": {"limit": experiment.limit} if experiment.limit is not None else None,
+        "baseline": experiment.baseline and asdict(experiment.baseline),
+    }
+    return {
+        "name": experiment.name,
+        "environment": asdict(experiment.environment),
+        "operator": operator,
+        "sensors": sensors,
+        **{name: table for name, table in parts.items() if table is not None},
+    }
