@@ -1,11 +1,11 @@
-"""Norm "peak": no design errs less than those of a global search with its own formulas."""
+"""Norm "peak": no design errs less than those of a global search with formulas of its own."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from conftest import ROOT
-from peak_oracle import Judge, global_search, random_text
+from global_search import Judge, global_search, random_text
 
 from vctune.analysis.demands import transparency_error
 from vctune.design.solve import solve
