@@ -21,6 +21,9 @@ LOWEST = 1e-40
 """Least upper edge of a box that starts at 0, relative to the interval's."""
 WIDE = 2.0
 """Boxes wider than this ratio are halved without looking at the derivative."""
+CURVED = 1.1
+"""Boxes wider than this ratio are halved without looking at the second derivative: it is only worth its price next to a
+minimum that nearly touches 0. Between 1.03 and 1.2 the time of a proof hardly changes."""
 GROWTH = 1.5
 """How much wider than a proved box, in the logarithm, the next is tried."""
 
@@ -123,7 +126,9 @@ def prove_positive(
         if at_centre < 0:
             return Verdict.REFUTED
         verdict = _sign(at_centre + series[1] * (omega - centre))
-        return _by_curvature(margin, omega, centre) if curved and verdict is Verdict.UNDECIDED else verdict
+        if curved and verdict is Verdict.UNDECIDED and right < CURVED * left:
+            return _by_curvature(margin, omega, centre)
+        return verdict
 
     return prove_boxes(decide, low, high, max_boxes)
 
