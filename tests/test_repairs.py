@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -183,7 +184,9 @@ def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_pat
     apart = check([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
     pasted = check([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
-    assert "gains.velocity = 241.4 instead of 150 would pass; so would " in apart.message
+    velocity = re.search(r"gains\.velocity = (\S+) instead of 150 would pass; so would ", apart.message)
+    assert velocity is not None
+    assert float(velocity[1]) == pytest.approx(241.2526, rel=3e-3)  # bisection of the ratio in plain complex numbers
     assert "stability.band_hz[1] = " in apart.message
     assert apart.finding.record()["repairs"] == pasted.finding.record()["repairs"]
     assert (apart.line, pasted.line) == (2, 6)
@@ -315,7 +318,9 @@ def test_a_theorem_speaks_exactly_where_no_design_meets_the_limit(far):
         omega = 1e12 / problem.device.sample_time if far else 1e-14 / problem.device.loop_lag
         theorem, edge = impossible(problem), problem.stability.band.min if far else omega
         margins = [
-            UNDEFINED if exact_margin(problem, values, edge) == UNDEFINED else exact_margin(problem, values, omega)
+            exact_margin(problem, values, omega)
+            if edge == omega or exact_margin(problem, values, edge) != UNDEFINED
+            else UNDEFINED
             for values in designs(problem, rng, 10)
         ]
         assert (max(margins) < 1e-6) == (theorem is not None), (text, theorem, max(margins))

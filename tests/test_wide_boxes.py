@@ -9,10 +9,12 @@ from time import process_time
 
 import numpy as np
 import pytest
-from device_oracle import least_ratio, random_devices
+from random_problems import on_devices, random_devices
 from test_uncertainty import failing, numbers
 
+from vctune.bench.evaluator import stability_ratio
 from vctune.design.judge import Status, judge
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.worst import worst_inside
 from vctune.document.reading import parse_problem
@@ -135,10 +137,25 @@ def test_the_least_ratio_of_a_box_is_found(text):
     judgement = judge(given, gains, coupling)
     omega = np.geomspace(given.stability.band.min, given.stability.band.max, 400)
     devices = random_devices(given, 3000, np.random.default_rng(5))
-    found = least_ratio(given, np.array([gains.velocity, 0.0, coupling.damping, coupling.mass, 0.0]), devices, omega)
+    design = np.array([gains.velocity, 0.0, coupling.damping, coupling.mass, 0.0])
+    found = stability_ratio(on_devices(given, design, devices), omega)
     assert judgement.min_ratio <= found.min() * (1 + 1e-9)
-    inside = worst_inside(given, gains, coupling)[0]
+    inside = worst_inside(pose(given), gains, coupling)[0]
     assert inside.ratio == judgement.min_ratio and inside.device == judgement.tightest
+
+
+def test_a_mass_of_any_size_is_proved():
+    """Nine decades of it, with a design that hardly needs to know."""
+    text = DEVICE.format(1.0, 1.0, 1e-3, 0.0) + "[uncertainty]\nmass = 0.999999999\n"
+    assert solve(parse_problem(text, "x", "x")).status is Status.CERTIFIED
+
+
+def test_exp_of_a_wide_interval_is_bounded():
+    for mid, rad in ((-1e6, 1e4), (-50.0, 49.0), (3.0, 2.0), (-700.0, 1.0)):
+        with np.errstate(all="ignore"):
+            value = ENCLOSURES.exp(Enclosure(np.array([mid]), np.array([rad])))
+        low, high = value.mid[0] - value.rad[0], value.mid[0] + value.rad[0]
+        assert low <= np.exp(mid - rad) and np.exp(mid + rad) <= high <= 2 * np.exp(mid + rad) + 1e-290
 
 
 def test_sinc_is_sharp_at_great_phases():

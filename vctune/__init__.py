@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
+    from vctune.api.checking import check_region as check_region
     from vctune.api.experiments import simulate as simulate
     from vctune.api.files import write_design as write_design
     from vctune.api.files import write_report as write_report
@@ -58,6 +59,7 @@ _HOME = {
     "bound": "api.bounding",
     "certify": "proof.certificate",
     "check": "api.checking",
+    "check_region": "api.checking",
     "design_record": "design.record",
     "front": "api.studies",
     "judge": "design.judge",

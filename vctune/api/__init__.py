@@ -11,8 +11,9 @@ tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any 
 >>> solved.status.value
 'certified'
 >>> best = solved.judgement
->>> best.certificate.proved_band_hz  # doctest: +SKIP
-(0.4..., 103.5...)
+>>> low, high = best.certificate.proved_band_hz
+>>> print(f"proved from {low:.2g} to {high:.3g} Hz")
+proved from 0.49 to 103 Hz
 >>> check(wheel, best.gains, best.coupling).exit_code.name
 'OK'
 """

@@ -142,8 +142,13 @@ def bound(
     return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
 
 
-def require_free(file: ProblemFile) -> ProblemFile:
+def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
     """Return a problem that leaves something free.
+
+    Parameters
+    ----------
+    file : the problem
+    purpose : what it is to be free for
 
     Raises
     ------
@@ -151,7 +156,7 @@ def require_free(file: ProblemFile) -> ProblemFile:
         If it fixes every number.
     """
     if file.problem.bounds.fixed:
-        raise InputError(file.source, [Mistake("", "fixes every number: there is nothing to choose; free one")])
+        raise InputError(file.source, [Mistake("", f"fixes every number: there is nothing to {purpose}; free one")])
     return file
 
 

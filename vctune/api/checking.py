@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from vctune.design.check import Checked, check_problem
 from vctune.document.building import ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
+from vctune.document.files import make_folder, write_together
 from vctune.model.quantities import Coupling, Gains
+from vctune.study.baseline import Recheck
+from vctune.study.guard import guard
+
+LOST = ("lost.json", "lost.svg")
 
 
 def check(problem: ProblemSource, gains: Gains | str | Path | None = None, coupling: Coupling | None = None) -> Checked:
@@ -32,3 +38,48 @@ def check(problem: ProblemSource, gains: Gains | str | Path | None = None, coupl
         If problem or design are none, or there is no design.
     """
     return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
+
+
+def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
+    """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+
+    Parameters
+    ----------
+    problem : path of a problem file, its tables as a dict, or the problem
+    baseline : path of a region.json
+
+    Returns
+    -------
+    Checked
+        `exit_code`, `message`, `warnings`; `finding.again` is what was proved again.
+
+    Raises
+    ------
+    InputError
+        If problem or baseline are none, or the problem no longer has such a region.
+    """
+    return guard(problem_of(problem), Path(baseline))[0]
+
+
+def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
+    """Write what a region has lost, as a list and as a picture.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    from vctune.report.page import figure_file
+    from vctune.report.region import lost_figure
+
+    make_folder(folder)
+    record = json.dumps(checked.finding.record() if checked.finding else None, indent=2, allow_nan=False)
+    write_together({folder / LOST[0]: record + "\n", **figure_file(lost_figure(again), folder, "lost")})
+
+
+def remove_lost(folder: Path) -> list[str]:
+    """Remove what an earlier check had lost and this one has not; return the names of the files."""
+    gone = [path for name in LOST if (path := folder / name).exists()]
+    for path in gone:
+        path.unlink()
+    return [path.name for path in gone]

@@ -138,7 +138,7 @@ def front(
     InputError
         If the problem is none or fixes every number, or the folder cannot be written.
     """
-    file = require_free(problem_of(problem))
+    file = require_free(problem_of(problem), "trade")
     studies = (terms_study(file.document, file.problem), band_study(file.document, file.problem))
     with crew_of(executor, jobs or available_cores()) as crew, _kept(folder) as place:
         tables = []

@@ -51,7 +51,7 @@ def exact(case: Case, omega: Any) -> Exact:
         D, closed = Z_d + C, Z_d + Z_h + C
         h11, h22, q = 1 / closed, Z_h * C / closed, C * D / closed**2
         Z_c = b_0 + b_c * m_c * s / (b_c + m_c * s)
-        R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22)
+        R = (abs(q) - mp.re(q)) / (2 * mp.re(h11)) - mp.re(h22) if mp.re(h11) else mp.inf
         ratio = mp.re(Z_c) / R if R > 0 else mp.inf
         rollett = (2 * mp.re(h11) * mp.re(Z_c + h22) + mp.re(q)) / abs(q) if q else mp.inf
         return Exact(mp.re(Z_c), R, ratio, mp.re(h11), rollett, abs(1 / D), abs(Z_d / D), abs(Z_c))

@@ -230,18 +230,22 @@ def _exponentials(A: Floats) -> Floats:
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
     """Return the transparency error of each case by Simpson's rule, or the greatest value on the grid."""
-    wanted = problem.transparency
-    omega = np.geomspace(wanted.band.min, wanted.band.max, points)
-    Z_d, C = impedances(case, 1j * omega)
-    D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
-    square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
-    square = square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
-    if wanted.norm == "peak":
+    band = problem.transparency.band
+    square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
+    if problem.transparency.norm == "peak":
         return np.sqrt(square.max(axis=-1))
     simpson = np.full(points, 2.0)
     simpson[1::2] = 4.0
     simpson[[0, -1]] = 1.0
     return np.sqrt(square @ (simpson / simpson.sum()))
+
+
+def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
+    """Return the square of the transparency error at frequencies; cases in rows."""
+    wanted, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
+    D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
+    square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
+    return square + (weights.coupling * np.abs(coupling_impedance(case, 1j * omega)) / Z_0) ** 2
 
 
 def violation(problem: Problem, case: Case, extra: Sequence[float] = ()) -> float:

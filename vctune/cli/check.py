@@ -58,36 +58,20 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
 
 def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
-    import json
-
+    from vctune.api.checking import LOST, remove_lost, write_lost
     from vctune.design.check import check as check_files
-    from vctune.document.files import folder_name, make_folder, write_together
+    from vctune.document.files import folder_name
+    from vctune.document.reading import read_problem
     from vctune.study.guard import guard
 
-    problem, gains = files[0], files[1:]
-    checked, again = guard(problem, baseline)
+    checked, again = guard(read_problem(files[0]), baseline)
     folder = out / folder_name(checked.name)
-    if not again.lost:
-        _forget_lost(folder)
-    elif checked.finding:
-        from vctune.report.page import figure_file
-        from vctune.report.region import lost_figure
-
-        make_folder(folder)
-        record = json.dumps(checked.finding.record(), indent=2, allow_nan=False)
-        pictures = figure_file(lost_figure(again), folder, "lost")
-        write_together({folder / "lost.json": record + "\n", **pictures})
-        click.echo(f"what was lost is listed and drawn in {folder}: lost.json, lost.svg", err=True)
-    return [checked, *(check_files(files) if gains else [])]
-
-
-def _forget_lost(folder: Path) -> None:
-    """Remove what an earlier check had lost and this one has not."""
-    gone = [path for name in ("lost.json", "lost.svg") if (path := folder / name).exists()]
-    for path in gone:
-        path.unlink()
-    if gone:
-        click.echo(f"nothing is lost any more: removed {', '.join(path.name for path in gone)} from {folder}", err=True)
+    if again.lost:
+        write_lost(checked, again, folder)
+        click.echo(f"what was lost is listed and drawn in {folder}: {', '.join(LOST)}", err=True)
+    elif gone := remove_lost(folder):
+        click.echo(f"nothing is lost any more: removed {', '.join(gone)} from {folder}", err=True)
+    return [checked, *(check_files(files) if len(files) > 1 else [])]
 
 
 def _files(path: Path) -> list[Path]:

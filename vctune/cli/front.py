@@ -37,7 +37,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     from vctune.document.reading import read_problem
     from vctune.exits import ExitCode
 
-    file = require_free(read_problem(problem))
+    file = require_free(read_problem(problem), "trade")
     folder = out / folder_name(file.problem.name) / "front"
 
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:

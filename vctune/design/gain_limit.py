@@ -26,9 +26,10 @@ from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 
 ROUNDS, PARTS = 3, 4
-"""How often the step that the limit lies in is divided, and into how many parts."""
+"""How often the step that the limit lies in is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
 BELOW, ABOVE = 0.93, 1.03
-"""Between which factors of a limit its neighbours lie."""
+"""Between which factors of a limit its neighbours lie: below it the best design for the coupling, which may need some
+gain less; above it little, since the limit is known to 1 % on the scan's frequencies."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,10 +31,17 @@ from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
+"""Least number of points of each axis.
+
+A basin has to show as a local minimum, no more: the limits of the gains and the refinement find its place. Half as many
+K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so that there is a
+factor of two in reserve; with half as many drags one of them gets twice the error. Twice as many of any find nothing
+better.
+"""
 PER_DECADE = 3.5
-"""Least number of corners, and of time constants, in a decade."""
+"""Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
 LOOPS_AT_ONCE = 160
-"""Loops whose arrays are small enough to stay in the processor's cache."""
+"""Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,8 +117,10 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     if integral and bounds.position.fixed:
         corner = np.array([1 / device.loop_lag])
     elif integral:
+        # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
+    # two decades beyond the band the coupling is all mass or all damper in it; with a great least b_c yet further out
     shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
     longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
     tau_c = np.array([shortest])
@@ -119,6 +128,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if bounds.mass.fixed and bounds.damping.fixed:
         tau_c = np.array([bounds.mass.min / bounds.damping.min])
+    # below, K_v is no loop and the drag no error: the next point is 0 itself
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 

@@ -117,8 +117,10 @@ class Solved:
 
     def _repr_html_(self) -> str:
         design = self.judgement.facts if self.judgement is not None else {}
+        repairs = {f"repair {number}": str(repair) for number, repair in enumerate(self.repairs or [], 1)}
         gap = {"gap, %": 100 * self.optimality.gap} if self.optimality is not None else {}
-        return html_facts(f"{self.problem.name}: {self.status.value}", {"reason": self.reason, **design, **gap})
+        facts = {"reason": self.reason, **design, **gap, **repairs}
+        return html_facts(f"{self.problem.name}: {self.status.value}", facts)
 
     @property
     def reason(self) -> str | None:

@@ -18,7 +18,10 @@ from vctune.model.sampled import ReturnDifference
 from vctune.model.transparency import log_quadrature
 
 FREQUENCIES = 64
+"""Least number in the stability band, and in three decades below Nyquist. What lies between them is the exchange's
+business; half as many cost no reference problem and no basin of the tests 0.1 %, but starts that miss more."""
 PANELS = 3
+"""Of the quadrature over the transparency band, eight nodes each: starts are compared to a few percent, not better."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,9 @@ held force to velocity and position; they are affine in the gains with complex c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 
@@ -45,6 +47,20 @@ class SampledPlant:
     whole_samples: Number
     fractional: bool
 
+    def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
+        """Return the plant in numbers of another arithmetic."""
+        (beta_0, beta_1), (gamma_0, gamma_1) = self.velocity, self.position
+        older = (number(beta_1), number(gamma_1)) if self.fractional else (beta_1, gamma_1)
+        return SampledPlant(
+            number(self.pole),
+            number(self.one_minus_pole),
+            number(self.drift),
+            (number(beta_0), older[0]),
+            (number(gamma_0), older[1]),
+            self.whole_samples,
+            self.fractional,
+        )
+
 
 SNAP = 1e-12
 """What of a sample counts as rounding: a quotient of decimals is off by 1e-16 relative, a delay that is meant is not as
@@ -66,12 +82,14 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
     whole : N, int or an array of int
     fraction : delta, 0 <= delta < 1, of the same shape
     """
+    if np.ndim(delay) > 0:
+        split = [split_delay(float(one), sample_time) for one in delay]
+        return np.array([whole for whole, _ in split]), np.array([fraction for _, fraction in split])
     samples = delay / sample_time
-    nearest = np.round(samples)
-    snapped = np.abs(samples - nearest) <= SNAP * np.maximum(1.0, samples)
-    whole = np.where(snapped, nearest, np.floor(samples)).astype(int)
-    fraction = np.where(snapped, 0.0, samples - whole)
-    return (whole, fraction) if whole.ndim else (int(whole), float(fraction))
+    nearest = round(samples)
+    if abs(samples - nearest) <= SNAP * max(1.0, samples):
+        return nearest, 0.0
+    return floor(samples), samples - floor(samples)
 
 
 def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:

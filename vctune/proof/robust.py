@@ -173,7 +173,7 @@ def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: in
     if small > 0:
         circle = band_of(0.0, small, STEP)
         boxes = joined(*(over_band(robust.names, low, high, circle, whole) for whole, low, high in samples))
-        parts.append(_proved(test, boxes, max_boxes * len(samples)))
+        parts.append(_proved(test, boxes, max(max_boxes, MAX_BOXES_OF_CURVES * len(samples))))
     return parts
 
 

@@ -11,7 +11,7 @@ from vctune.design.check import Checked
 from vctune.design.variables import KEYS, point
 from vctune.document import toml
 from vctune.document.errors import InputError
-from vctune.document.reading import ProblemFile, read_problem
+from vctune.document.reading import ProblemFile
 from vctune.document.region import read_region
 from vctune.exits import ExitCode
 from vctune.study.baseline import Recheck, recheck
@@ -56,7 +56,7 @@ class RegionFinding:
         }
 
 
-def guard(problem: Path, baseline: Path) -> tuple[Checked, Recheck]:
+def guard(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
 
     Raises
@@ -65,15 +65,15 @@ def guard(problem: Path, baseline: Path) -> tuple[Checked, Recheck]:
         If the region file cannot be used, or the problem no longer has such a region.
     """
     began = perf_counter()
-    file, old = read_problem(problem), read_region(baseline)
+    old = read_region(baseline)
     if mistakes := obstacles(file.problem, old.axes.x, old.axes.y):
-        raise InputError(str(problem), mistakes)
+        raise InputError(file.source, mistakes)
     again = recheck(file.problem, old)
     warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]
     finding = RegionFinding(file, again, warnings, perf_counter() - began)
     code = ExitCode.FAILED if again.lost else ExitCode.OK
     line = toml.Lines(file.text).locate(("device",)) or 1
-    return Checked(problem, file.problem.name, code, _message(again), line, finding), again
+    return Checked(Path(file.source), file.problem.name, code, _message(again), line, finding), again
 
 
 def _lost(again: Recheck) -> Squares:

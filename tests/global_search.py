@@ -1,4 +1,4 @@
-"""The least greatest error, searched for globally in plain complex numbers on dense grids, not with vctune's formulas.
+"""The least greatest error, searched for globally in plain complex numbers on dense grids by `vctune.bench.evaluator`.
 
 Differential evolution over K_v, tau_c = m_c/b_c and K_p/(b + K_v), by Deb's rules: whoever violates less, then whoever
 errs less. For given tau_c the least admissible b_c is a maximum over frequency. A problem is only read for its numbers.
@@ -6,9 +6,12 @@ errs less. For given tau_c the least admissible b_c is a maximum over frequency.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, pi
 
 import numpy as np
+
+from vctune.bench.evaluator import cases, impedances, required, sensitivity, spectral_radius, squared_error
 
 SIZE, COARSE_ROUNDS, FINE_ROUNDS = 36, 110, 40
 
@@ -22,74 +25,28 @@ class Judge:
         slow = max(min(device.damping / device.mass * device.sample_time / 10, 1e-3), 1e-7)
         self.stable = _grid(stability.min, stability.max, int(180 * density))
         self.clear = _grid(transparency.min, transparency.max, int(120 * density))
-        self.theta = _grid(slow, pi, int(220 * density))
+        self.below = _grid(slow, pi, int(220 * density)) / device.sample_time
 
-    def loops(self, K_v, K_p, omega):
-        device, s = self.problem.device, 1j * omega
-        T = device.sample_time
-        hold = -np.expm1(-s * T) / (s * T) if device.hold == "zoh" else 2 / (2 + s * T)
-        C = (K_v[:, None] + K_p[:, None] / s) * hold * np.exp(-s * device.delay)
-        return device.mass * s + device.damping, C
-
-    def conditions(self, K_v, K_p, tau):
+    def conditions(self, case, tau):
         """Return the least b_c, and how negative Re G_hh gets."""
         bounds, factor = self.problem.bounds, self.problem.stability.safety_factor
-        Z_d, C = self.loops(K_v, K_p, self.stable)
-        D = Z_d + C
-        q, im = C / D, (C * Z_d.conj()).imag / np.abs(D) ** 2
-        excess = np.where(q.real > 0, im**2 / (np.abs(q) + q.real), np.abs(q) - q.real)
-        R = np.where(D.real > 0, excess * np.abs(D) ** 2 / (2 * D.real), 0)
+        D, R = sum(impedances(case, 1j * self.stable)), required(case, self.stable)
+        R = np.where(D.real > 0, R, 0)
         needed = (factor * R * (1 + 1 / (self.stable * tau[:, None]) ** 2)).max(axis=1)
-        deficit = np.maximum(-D.real, 0).max(axis=1) / (self.problem.device.damping + K_v)
+        deficit = np.maximum(-D.real, 0).max(axis=1) / (case.damping + case.K_v)
         return np.maximum(needed, np.maximum(bounds.damping.min, bounds.mass.min / tau)), deficit
 
-    def sampled(self, K_v, K_p):
-        """Return the greatest |S| of the sampled loop, inf where it turns around 0."""
-        F = 1 + return_ratio(self.problem.device, K_v, K_p, self.theta)
-        turned = np.angle(F[:, 1:] / F[:, :-1]).sum(axis=1) + np.angle(F[:, 0])
-        return np.where(np.abs(turned) < 1, (1 / np.abs(F)).max(axis=1), inf)
-
-    def errors(self, K_v, K_p, b_c, tau):
-        transparency, s = self.problem.transparency, 1j * self.clear
-        Z_d, C = self.loops(K_v, K_p, self.clear)
-        Z_c = b_c[:, None] * tau[:, None] * s / (1 + tau[:, None] * s)
-        weights, Z_0 = transparency.weights, transparency.reference_impedance
-        e2 = (weights.admittance * Z_0 / np.abs(Z_d + C)) ** 2
-        e2 += (weights.tracking * np.abs(Z_d / (Z_d + C))) ** 2 + (weights.coupling * np.abs(Z_c) / Z_0) ** 2
-        return np.sqrt(e2.max(axis=1))
-
     def __call__(self, K_v, K_p, tau):
-        bounds = self.problem.bounds
-        b_c, violation = self.conditions(K_v, K_p, tau)
+        bounds, ones = self.problem.bounds, np.ones(K_v.size)
+        case = cases(self.problem.device, (K_v, K_p, ones, ones, 0 * ones))
+        b_c, violation = self.conditions(case, tau)
         most = np.minimum(bounds.damping.max, bounds.mass.max / tau)
-        violation += np.maximum(np.log(self.sampled(K_v, K_p) / self.problem.stability.max_sensitivity), 0)
+        S = np.where(spectral_radius(case) < 1, sensitivity(case, self.below).max(axis=1), inf)
+        violation += np.maximum(np.log(S / self.problem.stability.max_sensitivity), 0)
         violation += np.where(b_c > most * (1 + 1e-9), np.log(b_c / most), 0)
         violation = np.where(np.isfinite(violation), violation, 1e3 + np.log1p(K_v + K_p))
-        return violation, self.errors(K_v, K_p, b_c, tau), b_c
-
-
-def return_ratio(device, K_v, K_p, theta):
-    """Return K_v G_v + K_p G_x at e^{j theta}, the plant between samples solved in closed form."""
-    m, b, T = device.mass, device.damping, device.sample_time
-    whole = int(np.floor(device.delay / T + 1e-12))
-    late, beta = max(device.delay - whole * T, 0.0), b / m
-
-    def velocity(t):
-        return -np.expm1(-beta * t) / b
-
-    def coasted(t):
-        return -np.expm1(-beta * t) / beta
-
-    def position(t):
-        y = beta * t
-        return t * t / m * (0.5 - y / 6 + y * y / 24) if y < 1e-3 else (t - coasted(t)) / b
-
-    rest, z = T - late, np.exp(1j * theta)
-    earlier_v = np.exp(-beta * rest) * velocity(late)
-    earlier_x = position(late) + velocity(late) * coasted(rest)
-    G_v = (velocity(rest) + earlier_v / z) * z**-whole / (z - np.exp(-beta * T))
-    G_x = (coasted(T) * G_v + (position(rest) + earlier_x / z) * z**-whole) / (z - 1)
-    return K_v[:, None] * G_v + K_p[:, None] * G_x
+        square = squared_error(self.problem, replace(case, b_c=b_c, m_c=b_c * tau), self.clear)
+        return violation, np.sqrt(square.max(axis=1)), b_c
 
 
 def _grid(low, high, count):
@@ -138,7 +95,7 @@ def _evolved(problem, coarse, fine, integral, rng):
 
 
 @np.errstate(all="ignore")
-def global_search(problem, seed, runs=2):
+def global_search(problem, seed, runs):
     """Return the least error found and its K_v, K_p, b_c, m_c; inf if nothing admissible was found."""
     rng, coarse, fine = np.random.default_rng(seed), Judge(problem, 1.0), Judge(problem, 4.0)
     found = (_evolved(problem, coarse, fine, integral, rng) for integral in (False, True) for _ in range(runs))
