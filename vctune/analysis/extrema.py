@@ -16,7 +16,8 @@ POINTS_PER_DECADE = 60
 """Of the grid whose local minima are refined: neighbours are 4 % apart. Half: two minima within 8 % of each other are
 taken for one. Twice: as many evaluations again in every judgement of a design."""
 ZOOMS = 3
-"""Rounds of a finer grid: each narrows an interval 8 times. Two leave the parabola an interval 64 times as wide."""
+"""Rounds of a finer grid: each narrows an interval 8 times. Half leave the parabola an interval 23 times as wide, and a
+frequency right to 1e-5; twice narrow it below what rounding lets a minimum show."""
 ZOOM_POINTS = 17
 """Points of a finer grid, both ends included. Half and twice as many narrow it 4 and 16 times a round."""
 

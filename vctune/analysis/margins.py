@@ -26,13 +26,14 @@ STEPS, FARTHEST = 16, 32
 """Steps in which the delay grows to its estimated margin, and how many times as far it is followed. Half the steps: an
 interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice: twice the time."""
 NEWTON_STEPS = 8
-"""From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, linear
-there."""
+"""From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, where it is
+linear. Half would do for a simple one, twice are rounding."""
 DIFFERENCE = 1e-6
 """Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
-and its rounding of 1e-10 slow down the method, and do not move what it converges to."""
+and its rounding of 1e-10 slow down the method and do not move what it converges to; half and twice it neither."""
 FARTHEST_CORRECTION = 0.05
-"""Share of the delay by which Newton's method may correct a bisection. Farther off it has found another crossing."""
+"""Share of the delay by which Newton's method may correct a bisection, which is right to 1e-4 of the estimate. Farther
+off it has found another crossing; half and twice it tell the same apart."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,25 +97,25 @@ def prove(
         if not len(boxes):
             break
         count += boxes.count(owners)
-        seen = _in_chunks(test, boxes)
-        failing[:, boxes.owner[seen.fails]] = seen.point[:, seen.fails]
-        if measure is not None and seen.proved.any():
-            np.add.at(total, boxes.owner[seen.proved], measure(boxes.subset(seen.proved)))
-        axis, blurred = _axis(seen, np.asarray(halved))
+        decided = _in_chunks(test, boxes)
+        failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]
+        if measure is not None and decided.proved.any():
+            np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
+        axis, blurred = _axis(decided, np.asarray(halved))
         hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
-        left = ~seen.proved
+        left = ~decided.proved
         goes_on = left & ~blurred & hopeful[boxes.owner]
         stays = left & ~goes_on
-        open_[:, boxes.owner[stays]] = seen.point[:, stays]
+        open_[:, boxes.owner[stays]] = decided.point[:, stays]
         boxes = boxes.subset(goes_on).halved(axis[goes_on])
     return Proofs(np.isnan(open_[0]) & np.isnan(failing[0]), failing, open_, count, total)
 
 
-def _axis(seen: Decided, halved: Flags) -> tuple[Integers, Flags]:
+def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
     """Return the row along which each box is halved, and whether that would not help."""
-    cost = np.where(np.isnan(seen.cost), np.inf, seen.cost)
+    cost = np.where(np.isnan(decided.cost), np.inf, decided.cost)
     axis = np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)]
-    blurred = seen.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
+    blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
     return axis, blurred
 
 

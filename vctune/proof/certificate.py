@@ -158,14 +158,16 @@ def _everywhere(design: Design, box: DeviceBox | None, demands: Demands) -> Call
     """Return what proves a claim for the design's own device, and then for every one of the box."""
 
     def claim(
-        alone: Callable[[Design], Outcome], over: Callable[[RobustDesign, NominalProof], Outcome], factor: float = 1.0
+        alone: Callable[[Design], Outcome],
+        for_all: Callable[[RobustDesign, NominalProof], Outcome],
+        factor: float = 1.0,
     ) -> Outcome:
         nominal = alone(design)
         robust = _robust_design(design, box, replace(demands, factor=factor))
         if robust is None or nominal.verdict is not Verdict.PROVED:
             return nominal
-        whole = over(robust, lambda device: alone(replace(design, device=device)))
-        return replace(whole, boxes=nominal.boxes + whole.boxes)
+        outcome = for_all(robust, lambda device: alone(replace(design, device=device)))
+        return replace(outcome, boxes=nominal.boxes + outcome.boxes)
 
     return claim
 

@@ -40,8 +40,9 @@ def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     series, in_series = design_series(exact), as_series(threshold)
 
     def margin(omega: Number) -> Number:
-        given, demand = (exact, threshold) if isinstance(omega, arb) else (series, in_series)
-        return conditions_margin(given, omega, demand, BALLS)
+        if isinstance(omega, arb):
+            return conditions_margin(exact, omega, threshold, BALLS)
+        return conditions_margin(series, omega, in_series, BALLS)
 
     return margin
 

@@ -12,8 +12,8 @@ from vctune.proof.claims import Design, low_margin
 from vctune.proof.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
-"""Factor between two tries of where the margin near 0 ends. Less reaches higher and tries more often; the frequencies
-above are proved by the ordinary margin in any case."""
+"""Factor between two tries of where the margin near 0 ends. Half and twice it, in the logarithm, reach a little higher
+and lower; the frequencies above are proved by the ordinary margin in any case."""
 STEPS = 120
 """Tries: down to 1e-72 of the first. Half would do for every device whose numbers are within twenty decades."""
 END_BOXES = 64

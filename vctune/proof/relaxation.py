@@ -167,9 +167,9 @@ def relaxation(
     if problem.transparency.norm == "peak":
         nodes = np.geomspace(band.min, band.max, intervals)
         omega_e = np.tile(nodes, len(objective))
-        seen = _enclosed(_stacked(objective, intervals), omega_e)
-        D2 = _squared(seen)
-        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(rounded_down(seen.Z2), D2)
+        at_nodes = _enclosed(_stacked(objective, intervals), omega_e)
+        D2 = _squared(at_nodes)
+        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(rounded_down(at_nodes.Z2), D2)
     else:
         omega_e = None
         admittances, trackings = zip(*(_integrated(d, band.min, band.max, intervals) for d in objective), strict=True)

@@ -30,7 +30,8 @@ FEW_SAMPLES = 4
 """Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
 phase does not matter. Half and twice it: time, for long uncertain delays only."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them. An estimate: what it says is proved then."""
+"""Angles at which the size of a loop is estimated, and the least of them. What the estimate says is proved then, so
+that half and twice it only cost time."""
 MAX_BOXES, MAX_BOXES_OF_CURVES = 400_000, 40_000
 """Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
 uncertain friction wheel 27,000 for all claims. Half and twice it: as long to give up."""

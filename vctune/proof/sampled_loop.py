@@ -41,8 +41,8 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     )
 
     def margin(theta: Number) -> Number:
-        given, law, most = (plant, gains, limit) if isinstance(theta, arb) else in_series
-        return sensitivity_margin(given, law, theta, most, BALLS)
+        numbers = (plant, gains, limit) if isinstance(theta, arb) else in_series
+        return sensitivity_margin(numbers[0], numbers[1], theta, numbers[2], BALLS)
 
     return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN, curved=True), design.device)
 
