@@ -67,6 +67,22 @@ class Quadratic:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundedQuotient:
+    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
+
+    A point is a frequency, or an interval over which the term is averaged.
+
+    Attributes
+    ----------
+    numerator : lower bounds, of what does not depend on the gains
+    D2 : upper bounds, weighted like the numerator
+    """
+
+    numerator: Floats
+    D2: Quadratic
+
+
+@dataclass(frozen=True, slots=True)
 class DesignBoxes:
     """Boxes of designs: [low, high] in each of K_v, K_p, tau_c = m_c/b_c and b_0; arrays of shape (4, n)."""
 

@@ -31,7 +31,7 @@ from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.devices import UNCERTAIN
 from vctune.proof.jets import ENCLOSURES
-from vctune.proof.quadratics import GUARD, Quadratic, both_down, both_up, rounded_down, rounded_up
+from vctune.proof.quadratics import GUARD, BoundedQuotient, Quadratic, both_down, both_up, rounded_down, rounded_up
 
 PRECISION = 2.0**-44
 """Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
@@ -72,11 +72,14 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
     two = loop_response(device, Gains(0, 1), omega, hold, ops)
     squared = omega * omega
     return Coefficients(
-        one.Z_d_scaled.abs2(),
-        (re_conj_product(one.Z_d_scaled, one.C_scaled), re_conj_product(two.Z_d_scaled, two.C_scaled) / squared),
-        (one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
-        (one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
-        (one.resistance - device.damping, two.resistance - device.damping),
+        Z2=one.Z_d_scaled.abs2(),
+        re_Zd_conj_C=(
+            re_conj_product(one.Z_d_scaled, one.C_scaled),
+            re_conj_product(two.Z_d_scaled, two.C_scaled) / squared,
+        ),
+        C2=(one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
+        im_C_conj_Zd=(one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
+        re_C=(one.resistance - device.damping, two.resistance - device.damping),
     )
 
 
@@ -103,22 +106,6 @@ class Demand:
     C2_low: Quadratic
     im_low: tuple[Floats, Floats]
     im_high: tuple[Floats, Floats]
-
-
-@dataclass(frozen=True, slots=True)
-class BoundedQuotient:
-    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
-
-    A point is a frequency, or an interval over which the term is averaged.
-
-    Attributes
-    ----------
-    numerator : lower bounds, of what does not depend on the gains
-    D2 : upper bounds, weighted like the numerator
-    """
-
-    numerator: Floats
-    D2: Quadratic
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +167,17 @@ def relaxation(
         for term, factor in zip(terms, scale, strict=True)
     )
     demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return Relaxation(problem, devices, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
+    return Relaxation(
+        problem=problem,
+        devices=devices,
+        demand=demand,
+        omega_S=omega_S,
+        sensitivity=sensitivity,
+        admittance=admittance,
+        tracking=tracking,
+        omega=omega_e,
+        n_objective_devices=len(objective),
+    )
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
@@ -220,16 +217,16 @@ def _demand(device: Device, omega: Floats) -> Demand:
     at, none = _enclosed(device, omega), np.zeros(len(omega))
     damping = device.converted(decimal).with_operator.damping
     return Demand(
-        omega,
-        float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
-        _squared(at),
-        Quadratic(none, (none, none), both_up(at.C2)),
-        Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
-        Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
-        Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
-        Quadratic(none, (none, none), both_down(at.C2)),
-        both_down(at.im_C_conj_Zd),
-        both_up(at.im_C_conj_Zd),
+        omega=omega,
+        operator=float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
+        D2=_squared(at),
+        C2=Quadratic(none, (none, none), both_up(at.C2)),
+        P=Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
+        resistance=Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
+        D2_low=Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
+        C2_low=Quadratic(none, (none, none), both_down(at.C2)),
+        im_low=both_down(at.im_C_conj_Zd),
+        im_high=both_up(at.im_C_conj_Zd),
     )
 
 
