@@ -5,12 +5,11 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command import run
 from conftest import ROOT
 
 from vctune.analysis.margins import unstable_poles
@@ -163,20 +162,16 @@ def luminance(colour):
 
 
 def test_report_command(tmp_path):
-    def run(*arguments):
-        command = [sys.executable, "-m", "vctune", *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-
-    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet").returncode == 0
+    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet", cwd=tmp_path, report=True).returncode == 0
     folder = tmp_path / "results/fixed-gains"
     before = (folder / "report.html").read_bytes()
-    assert run("report", folder / "design.json", "--out", "again").returncode == 0
+    assert run("report", folder / "design.json", "--out", "again", cwd=tmp_path).returncode == 0
     assert (tmp_path / "again/report.html").read_bytes() == before
     faults = {"none.json": "cannot be read", "bad.json": "is not JSON", "other.json": "is not vctune/design/1"}
     for bad, text in faults.items():
         (tmp_path / "bad.json").write_text("{")
         (tmp_path / "other.json").write_text("{}")
-        done = run("report", bad)
+        done = run("report", bad, cwd=tmp_path)
         assert done.returncode == 2 and text in done.stderr
 
 
