@@ -14,6 +14,7 @@ from conftest import DEVICE, FIXED, ROOT
 from test_cli import run, strict
 
 from vctune.design.bound import bound
+from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
@@ -100,7 +101,7 @@ def test_what_stops_a_search_leaves_a_valid_bound():
     problem = read_problem(WHEEL).problem
     best = solve(problem).judgement
     rounds = iter(range(100))
-    found = bound(problem, best, lambda gains, error: None, gap=1e-4, stopped=lambda: next(rounds) == 20)
+    found = bound(pose(problem), best, lambda gains, error: None, gap=1e-4, stopped=lambda: next(rounds) == 20)
     assert not found.proved and len(found.history) == 21
     assert 0 < found.bound < best.transparency.error
     assert [at.bound for at in found.history] == sorted(at.bound for at in found.history)

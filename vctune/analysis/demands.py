@@ -11,7 +11,7 @@ from math import inf, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
-from vctune.analysis.sampled_loop import sensitivity
+from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import demanded, rollett_factor
@@ -109,7 +109,8 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     device = problem.device
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
     grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.lag))
-    return local_minima(lambda omega: -sensitivity(device, gains, omega), grid)
+    sensitivity = sensitivity_of(device, gains)
+    return local_minima(lambda omega: -sensitivity(omega), grid)
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,10 +33,15 @@ def return_difference_at(device: Device, omega: Floats, *, position: bool) -> Re
     return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
-def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
-    """Return |S| at frequencies omega > 0, rad/s."""
-    parts = return_difference_at(device, omega, position=bool(np.any(gains.position)))
-    return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
+def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
+    """Return |S| as a function of frequencies omega > 0, rad/s, the plant sampled once for all of them."""
+    plant, position = plant_of(device), bool(np.any(gains.position))
+
+    def sensitivity(omega: Floats) -> Floats:
+        parts = return_difference(plant, omega * device.sample_time, FLOATS, position=position)
+        return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
+
+    return sensitivity
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:

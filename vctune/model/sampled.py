@@ -13,7 +13,9 @@ held force to velocity and position; they are affine in the gains with complex c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 
@@ -45,18 +47,34 @@ class SampledPlant:
     whole: Number
     fractional: bool
 
+    def over(self, number: Callable[[Number], Number]) -> SampledPlant:
+        """Return the plant in numbers of another arithmetic."""
+        (beta_0, beta_1), (gamma_0, gamma_1) = self.velocity, self.position
+        late = (number(beta_1), number(gamma_1)) if self.fractional else (beta_1, gamma_1)
+        return SampledPlant(
+            number(self.pole),
+            number(self.slack),
+            number(self.drift),
+            (number(beta_0), late[0]),
+            (number(gamma_0), late[1]),
+            self.whole,
+            self.fractional,
+        )
+
 
 def whole_samples(delay: Number, sample_time: Number) -> tuple[Number, Number]:
     """Split a delay, or an array of them, into whole samples and the fraction of one that remains.
 
     What differs from a whole sample by rounding noise counts as one.
     """
+    if np.ndim(delay) > 0:
+        split = [whole_samples(float(one), sample_time) for one in delay]
+        return np.array([whole for whole, _ in split]), np.array([fraction for _, fraction in split])
     samples = delay / sample_time
-    nearest = np.round(samples)
-    snapped = np.abs(samples - nearest) <= 1e-12 * np.maximum(1.0, samples)
-    whole = np.where(snapped, nearest, np.floor(samples)).astype(int)
-    fraction = np.where(snapped, 0.0, samples - whole)
-    return (whole, fraction) if whole.ndim else (int(whole), float(fraction))
+    nearest = round(samples)
+    if abs(samples - nearest) <= 1e-12 * max(1.0, samples):
+        return nearest, 0.0
+    return floor(samples), samples - floor(samples)
 
 
 def sampled_plant(device: Device, whole: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:

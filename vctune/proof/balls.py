@@ -71,8 +71,8 @@ def ball(decimal: float) -> arb:
 
 
 def lifted(constant: arb) -> arb_series:
-    """Return a ball as a power series with two terms: a product of two of them is cheaper than one with a ball."""
-    return arb_series([constant], 2)
+    """Return a ball as a power series with three terms: a product of two of them is cheaper than one with a ball."""
+    return arb_series([constant], 3)
 
 
 def box(low: float, high: float) -> arb:

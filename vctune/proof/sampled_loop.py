@@ -18,7 +18,7 @@ from vctune.model.sampled import (
     sampled_plant,
     whole_samples,
 )
-from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball, lifted
 from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.winding import turned_angle
@@ -31,11 +31,13 @@ ROOT_TOLERANCE = 1e-16
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s."""
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
+    in_series = plant.over(lifted), Gains(lifted(gains.velocity), lifted(gains.position)), lifted(limit)
 
     def margin(theta: Number) -> Number:
-        return sensitivity_margin(plant, gains, theta, limit, BALLS)
+        given, law, most = (plant, gains, limit) if isinstance(theta, arb) else in_series
+        return sensitivity_margin(given, law, theta, most, BALLS)
 
-    return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN), design.device)
+    return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN, curved=True), design.device)
 
 
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:

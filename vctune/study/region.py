@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.sampled_loop import sensitivity
+from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import pose
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -157,7 +157,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
-    S = sensitivity(device, Gains(K_v, K_p), below)
+    S = sensitivity_of(device, Gains(K_v, K_p))(below)
     damping[S.max(axis=1) > stability.max_sensitivity] = np.nan
     worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
     return damping, worst, below[np.argmax(S, axis=1)] * device.sample_time
