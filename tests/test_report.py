@@ -7,6 +7,7 @@ import re
 import shutil
 import subprocess
 import sys
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from conftest import ROOT
 
 from vctune.analysis.margins import unstable_poles
+from vctune.cli.table import print_design
 from vctune.design.record import design_record
 from vctune.design.solve import solve
 from vctune.document.design import design_of, read_design
@@ -221,3 +223,26 @@ def test_every_design_is_read_back(records, tmp_path, name):
     for mark in ("", "\ufeff"):
         (tmp_path / "design.json").write_text(mark + json.dumps(records[name]))
         assert read_design(tmp_path / "design.json").to_json() == records[name]
+
+
+def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
+    record = json.loads(json.dumps(records["certified"]))
+    record["certificate"]["later"] = record["later"] = {"number": 1.0}
+    del record["repairs"], record["idle"]
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    assert read_design(tmp_path / "design.json").to_json() == record
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_table_and_the_page_show_the_rows_of_the_record(records, tmp_path, capsys, name):
+    record = design_of(records[name], "x")
+    html = made(records[name], tmp_path / "report")
+    print_design(record, tmp_path)
+    table = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for title, rows in record.groups().items():
+        for number, row in enumerate(rows):
+            cells = "</th><th>".join(("<tr><th>" + (title if number == 0 else ""), escape(row.label)))
+            shown = f'{cells}</th><td class="number">{escape(row.value)}</td><td>{escape(row.unit)}</td></tr>'
+            assert shown.replace("&#x27;", "&#39;") in html
+            words = f"{title if number == 0 else ''} {row.label} {row.value} {row.unit}".split()
+            assert (words in table) == (not row.detail)
