@@ -56,12 +56,7 @@ SHOWN = 200
 
 
 def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
-    """Return the object of design.json, as `record_of` makes it; every number in it is finite or null."""
-    return record_of(file, solved, ipopt).to_json()
-
-
-def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem.
+    """Return the JSON object of a solved problem; every number in it is finite or null.
 
     Parameters
     ----------
@@ -71,9 +66,14 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
 
     Returns
     -------
-    DesignRecord
-        Everything that design.json says, in SI units and hertz.
+    dict
+        The object of design.json, in SI units and hertz.
     """
+    return record_of(file, solved, ipopt).to_json()
+
+
+def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> DesignRecord:
+    """Return the record of a solved problem, of what `design_record` takes."""
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched, said = [], [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []

@@ -158,7 +158,7 @@ class RepairRecord(Part):
 
     key: str
     old: Number
-    new: float
+    new: Number
     change: str
     needs: str
     size: Number = None
