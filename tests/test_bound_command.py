@@ -39,7 +39,7 @@ def folder(solved, tmp_path):
 
 
 def optimality(path) -> dict:
-    found = read_design(path)["optimality"]
+    found = read_design(path).to_json()["optimality"]
     assert found["history"][-1]["lower_bound"] == found["lower_bound"]
     return found
 

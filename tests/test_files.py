@@ -81,7 +81,7 @@ if judged and file.problem.experiments:
     once(vctune.simulation.experiment, "simulate", file.problem, judged.gains, judged.coupling,
          file.problem.experiments[0])
 FIGURES = ("llewellyn", "nyquist", "transparency", "impedance")
-vctune.report.report.figures = lambda design: dict.fromkeys(FIGURES, design.record)
+vctune.report.report.figures = lambda design: dict.fromkeys(FIGURES, design.record.to_json())
 vctune.report.report.simulation_figure = lambda simulation: simulation
 vctune.report.report.svg = lambda record, name: f"<svg>{record['problem']['sha256']}</svg>"
 import vctune.report.page

@@ -28,6 +28,7 @@ from vctune.design.repair import repairs
 from vctune.design.repaired import repaired
 from vctune.design.solve import solve
 from vctune.design.theorems import impossible
+from vctune.document.design import design_of
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
@@ -429,7 +430,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     (tmp_path / "gains.toml").write_text(gains_text(*design, {}))
     checked = check([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is ExitCode.OK and said in checked.warnings
-    assert page(record, file.problem, {}).count("certified, but it hardly uses its velocity loop") == 1
+    assert page(design_of(record, "x"), file.problem, {}).count("certified, but it hardly uses its velocity loop") == 1
 
 
 def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,10 @@ from command import run
 from conftest import ROOT
 
 from vctune.analysis.margins import unstable_poles
+from vctune.cli.table import print_design
 from vctune.design.record import design_record
 from vctune.design.solve import solve
-from vctune.document.design import read_design
+from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
@@ -45,7 +47,7 @@ def recorded(text):
 
 def made(record, folder):
     folder.mkdir(exist_ok=True)
-    write_report(record, folder)
+    write_report(design_of(record, "x"), folder)
     return (folder / "report.html").read_text()
 
 
@@ -60,7 +62,8 @@ def test_report_of_every_verdict(records, tmp_path, name):
     record = records[name]
     html = made(record, tmp_path / "report")
     assert len(html.encode()) < 1_000_000
-    assert f'<span class="{record["status"]}">' in html
+    shown = "undecided" if record["idle"] else record["status"]
+    assert f'<span class="{shown}">{record["status"]}' in html
     assert "<script>alert" not in html
     assert not re.search(r'(src|href)="(?!#|data:)', html)
     embedded = re.search(r'<script type="application/json" id="design">(.*?)</script>', html, re.DOTALL)[1]
@@ -195,7 +198,7 @@ def test_a_damaged_design_is_refused_with_its_keys(records, tmp_path, damage, sa
     damage(record)
     (tmp_path / "design.json").write_text(json.dumps(record))
     with pytest.raises(InputError, match=re.escape(said)):
-        made(read_design(tmp_path / "design.json"), tmp_path / "report")
+        write_report(read_design(tmp_path / "design.json"), tmp_path / "report")
 
 
 @pytest.mark.parametrize("text", ["[" * 200_000, '{"a": 1e400}', '{"a": "\xff"}'])
@@ -214,4 +217,27 @@ def test_an_endless_design_is_refused():
 def test_every_design_is_read_back(records, tmp_path, name):
     for mark in ("", "\ufeff"):
         (tmp_path / "design.json").write_text(mark + json.dumps(records[name]))
-        assert read_design(tmp_path / "design.json") == records[name]
+        assert read_design(tmp_path / "design.json").to_json() == records[name]
+
+
+def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
+    record = json.loads(json.dumps(records["certified"]))
+    record["certificate"]["later"] = record["later"] = {"number": 1.0}
+    del record["repairs"], record["idle"]
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    assert read_design(tmp_path / "design.json").to_json() == record
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_table_and_the_page_show_the_rows_of_the_record(records, tmp_path, capsys, name):
+    record = design_of(records[name], "x")
+    html = made(records[name], tmp_path / "report")
+    print_design(record, tmp_path)
+    table = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for title, rows in record.groups().items():
+        for number, row in enumerate(rows):
+            cells = "</th><th>".join(("<tr><th>" + (title if number == 0 else ""), escape(row.label)))
+            shown = f'{cells}</th><td class="number">{escape(row.value)}</td><td>{escape(row.unit)}</td></tr>'
+            assert shown.replace("&#x27;", "&#39;") in html
+            words = f"{title if number == 0 else ''} {row.label} {row.value} {row.unit}".split()
+            assert (words in table) == (not row.detail)
