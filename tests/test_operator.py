@@ -224,7 +224,7 @@ def test_the_price_of_the_ratio_is_what_a_smaller_factor_saves():
     text, operator = FRICTION_WHEEL + "safety_factor = ", "\n[operator]\ndamping = 2.0\n"
     solved = solve(parse_problem(f"{text}{1.05}{operator}", "p", "p"))
     eased = solve(parse_problem(f"{text}{1.05 / 1.01}{operator}", "p", "p"))
-    price = sum(row["multiplier"] for row in active(solved) if row["demand"].startswith("Re Z_c"))
+    price = sum(row.multiplier for row in active(solved) if row.demand.startswith("Re Z_c"))
     saved = np.log(solved.judgement.transparency.error / eased.judgement.transparency.error) / np.log(1.01)
     assert price == pytest.approx(saved, rel=0.02)
 

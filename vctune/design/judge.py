@@ -54,7 +54,7 @@ IDLE = 0.5
 """A mean or greatest |1 - G_he| above which the velocity loop is hardly used; without a loop it is 1."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
     """A design and what is known of it.
 
@@ -189,8 +189,8 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(posed.problem, gains, coupling)
     return Judgement(
-        gains,
-        coupling,
+        gains=gains,
+        coupling=coupling,
         transparency=transparency,
         error=posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error,
         min_ratio=min_ratio,

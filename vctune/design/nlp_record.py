@@ -10,6 +10,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.result import Polished, Solved
 from vctune.design.shape import DEMANDS, Place, size, stacked
 from vctune.design.variables import KEYS, design_of, ranges
+from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
@@ -18,7 +19,7 @@ from vctune.proof.devices import UNCERTAIN
 ACTIVE = 1e-5
 
 
-def active(solved: Solved) -> list[dict[str, Any]]:
+def active(solved: Solved) -> list[ActiveRecord]:
     """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
 
     The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
@@ -35,19 +36,25 @@ def active(solved: Solved) -> list[dict[str, Any]]:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.shape.errors
     held = [
-        {"demand": demand, "hz": place.omega * rate if place else None, "multiplier": multiplier}
-        | ({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {})
+        ActiveRecord(
+            demand=demand,
+            hz=place.omega * rate if place else None,
+            multiplier=multiplier,
+            **({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {}),
+        )
         for (demand, place), multiplier in zip(where, multipliers, strict=True)
         if demand and multiplier > ACTIVE
     ]
-    return sorted(held, key=lambda row: -float(row["multiplier"]))
+    return sorted(held, key=lambda row: -row.multiplier)
 
 
-def _device(problem: Problem, place: Place) -> dict[str, float]:
+def _device(problem: Problem, place: Place) -> DeviceRecord:
     """Return the device of a dimensionless place in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     scaled = place.device
-    return {"mass": scaled.mass * impedance * time, "damping": scaled.damping * impedance, "delay": scaled.delay * time}
+    return DeviceRecord(
+        mass=scaled.mass * impedance * time, damping=scaled.damping * impedance, delay=scaled.delay * time
+    )
 
 
 def _priced(polished: Polished) -> Floats:

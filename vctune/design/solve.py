@@ -48,10 +48,10 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
-        return Solved(problem, fixed, None, 0, None, None, {"prove": perf_counter() - began})
+        return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began})
     theorem = impossible(problem)
     if theorem is not None:
-        return Solved(problem, None, None, 0, theorem, None, {})
+        return Solved(problem=problem, infeasibility=theorem)
     progress("scanning")
     prepared = prepare(problem)
     seen = scan(prepared.scaled)
@@ -60,7 +60,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, seen, proved=True)
-        return Solved(problem, None, None, 0, miss, seen, seconds, early)
+        return Solved(problem=problem, infeasibility=miss, seen=seen, seconds=seconds, optimality=early)
     waited = perf_counter()
     nominal = nominal_start(prepared) if problem.uncertainty is not None else None
     if problem.uncertainty is not None:
@@ -69,7 +69,13 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     best = optimum(prepared, replace(seen, starts=starts), progress)
     nominal_error = nominal.error * prepared.units.error if nominal is not None else None
     solved = Solved(
-        problem, best.judgement, best.polished, best.optima, None, seen, seconds | best.seconds, None, nominal_error
+        problem=problem,
+        judgement=best.judgement,
+        polished=best.polished,
+        optima=best.optima,
+        seen=seen,
+        seconds=seconds | best.seconds,
+        nominal_error=nominal_error,
     )
     if solved.judgement is None or gap is not None:
         solved = _searched(prepared, solved, progress, gap, early.rest if early else None)

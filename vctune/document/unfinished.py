@@ -25,7 +25,7 @@ def unfinished_bytes(sha256: str, arrays: Arrays) -> bytes:
 def read_unfinished(path: Path, sha256: str, names: set[str]) -> Arrays | None:
     """Return the arrays of an earlier search of the same problem by the same vctune; None if there are none."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             if str(file["owner"]) != _owner(sha256) or not names <= set(file.files):
                 return None
             return {name: file[name] for name in names}
