@@ -13,7 +13,7 @@ import pytest
 from conftest import DEVICE, FIXED, ROOT
 from test_cli import run, strict
 
-from vctune.design.bound import bound
+from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.design import read_design

@@ -22,7 +22,7 @@ from sizes import nlp_size
 from test_cli import run
 
 from vctune.bench.evaluator import error, spectral_radius, stability_ratio
-from vctune.design.bound import bound
+from vctune.design.bound.search import bound
 from vctune.design.judge import Status, judge
 from vctune.design.nlp import assembled
 from vctune.design.prepared import pose, prepare

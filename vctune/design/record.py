@@ -35,7 +35,7 @@ from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Optimality
+    from vctune.design.bound.search import Optimality
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
@@ -218,22 +218,20 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 def optimality_record(found: Optimality) -> dict[str, Any]:
     """Return what is proved of every design as a JSON object: bound, gap, history, and the boxes that are open."""
-    leaves = found.rest.leaves
-    lowest = np.argsort(leaves.bound, kind="stable")[:SHOWN]
+    nodes = found.resume.nodes
+    lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)
     record: dict[str, Any] = finite(
         {
             "lower_bound": found.bound,
             "gap": found.gap,
             "verdict": "proved" if found.proved else "open",
-            "boxes": found.rest.boxes,
+            "boxes": found.resume.boxes,
             "history": [
                 {"boxes": at.boxes, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
                 for at in [*found.history[:-1:every], found.history[-1]]
             ],
-            "open": [
-                {"low": leaves.boxes.low[:, i].tolist(), "high": leaves.boxes.high[:, i].tolist()} for i in lowest
-            ],
+            "open": [{"low": nodes.boxes.low[:, i].tolist(), "high": nodes.boxes.high[:, i].tolist()} for i in lowest],
         }
     )
     return record

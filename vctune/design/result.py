@@ -16,7 +16,7 @@ from vctune.markup import html_facts
 from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Optimality
+    from vctune.design.bound.search import Optimality
     from vctune.design.repair import Repair
 
 

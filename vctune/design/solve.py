@@ -19,8 +19,8 @@ from vctune.design.theorems import impossible
 from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Glance, Optimality
-    from vctune.design.leaves import Unfinished
+    from vctune.design.bound.resume import ResumeState
+    from vctune.design.bound.search import Optimality, SearchState
 
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
@@ -72,7 +72,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         problem, best.judgement, best.polished, best.optima, None, seen, seconds | best.seconds, None, nominal_error
     )
     if solved.judgement is None or gap is not None:
-        solved = _searched(prepared, solved, progress, gap, early.rest if early else None)
+        solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
         solved = replace(solved, infeasibility=nearest_miss(prepared, seen, proved=proved))
@@ -81,25 +81,25 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
 
 def _early(prepared: Prepared) -> Optimality:
     """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
-    from vctune.design.bound import bound
+    from vctune.design.bound.search import bound
 
     return bound(prepared.given, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
 
 
 def _searched(
-    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None
+    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
 ) -> Solved:
     """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
-    from vctune.design.bound import bound
+    from vctune.design.bound.search import bound
 
     began = perf_counter()
 
-    def tell(at: Glance) -> None:
+    def tell(at: SearchState) -> None:
         progress(f"searching every box: {at}")
 
     most, within = (SEARCH_BOXES // len(prepared.given.cases), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
     improve = partial(improved, prepared)
-    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
+    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, resume=resume, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)

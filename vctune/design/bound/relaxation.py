@@ -1,6 +1,6 @@
 """A design problem made easier, so that boxes of designs can be judged at once.
 
-See model/README.md, section 8; proof/README.md, section 10.
+See design/bound/README.md, section 1; model/README.md, section 8.
 
 C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
 
@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import acb, arb, ctx
 
+from vctune.design.bound.quadratics import Quadratic
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import hold_response, loop_response
@@ -31,7 +32,6 @@ from vctune.proof.balls import BALLS, ball, device_ball
 from vctune.proof.devices import UNCERTAIN
 from vctune.proof.enclosures import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
-from vctune.proof.quadratics import Quadratic
 
 GUARD = 1e-14
 """Covers the rounding of a sum of five products, and of the few operations after it, relative to their moduli."""
@@ -75,7 +75,7 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
 
 
 @dataclass(frozen=True, slots=True)
-class Demand:
+class Conditions:
     """Llewellyn's conditions at some frequencies.
 
     Attributes
@@ -100,8 +100,8 @@ class Demand:
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
-    """A quotient of quadratics in the gains for each of several places: a term of the squared error, or |S|^2.
+class BoundedQuotient:
+    """A quotient of quadratics in the gains for each of several points: a term of the squared error, or |S|^2.
 
     Attributes
     ----------
@@ -121,27 +121,28 @@ class Relaxation:
     ----------
     problem : the problem
     devices : at which the demands are posed
-    demand : on the coupling
+    conditions : on the coupling
     omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
         are posed at each vertex of its box too
-    admittance, tracking : shares of the squared error
+    admittance, tracking : quotients of the squared error
     omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
-    counted : number of devices the greatest of whose errors is the objective; their shares follow one another
+    objective_devices : number of devices the greatest of whose errors is the objective; their quotients follow one
+        another
     """
 
     problem: Problem
     devices: list[Device]
-    demand: Demand
+    conditions: Conditions
     omega_S: Floats
-    sensitivity: Share
-    admittance: Share
-    tracking: Share
+    sensitivity: BoundedQuotient
+    admittance: BoundedQuotient
+    tracking: BoundedQuotient
     omega: Floats | None
-    counted: int
+    objective_devices: int
 
 
 def relaxation(
-    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, places: int
+    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, intervals: int
 ) -> Relaxation:
     """Relax a problem.
 
@@ -152,39 +153,49 @@ def relaxation(
     objective : those of them the greatest of whose errors is the objective
     omega : rad/s, frequencies of the stability band
     omega_S : rad/s, frequencies up to Nyquist
-    places : into how many intervals, or at how many frequencies, the transparency band is divided
+    intervals : into how many intervals, or at how many frequencies, the transparency band is divided
     """
     band, weights = problem.transparency.band, problem.transparency.weights
     if problem.transparency.norm == "peak":
-        nodes = np.geomspace(band.min, band.max, places)
+        nodes = np.geomspace(band.min, band.max, intervals)
         omega_e = np.tile(nodes, len(objective))
-        seen = _enclosed(_stacked(objective, places), omega_e)
-        shares = Share(np.ones(len(omega_e)), _squared(seen)), Share(_bottom(seen.Z2), _squared(seen))
+        enclosed = _enclosed(_as_one(objective, intervals), omega_e)
+        quotients = (
+            BoundedQuotient(np.ones(len(omega_e)), _squared(enclosed)),
+            BoundedQuotient(_bottom(enclosed.Z2), _squared(enclosed)),
+        )
     else:
         omega_e = None
-        admittances, trackings = zip(*(_integrated(d, band.min, band.max, places) for d in objective), strict=True)
-        shares = _joined(admittances), _joined(trackings)
+        admittances, trackings = zip(*(_integrated(d, band.min, band.max, intervals) for d in objective), strict=True)
+        quotients = _in_a_row(admittances), _in_a_row(trackings)
     scale = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
-        Share(share.numerator * (factor * (1 - GUARD)), share.D2) for share, factor in zip(shares, scale, strict=True)
+        BoundedQuotient(quotient.numerator * (factor * (1 - GUARD)), quotient.D2)
+        for quotient, factor in zip(quotients, scale, strict=True)
     )
-    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return Relaxation(problem, devices, demand, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
+    conditions, sensitivity = (
+        _conditions(*_at_each_device(devices, omega)),
+        _sensitivity(*_at_each_device(devices, omega_S)),
+    )
+    return Relaxation(problem, devices, conditions, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
     """Return the relaxation with its demands at other frequencies."""
     devices = relaxed.devices
-    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return replace(relaxed, demand=demand, omega_S=omega_S, sensitivity=sensitivity)
+    conditions, sensitivity = (
+        _conditions(*_at_each_device(devices, omega)),
+        _sensitivity(*_at_each_device(devices, omega_S)),
+    )
+    return replace(relaxed, conditions=conditions, omega_S=omega_S, sensitivity=sensitivity)
 
 
-def _everywhere(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:
+def _at_each_device(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:
     """Return devices as one, and every frequency for each of them."""
-    return _stacked(devices, len(omega)), np.tile(omega, len(devices))
+    return _as_one(devices, len(omega)), np.tile(omega, len(devices))
 
 
-def _stacked(devices: list[Device], count: int) -> Device:
+def _as_one(devices: list[Device], count: int) -> Device:
     """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
     if len(devices) == 1:
         return devices[0]
@@ -192,22 +203,24 @@ def _stacked(devices: list[Device], count: int) -> Device:
     return replace(devices[0], mass=mass, damping=damping, delay=delay)
 
 
-def _joined(shares: Sequence[Share]) -> Share:
-    if len(shares) == 1:
-        return shares[0]
+def _in_a_row(quotients: Sequence[BoundedQuotient]) -> BoundedQuotient:
+    if len(quotients) == 1:
+        return quotients[0]
 
-    def row(of: Callable[[Share], Floats]) -> Floats:
-        return np.concatenate([of(share) for share in shares])
+    def row(of: Callable[[BoundedQuotient], Floats]) -> Floats:
+        return np.concatenate([of(quotient) for quotient in quotients])
 
-    linear = row(lambda share: share.D2.linear[0]), row(lambda share: share.D2.linear[1])
-    square = row(lambda share: share.D2.square[0]), row(lambda share: share.D2.square[1])
-    return Share(row(lambda share: share.numerator), Quadratic(row(lambda share: share.D2.constant), linear, square))
+    linear = row(lambda quotient: quotient.D2.linear[0]), row(lambda quotient: quotient.D2.linear[1])
+    square = row(lambda quotient: quotient.D2.square[0]), row(lambda quotient: quotient.D2.square[1])
+    return BoundedQuotient(
+        row(lambda quotient: quotient.numerator), Quadratic(row(lambda quotient: quotient.D2.constant), linear, square)
+    )
 
 
-def _demand(device: Device, omega: Floats) -> Demand:
+def _conditions(device: Device, omega: Floats) -> Conditions:
     at, none = _enclosed(device, omega), np.zeros(len(omega))
     held = device.over(decimal).held.damping
-    return Demand(
+    return Conditions(
         omega,
         float(_top(decimal(device.operator.damping))) if device.operator is not None else 0.0,
         _squared(at),
@@ -221,7 +234,7 @@ def _demand(device: Device, omega: Floats) -> Demand:
     )
 
 
-def _sensitivity(device: Device, omega: Floats) -> Share:
+def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
     """Return |F_0|^2/|F|^2 of the sampled loop; F is affine in the gains, so that |F|^2 is convex in them."""
     whole, fraction = whole_samples(device.delay, device.sample_time)
     exact = device.bare.over(decimal)
@@ -232,7 +245,7 @@ def _sensitivity(device: Device, omega: Floats) -> Share:
     cross = 2 * _top(re_conj_product(F.velocity, F.position))
     linear = 2 * _top(along[0]), 2 * _top(along[1])
     openness = F.open.abs2()
-    return Share(np.maximum(_bottom(openness), 0.0), Quadratic(_top(openness), linear, _tops(squares), cross))
+    return BoundedQuotient(np.maximum(_bottom(openness), 0.0), Quadratic(_top(openness), linear, _tops(squares), cross))
 
 
 def _enclosed(device: Device, omega: Floats) -> Coefficients:
@@ -260,11 +273,11 @@ def _squared(at: Coefficients) -> Quadratic:
     return Quadratic(_top(at.Z2), (2 * _top(at.along[0]), 2 * _top(at.along[1])), _tops(at.C2))
 
 
-def _integrated(device: Device, low: float, high: float, places: int) -> tuple[Share, Share]:
-    """Return the shares of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
+def _integrated(device: Device, low: float, high: float, intervals: int) -> tuple[BoundedQuotient, BoundedQuotient]:
+    """Return the quotients of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
     exact = device_ball(device.bare)
     first, length = ball(low).log(), ball(high).log() - ball(low).log()
-    edges = [first + length * k / places for k in range(places + 1)]
+    edges = [first + length * k / intervals for k in range(intervals + 1)]
 
     def integral(f: Callable[[Coefficients], acb], k: int) -> arb:
         def integrand(x: acb, _analytic: bool) -> acb:
@@ -272,7 +285,7 @@ def _integrated(device: Device, low: float, high: float, places: int) -> tuple[S
 
         return acb.integral(integrand, edges[k], edges[k + 1], rel_tol=PRECISION, abs_tol=0).real / length
 
-    def share(weight: Callable[[Coefficients], acb]) -> Share:
+    def quotient(weight: Callable[[Coefficients], acb]) -> BoundedQuotient:
         parts = [
             weight,
             lambda c: weight(c) * c.Z2,
@@ -281,12 +294,12 @@ def _integrated(device: Device, low: float, high: float, places: int) -> tuple[S
             lambda c: weight(c) * c.C2[0],
             lambda c: weight(c) * c.C2[1],
         ]
-        found = [[integral(part, k) for k in range(places)] for part in parts]
+        found = [[integral(part, k) for k in range(intervals)] for part in parts]
         numerator, constant, v, p, v2, p2 = (
             Enclosure(np.array([float(x.mid()) for x in row]), np.array([float(x.rad()) for x in row])) for row in found
         )
         square = _bottom(numerator) ** 2 * (1 - GUARD)
-        return Share(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
+        return BoundedQuotient(square, Quadratic(_top(constant), (2 * _top(v), 2 * _top(p)), (_top(v2), _top(p2))))
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
-        return share(lambda c: acb(1)), share(lambda c: c.Z2)
+        return quotient(lambda c: acb(1)), quotient(lambda c: c.Z2)

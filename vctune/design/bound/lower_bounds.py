@@ -1,6 +1,6 @@
 """The least that the designs of a box cost, from a relaxation of their problem.
 
-See model/README.md, section 8; proof/README.md, section 10.
+See design/bound/README.md, section 1; model/README.md, section 8.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from math import inf, log
 
 import numpy as np
 
+from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, Boxes
+from vctune.design.bound.relaxation import GUARD, Conditions, Relaxation
 from vctune.model.problem import Problem
 from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.quadratics import Boxes
-from vctune.proof.relaxation import GUARD, Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
-class Least:
-    """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
+class LeastCoupling:
+    """What the conditions leave to the couplings of each box; arrays of shape (n,) for n boxes.
 
     Attributes
     ----------
-    damping, mass : the least b_c and m_c
+    damping, mass : the least b_c, N s/m, and m_c, kg
     none : where they leave none
     """
 
@@ -34,43 +34,53 @@ class Least:
 
 
 @dataclass(frozen=True, slots=True)
-class Floors:
-    """What the designs of each box at least come to; arrays of shape (boxes,).
+class LowerBounds:
+    """What the designs of each box at least come to; arrays of shape (n,) for n boxes.
 
     Attributes
     ----------
     error : a lower bound on the error of the admissible designs; inf where there are none
-    strain : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; nothing is admissible above 1
+    infeasibility : a lower bound of the greatest of |S|, b_c and m_c relative to their limits; above 1 nothing is
+        admissible
     """
 
     error: Floats
-    strain: Floats
+    infeasibility: Floats
 
 
 @np.errstate(all="ignore")
-def floors(relaxed: Relaxation, boxes: Boxes) -> Floors:
-    """Return what the designs of each box at least come to."""
+def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> LowerBounds:
+    """Bound what the designs of each box come to from below.
+
+    Parameters
+    ----------
+    relaxed : the problem
+    boxes : n boxes
+    """
     problem = relaxed.problem
-    least, strain = least_coupling(relaxed, boxes), _strain_of_loops(relaxed, boxes)
-    strain = np.fmax(strain, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max))
-    none = least.none | (strain > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
-    admittance, tracking = (
-        share.numerator / share.D2.greatest(boxes) for share in (relaxed.admittance, relaxed.tracking)
+    least, infeasibility = least_coupling(relaxed, boxes), _sensitivity_share(relaxed, boxes)
+    infeasibility = np.fmax(
+        infeasibility, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max)
     )
+    none = least.none | (infeasibility > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
+    admittance, tracking = (term.numerator / term.D2.greatest(boxes) for term in (relaxed.admittance, relaxed.tracking))
     loop = admittance + tracking
-    b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
+    b_0, factor = (
+        boxes.low[B_0],
+        (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2,
+    )
     if relaxed.omega is None:
-        coupling = _coupling(least, boxes, partial(_mean_share, problem))
-        mean = loop.reshape(len(boxes), relaxed.counted, -1).sum(axis=2).max(axis=1)
+        coupling = _coupling(least, boxes, partial(_mean_modulus, problem))
+        mean = loop.reshape(len(boxes), relaxed.objective_devices, -1).sum(axis=2).max(axis=1)
         squared = mean + factor * (b_0 * b_0 + coupling)
     else:
-        coupling = _coupling(least, boxes, partial(_share, relaxed.omega[:, None]))
+        coupling = _coupling(least, boxes, partial(_modulus, relaxed.omega[:, None]))
         squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)
     known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
-    return Floors(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, strain))
+    return LowerBounds(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, infeasibility))
 
 
-def _strain_of_loops(relaxed: Relaxation, boxes: Boxes) -> Floats:
+def _sensitivity_share(relaxed: Relaxation, boxes: Boxes) -> Floats:
     """Return a lower bound of |S| relative to its limit."""
     at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
     S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
@@ -86,36 +96,36 @@ def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
         return np.zeros(len(boxes), bool)
     b, held, tau = problem.device.damping, problem.device.held.damping, problem.device.lag
     b_h, factor = held - b, problem.stability.safety_factor
-    most = (held + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
-    eased = 4 * (most * boxes.high[3] + factor * b_h * np.maximum(most - held, 0.0))
+    most = (held + boxes.high[K_V]) * (1 + GUARD) - tau * boxes.low[K_P] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - held, 0.0))
     return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
 
-def least_coupling(relaxed: Relaxation, boxes: Boxes) -> Least:
+def least_coupling(relaxed: Relaxation, boxes: Boxes) -> LeastCoupling:
     """Return the least b_c and m_c that the conditions and the bounds leave to any design of a box.
 
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
     (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega.
     """
-    at, bounds = relaxed.demand, relaxed.problem.bounds
+    at, bounds = relaxed.conditions, relaxed.problem.bounds
     R, none = _least_resistance(at, boxes)
-    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[3][:, None], 0.0)
-    shortest, longest = (edge[2][:, None] for edge in (boxes.low, boxes.high))
+    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[B_0][:, None], 0.0)
+    shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
     nearest = np.clip(1 / at.omega, shortest, longest)
     damping = (needed * (1 + 1 / np.square(at.omega * longest))).max(axis=1)
     mass = (needed * (nearest + 1 / (np.square(at.omega) * nearest))).max(axis=1)
-    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[2])
-    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[2])
-    return Least(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
+    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[TAU_C])
+    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[TAU_C])
+    return LeastCoupling(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
 
 
-def _least_resistance(at: Demand, boxes: Boxes) -> tuple[Floats, Flags]:
+def _least_resistance(at: Conditions, boxes: Boxes) -> tuple[Floats, Flags]:
     """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
 
     R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
     """
     low, high = (
-        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
+        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (K_V, K_P))
         for turn in (at.turn_low, tuple(-t for t in at.turn_high))
     )
     turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
@@ -129,24 +139,24 @@ def _least_resistance(at: Demand, boxes: Boxes) -> tuple[Floats, Flags]:
     return np.fmax(R, 0.0), np.asarray((resistance <= 0).any(axis=1))
 
 
-def _coupling(least: Least, boxes: Boxes, share: Callable[[Floats], Floats]) -> Floats:
+def _coupling(least: LeastCoupling, boxes: Boxes, modulus: Callable[[Floats], Floats]) -> Floats:
     """Return a lower bound of |Z_c|^2 - b_0^2 = 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, x = omega tau_c.
 
     s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
     """
-    b_c, m_c, b_0 = least.damping, least.mass, boxes.low[3]
-    light, heavy = share(boxes.low[2]), share(boxes.high[2])
-    return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[2]) * heavy)
+    b_c, m_c, b_0 = least.damping, least.mass, boxes.low[B_0]
+    light, heavy = modulus(boxes.low[TAU_C]), modulus(boxes.high[TAU_C])
+    return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[TAU_C]) * heavy)
 
 
-def _share(omega: Floats, tau_c: Floats) -> Floats:
+def _modulus(omega: Floats, tau_c: Floats) -> Floats:
     """Return x^2/(1 + x^2), x = omega tau_c: |Z_c/b_c|^2 and Re Z_c/b_c without drag."""
     x2 = np.square(omega * tau_c)
     return x2 / (1 + x2)
 
 
-def _mean_share(problem: Problem, tau_c: Floats) -> Floats:
-    """Return the mean of `_share` over log frequency."""
+def _mean_modulus(problem: Problem, tau_c: Floats) -> Floats:
+    """Return the mean of `_modulus` over log frequency."""
     low, high = problem.transparency.band.min, problem.transparency.band.max
     rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
     return np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low))
