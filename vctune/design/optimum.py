@@ -15,10 +15,10 @@ from vctune.design.prepared import Posed, Prepared, prepare
 from vctune.design.result import Polished
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
-from vctune.design.shape import Place, WorkingSet
 from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, point
+from vctune.design.working_set import ConstraintPoint, WorkingSet
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
@@ -189,10 +189,10 @@ def _undecided(judgement: Judgement) -> bool:
     return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
-def _collect(known: list[Place], outcome: Outcome, prepared: Prepared) -> None:
+def _collect(known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         device = prepared.on_device(outcome.device or prepared.problem.device)
-        known.append(Place(outcome.witness * prepared.units.time, device))
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device))
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
