@@ -12,37 +12,44 @@ from math import exp, inf
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
+from vctune.design.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.design.violations import Violations, least_resistance, near_peak, violations
+from vctune.design.violations import Violations, near_peak, violations
 from vctune.design.working_set import ConstraintPoint, WorkingSet, constraint_points
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles
-from vctune.proof.sampled_loop import prove_sampled_poles
+from vctune.model.quantities import Coupling
+
+# tests/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
+"""By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
+error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
 ROUNDS = 40
+"""NLPs in an exchange at most; one to three are usual. Half cuts off slow creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
+"""Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
+a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
+"""By what the box grows after an answer that is worth something; it is halved after any other."""
 LEAST_RADIUS = 1e-3
+"""Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9
-GAIN_REDUCTIONS = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-STABILITY_MARGIN = 1e-4
-"""Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
-MAX_CUTS = 24
+"""Log-spaced frequencies of each demand to begin with: enough that the first answer violates no demand grossly. What is
+missing joins; half takes a round or two more, twice makes every round slower."""
 PANELS = 4
 MAX_PANELS = 256
+"""Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
+`OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
-only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time."""
+only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time. Half or twice is
+that much of error."""
 UPHILL = 1e-4
 """By what share an answer must be worse than a known design to count as one of another basin: beyond what the
 tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which basins are worth telling apart."""
@@ -72,13 +79,13 @@ def polish(
     refuted = dict.fromkeys(point.device for point in (*witnesses.ratio, *witnesses.sensitivity))
     known = {case.device for case in cases}
     cases += [with_device(posed.problem, device) for device in refuted if device not in known]
-    reference = _stabilised(posed.problem, cases, start)
+    reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
     working_set = _first_working_set(posed, start, scanned)
     _add_violated(working_set, Violations(witnesses.ratio, witnesses.sensitivity))
     _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
-    search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference)
+    search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(posed, search)
     return search.best
@@ -106,8 +113,8 @@ class _Search:
     reference: Point
     warm_start: Point
     known: Point
-    radius: float = RADIUS
-    panels: int = PANELS
+    radius: float
+    panels: int
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
     known_error: float = inf
@@ -127,7 +134,7 @@ def _step(posed: Posed, search: _Search) -> None:
     )
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
-    unstable = next((case for case in search.cases if not _stable(case, gains)), None)
+    unstable = next((case for case in search.cases if not stable(case, gains)), None)
     settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
     search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
@@ -135,7 +142,7 @@ def _step(posed: Posed, search: _Search) -> None:
     demands = violations(posed, search.cases, values, search.tightening)
     search.rounds.append(Round(sum(working_set.sizes()), solution))
     if unstable is not None:
-        if not _add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains):
+        if not add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains):
             search.radius /= 2
         search.warm_start = search.reference
         return
@@ -174,8 +181,8 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
     bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
     bounded = bounded and raised.drag <= bounds.drag.max
-    stable = all(_stable(case, gains) for case in search.cases)
-    if stable and demands.positive and not demands.sensitivity and bounded:
+    sound = all(stable(case, gains) for case in search.cases)
+    if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, point(gains, raised), posed.error(gains, raised))
 
 
@@ -198,22 +205,6 @@ def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, j
         return joined
     search.panels *= 2
     return search.panels <= MAX_PANELS
-
-
-def _stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
-
-    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
-    """
-    bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
-    stable: Point | None = None
-    for velocity, position in ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share)):
-        gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
-        if all(_stable(case, gains) for case in cases):
-            if all(least_resistance(case, gains).value[0] > 0 for case in cases):
-                return point(gains, start.coupling)
-            stable = stable or point(gains, start.coupling)
-    return stable
 
 
 def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
@@ -251,28 +242,6 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
     for coordinate, at in zip(free, z, strict=True):
         values[coordinate.index] = coordinate.to_x(float(at))
     return tuple(values)  # type: ignore[return-value]
-
-
-def _stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do."""
-    return all(_loop_stable(device, gains) for device in problem.device.loops)
-
-
-def _loop_stable(device: Device, gains: Gains) -> bool:
-    estimate = clearly_stable(device, gains)
-    if estimate is not None:
-        return estimate
-    return all(prove(device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles))
-
-
-def _add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new."""
-    cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
-    new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]
-    if len(working_set.stability) + len(new) > MAX_CUTS:
-        return False
-    working_set.stability.extend(new)
-    return bool(new)
 
 
 def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:

@@ -26,9 +26,12 @@ from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 
 NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its barrier."""
+"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
+barrier. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
 TRACKING_REACH = 0.5
-"""How far the NLP may follow a peak of |S|, in log frequency."""
+"""How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
+puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
+come down on another stationary point of |S|."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN
 
 ACTIVE = 1e-5
+"""Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
 
 
 def active(solved: Solved) -> list[dict[str, Any]]:
@@ -80,15 +81,15 @@ def left_out(solved: Solved) -> list[str]:
             for name in UNCERTAIN
             if getattr(problem.uncertainty, name) > 0 and getattr(problem.device, name) == 0
         ]
-    if solved.polished is None or solved.seen is None:
+    if solved.polished is None or solved.scanned is None:
         return found
     structure = solved.polished.structure
     if not structure.integrator and not problem.bounds.position.fixed:
         found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
     if structure.capacities[DEMANDS.index("sensitivity")] == 0:
         found.append(
-            f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
-            f"the limit is {problem.stability.max_sensitivity:g}"
+            f"stability.max_sensitivity: |S| stays below {solved.scanned.peak_sensitivity:.4g} wherever the scan "
+            f"looked, the limit is {problem.stability.max_sensitivity:g}"
         )
     if not solved.polished.working_set.stability:
         found.append("stability of the sampled loop: no step of the search left it")
@@ -97,13 +98,13 @@ def left_out(solved: Solved) -> list[str]:
 
 def solver_record(solved: Solved) -> dict[str, Any]:
     """Return how the NLP was solved; nothing where none was."""
-    if solved.polished is None or solved.seen is None:
+    if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished
     return {
         "name": "ipopt",
         "converged": polished.solution.converged,
-        "starts": len(solved.seen.starts),
+        "starts": len(solved.scanned.starts),
         "optima": solved.optima,
         "variables": polished.structure.variables,
         "constraints": sum(polished.working_set.sizes())

@@ -20,10 +20,11 @@ CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 A gain that is changed too far fails again: up to a factor of 4 no window wider than 30 % is stepped over.
 """
 FURTHEST = 1e6
-"""How far a bound, or a gain, is moved at most."""
+"""How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
-"""Relative changes below which a change is none."""
+"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
 DIGITS = 12
+"""Significant digits of a new value at most."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")

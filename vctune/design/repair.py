@@ -31,12 +31,16 @@ if TYPE_CHECKING:
 SHARE = 0.9
 """The share of a repair that must not suffice."""
 ROUNDS = 10
-"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does."""
+"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
+three times are usual; half as many leave out repairs, twice as many wait for none."""
 LONGEST = 30.0
-"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long."""
+"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
+leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
 CUT_SHORT = f"repairs were looked for during {LONGEST:g} s; there may be more of them"
 FINER = 30.0
+"""By what smaller changes are tried while even the least tried is enough; then the interval is bisected."""
 SLACK = 1e-5
+"""By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
 

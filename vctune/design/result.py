@@ -90,7 +90,7 @@ class Solved:
     polished : the local optimum it was rounded from, None when nothing was optimised
     optima : how many local optima were found
     infeasibility : why there is no design, else None
-    seen : what the scan saw, None when nothing was scanned
+    scanned : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
     nominal_error : of the best design for the nominal device alone, None when no device is uncertain
@@ -102,7 +102,7 @@ class Solved:
     polished: Polished | None
     optima: int
     infeasibility: Infeasibility | None
-    seen: ScanResult | None
+    scanned: ScanResult | None
     seconds: dict[str, float]
     optimality: Optimality | None = None
     nominal_error: float | None = None

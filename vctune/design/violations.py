@@ -27,7 +27,8 @@ from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
 TRACKED_FROM = 0.8
-"""Share of its limit from which on the peak of |S| is tracked."""
+"""Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
+the next answer brings to the limit, which takes another round; with less peaks are tracked that do not bind."""
 
 
 @dataclass(slots=True)

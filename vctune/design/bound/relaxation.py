@@ -36,7 +36,7 @@ from vctune.proof.jets import ENCLOSURES
 GUARD = 1e-14
 """Covers the rounding of a sum of five products, and of the few operations after it, relative to their moduli."""
 PRECISION = 2.0**-44
-"""Of the integrals, relative."""
+"""Of the integrals, relative: what is enclosed is exact, a coarser one is a weaker bound by that much."""
 
 
 @dataclass(frozen=True, slots=True)
