@@ -68,7 +68,7 @@ def _box(problem, integral):
     fastest = min(bounds.mass.max / bounds.damping.min, 1e6 / stable.min)
     ranges = [(bounds.velocity.min, bounds.velocity.max), (slowest, fastest)]
     if integral:
-        ranges.append((1e-3 * problem.transparency.band.min, 3 / problem.device.lag))
+        ranges.append((1e-3 * problem.transparency.band.min, 3 / problem.device.loop_lag))
     return np.log(np.array(ranges)).T
 
 

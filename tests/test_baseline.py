@@ -6,25 +6,15 @@ import json
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
+from command import run, started, wait_for_work
 from conftest import DEVICE, FIXED
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
-from vctune.cli.main import execute
 from vctune.document.region import read_region
 from vctune.exits import ExitCode
 from vctune.study.region import Kind
-
-
-def vctune(capsys, monkeypatch, folder, *arguments):
-    """Run a command in this process: exit code, stdout, stderr."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["vctune", *map(str, arguments)])
-    code = execute()
-    return code, *capsys.readouterr()
-
 
 PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { min = 0.05, max = 4.0 }\n"
 
@@ -34,8 +24,7 @@ def baseline(tmp_path_factory):
     """A folder with a problem and its region at 1/32."""
     folder = tmp_path_factory.mktemp("baseline")
     (folder / "device.toml").write_text(PLAIN)
-    command = [sys.executable, "-m", "vctune", "region", "device.toml", "--resolution", "0.03125"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = run("region", "device.toml", "--resolution", "0.03125", cwd=folder)
     assert done.returncode == ExitCode.OK and done.stderr == ""
     assert done.stdout.splitlines()[0].startswith("feasible ")
     return folder
@@ -71,16 +60,16 @@ def test_the_file_holds_the_region(baseline):
     [("", ExitCode.OK), ("[gains]\nvelocity = { min = 2e3, max = 3e3 }\n", ExitCode.FAILED)],
     ids=["a design, no cell", "neither"],
 )
-def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, capsys, monkeypatch, gains, expected):
+def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, gains, expected):
     (tmp_path / "device.toml").write_text(DEVICE + gains)
-    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")
+    code, out, _ = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)
     assert "feasible      0.00 %" in out
     assert code == expected
 
 
-def test_the_same_problem_passes(baseline, capsys, monkeypatch):
+def test_the_same_problem_passes(baseline):
     region_file = "results/device/region.json"
-    code, out, err = vctune(capsys, monkeypatch, baseline, "check", "device.toml", "--region", region_file)
+    code, out, err = run("check", "device.toml", "--region", region_file, cwd=baseline)
     assert (code, err) == (ExitCode.OK, "")
     area = record_of(baseline)["areas"]["feasible"]
     assert out.startswith(f"passed     device.toml: proved again: {100 * area:.4g} % of the plane")
@@ -88,10 +77,10 @@ def test_the_same_problem_passes(baseline, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
-def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, style):
+def test_a_worse_device_loses_cells(baseline, tmp_path, style):
     (tmp_path / "device.toml").write_text(PLAIN.replace("[coupling]", "delay = 2e-4\n[coupling]"))
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
-    code, out, err = vctune(capsys, monkeypatch, tmp_path, *arguments)
+    code, out, err = run(*arguments, cwd=tmp_path)
     assert code == ExitCode.FAILED
     assert err == "what was lost is listed and drawn in results/device: lost.json, lost.svg\n"
     assert ("device.toml" in out or style == "json") and "lost" in out
@@ -104,7 +93,7 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, capsys, monkeypatch, sty
         assert json.loads(out) == lost
 
 
-def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tmp_path, capsys, monkeypatch):
+def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tmp_path):
     region_file = baseline / "results/device/region.json"
     for text, expected in (
         (PLAIN.replace("mass = 0.4", "mass = 0.6", 1), ExitCode.FAILED),
@@ -114,43 +103,43 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (PLAIN + "[stability]\nsafety_factor = 1.06\n", ExitCode.FAILED),
     ):
         (tmp_path / "device.toml").write_text(text)
-        code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+        code, out, _ = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
         assert (code, "another version of the problem" in out) == (expected, True)
         left = {path.name for path in (tmp_path / "results").rglob("lost.*")}
         assert left == (set() if code == ExitCode.OK else {"lost.json", "lost.svg"})
 
 
-def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path, capsys, monkeypatch):
+def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path):
     """Its ratio is 1.05, which a factor of 1.06 refuses; what a later check has not lost is removed again."""
     region_file = baseline / "results/device/region.json"
     (tmp_path / "device.toml").write_text(PLAIN + "[stability]\nsafety_factor = 1.06\n")
-    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    code, out, _ = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert code == ExitCode.FAILED and "lost their proof: 1 of 1 listed gain sets" in out
     assert len(json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]) == 1
     (tmp_path / "device.toml").write_text("# mended\n" + PLAIN)
     (tmp_path / "results/device/gains.toml").write_text("of somebody else")
-    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert code == ExitCode.OK and "another version" not in out
     assert err == "nothing is lost any more: removed lost.json, lost.svg from results/device\n"
     assert [path.name for path in (tmp_path / "results/device").iterdir()] == ["gains.toml"]
 
 
-def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path, capsys, monkeypatch):
+def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path):
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", "github")
     for text, expected in (("# a remark\n" + PLAIN, ExitCode.OK), (PLAIN.replace("4.0", "5.0"), ExitCode.FAILED)):
         (tmp_path / "device.toml").write_text(text)
-        assert vctune(capsys, monkeypatch, tmp_path, *arguments)[0] == ExitCode.OK
-        code, out, _ = vctune(capsys, monkeypatch, tmp_path, *arguments, "--strict")
+        assert run(*arguments, cwd=tmp_path)[0] == ExitCode.OK
+        code, out, _ = run(*arguments, "--strict", cwd=tmp_path)
         assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
 
 
-def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, capsys, monkeypatch):
+def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, monkeypatch):
     """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
     from vctune.design import solve as solving
 
     def region_at(factor):
         (tmp_path / "device.toml").write_text(PLAIN + f"[stability]\nsafety_factor = {factor}\n")
-        code = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", "--resolution", "0.125")[0]
+        code = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)[0]
         record = record_of(tmp_path)
         assert record["areas"]["feasible"] == 0 < record["areas"]["undecided"]
         return code, len(record["designs"])
@@ -162,24 +151,24 @@ def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, caps
     assert region_at(1e4) == (ExitCode.UNDECIDED, 0)
 
 
-def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path, capsys, monkeypatch):
+def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path):
     record = record_of(baseline)
     record["designs"].append(
         {"gains": {"velocity": 1.0, "position": 5e4}, "coupling": {"damping": 1.0, "mass": 1.0, "drag": 0.0}}
     )
     (tmp_path / "region.json").write_text(json.dumps(record))
     (tmp_path / "device.toml").write_text(PLAIN)
-    code, out, _ = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", "region.json")
+    code, out, _ = run("check", "device.toml", "--region", "region.json", cwd=tmp_path)
     assert code == ExitCode.FAILED
     assert "lost their proof: 1 of 2 listed gain sets" in out
     (gone,) = json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]
     assert gone == {K_V: 1.0, K_P: 5e4, B_C: 1.0, M_C: 1.0, B_0: 0.0}
 
 
-def test_a_baseline_of_another_plane_is_refused(baseline, tmp_path, capsys, monkeypatch):
+def test_a_baseline_of_another_plane_is_refused(baseline, tmp_path):
     (tmp_path / "device.toml").write_text(PLAIN + "[gains]\nposition = 6000.0\n")
     region_file = baseline / "results/device/region.json"
-    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", region_file)
+    code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
     assert "device.toml: gains.position: is fixed at 6000 and spans no plane" in err
 
@@ -211,11 +200,11 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("name", DAMAGE)
-def test_damaged_baselines_are_refused(baseline, tmp_path, capsys, monkeypatch, name):
+def test_damaged_baselines_are_refused(baseline, tmp_path, name):
     break_it, message = DAMAGE[name]
     (tmp_path / "device.toml").write_text(PLAIN)
     (tmp_path / "region.json").write_text(break_it(record_of(baseline)))
-    code, out, err = vctune(capsys, monkeypatch, tmp_path, "check", "device.toml", "--region", "region.json")
+    code, out, err = run("check", "device.toml", "--region", "region.json", cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
     assert err.startswith("region.json: ") and message in err
 
@@ -234,21 +223,20 @@ WRONG_USE = {
 
 
 @pytest.mark.parametrize("name", WRONG_USE)
-def test_wrong_use_of_region(tmp_path, capsys, monkeypatch, name):
+def test_wrong_use_of_region(tmp_path, name):
     text, options, message = WRONG_USE[name]
     (tmp_path / "device.toml").write_text(text)
-    code, out, err = vctune(capsys, monkeypatch, tmp_path, "region", "device.toml", *options)
+    code, out, err = run("region", "device.toml", *options, cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
     assert message in err and "Traceback" not in err
     assert [path.name for path in tmp_path.iterdir()] == ["device.toml"]
 
 
-@pytest.mark.parametrize("after", [0.3, 1.2, 2.5])
-def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, after):
+@pytest.mark.parametrize("seconds", [0.3, 1.2, pytest.param(2.5, marks=pytest.mark.slow)])
+def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, seconds):
     (tmp_path / "device.toml").write_text(PLAIN)
-    command = [sys.executable, "-m", "vctune", "region", "device.toml", "--resolution", "0.001"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(after)
+    process = started("region", "device.toml", "--resolution", "0.001", cwd=tmp_path)
+    wait_for_work(process, seconds)
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=60)
     left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}

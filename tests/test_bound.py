@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import islice
 from math import exp, inf, log
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ from dense import NAMES, band, below, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
 from vctune.bench.evaluator import cases, error, required, sensitivity
-from vctune.design.bound.boxes import Boxes
+from vctune.design.bound.boxes import DesignBoxes
 from vctune.design.bound.lower_bounds import least_coupling, lower_bounds
 from vctune.design.bound.relaxation import relaxation
 from vctune.design.bound.resume import read_resume, resume_bytes
@@ -35,6 +37,7 @@ def problem_of(text: str) -> Problem:
     return parse_problem(text, "problem.toml", "problem")
 
 
+@cache
 def random_problems(count: int, seed: int = RANDOM) -> list[Problem]:
     """Return valid problems that leave something free."""
 
@@ -91,7 +94,7 @@ def test_a_million_random_designs_are_not_below_the_bound(number):
 
 @pytest.mark.parametrize("number", range(40))
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
-    problem = random_problems(number + 1)[number]
+    problem = random_problems(40)[number]
     rng, count = np.random.default_rng(1), 300
     designs = random_designs(problem, count, rng)
     omega, upto = np.geomspace(*band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
@@ -101,7 +104,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
-    boxes = Boxes(inner / (1 + size[0]), inner * (1 + size[1]))
+    boxes = DesignBoxes(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
         lower, least = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
         needed = least_damping(problem, designs, omega)
@@ -158,24 +161,27 @@ def test_one_free_coupling_element_meets_its_closed_form(element, norm, gap):
     assert optimum / (1 + gap) * (1 - 1e-4) <= found.bound <= optimum * (1 + 1e-6)
 
 
+@cache
+def plain(path: Path) -> tuple[Problem, Judgement, Optimality]:
+    """Return a problem, its design and its bound, in SI units."""
+    problem = read_problem(path).problem
+    best = solve(problem).judgement
+    assert best is not None
+    return problem, best, bound(pose(problem), best, hopeless, gap=0.02)
+
+
 @pytest.mark.parametrize("impedance, time", [(1e-3, 1.0), (7.3, 1e-3), (1e6, 3600.0), (0.11, 1e4)])
 @pytest.mark.parametrize("name", ["friction-wheel", "extremes/peak", "friction-wheel-paper"])
 def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
-    problem = read_problem(problems / f"{name}.toml").problem
-    best = solve(problem).judgement
-    assert best is not None
-
-    def run(posed: Problem) -> Optimality:
-        gains = replace(
-            best.gains, velocity=best.gains.velocity / impedance, position=best.gains.position * time / impedance
-        )
-        coupling = replace(
-            best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time
-        )
-        known = best if posed is problem else replace(best, gains=gains, coupling=coupling)
-        return bound(pose(posed), known, hopeless, gap=0.02)
-
-    here, there = run(problem), run(problem.in_units(impedance, time))
+    problem, best, here = plain(problems / f"{name}.toml")
+    gains = replace(
+        best.gains, velocity=best.gains.velocity / impedance, position=best.gains.position * time / impedance
+    )
+    coupling = replace(
+        best.coupling, damping=best.coupling.damping / impedance, mass=best.coupling.mass / impedance / time
+    )
+    known = replace(best, gains=gains, coupling=coupling)
+    there = bound(pose(problem.in_units(impedance, time)), known, hopeless, gap=0.02)
     assert there.bound == pytest.approx(here.bound, rel=1e-6)
     assert there.resume.boxes == pytest.approx(here.resume.boxes, rel=0.02)
 

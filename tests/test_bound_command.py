@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 import signal
-import subprocess
-import sys
-import time
+from contextlib import contextmanager
 
 import pytest
+from command import run, strict
 from conftest import DEVICE, FIXED, ROOT
-from test_cli import run, strict
 
+from vctune import interrupt
 from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
@@ -40,7 +39,7 @@ def folder(solved, tmp_path):
 
 
 def optimality(path) -> dict:
-    found = read_design(path)["optimality"]
+    found = read_design(path).to_json()["optimality"]
     assert found["history"][-1]["lower_bound"] == found["lower_bound"]
     return found
 
@@ -77,23 +76,26 @@ def test_a_damaged_rest_is_not_gone_on_with(folder, content):
     assert (done.returncode, done.stderr) == (ExitCode.OK, "")
 
 
-def test_ctrl_c_leaves_the_bound_reached(tmp_path):
-    """A gap of 1e-4 takes a quarter of a minute; a signal before the search is an interrupt like any other."""
-    shutil.copy(ROOT / "problems/desktop.toml", tmp_path / "problem.toml")
-    assert run("solve", "problem.toml", "--quiet", "--no-report", "--out", "o", cwd=tmp_path).returncode == ExitCode.OK
-    design = tmp_path / "o/desktop/design.json"
-    before = design.read_text()
-    command = [sys.executable, "-m", "vctune", "bound", "problem.toml", str(design), "--gap", "0.0001"]
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    time.sleep(5)
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=60)
-    assert process.returncode in (ExitCode.UNDECIDED, ExitCode.INTERRUPTED)
-    if process.returncode == ExitCode.UNDECIDED:
-        assert optimality(design)["lower_bound"] > 0
-        assert (design.parent / "bound.npz").exists()
-    else:
-        assert design.read_text() == before
+def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
+    """A signal in the twentieth round of a search that takes hundreds."""
+    design, noted, rounds = folder / "o/friction-wheel/design.json", interrupt.interrupt_noted, iter(range(1000))
+
+    @contextmanager
+    def struck():
+        with noted() as stopped:
+
+            def check():
+                if next(rounds) == 20:
+                    signal.raise_signal(signal.SIGINT)
+                return stopped()
+
+            yield check
+
+    monkeypatch.setattr(interrupt, "interrupt_noted", struck)
+    done = run("bound", "problem.toml", design, "--gap", "0.0001", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.UNDECIDED, "")
+    assert optimality(design)["lower_bound"] > 0 and next(rounds) == 21
+    assert (design.parent / "bound.npz").exists()
     assert not [path for path in design.parent.iterdir() if path.name.startswith(".")]
 
 
@@ -148,11 +150,19 @@ def test_solve_proves_a_gap(tmp_path):
     assert optimality(tmp_path / "results/friction-wheel/design.json")["verdict"] == "proved"
 
 
-@pytest.mark.parametrize("change", [{"verdict": "perhaps"}, {"history": []}, {"open": [{"low": [1.0], "high": []}]}])
-def test_a_damaged_optimality_is_refused(folder, change):
+@pytest.fixture(scope="module")
+def bounded(solved, tmp_path_factory):
+    """The text of a design.json with a bound."""
+    folder = tmp_path_factory.mktemp("bounded")
+    shutil.copytree(solved, folder, dirs_exist_ok=True)
     design = folder / "o/friction-wheel/design.json"
-    run("bound", "problem.toml", str(design), "--gap", "0.1", cwd=folder)
-    record = json.loads(design.read_text())
+    assert run("bound", "problem.toml", design, "--gap", "0.1", cwd=folder).returncode == ExitCode.OK
+    return design.read_text()
+
+
+@pytest.mark.parametrize("change", [{"verdict": "perhaps"}, {"history": []}, {"open": [{"low": [1.0], "high": []}]}])
+def test_a_damaged_optimality_is_refused(bounded, tmp_path, change):
+    design, record = tmp_path / "design.json", json.loads(bounded)
     design.write_text(json.dumps({**record, "optimality": {**record["optimality"], **change}}))
     with pytest.raises(InputError, match="optimality"):
         read_design(design)

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 
+import command
 import numpy as np
 import pytest
 from conftest import DEVICE, FIXED, ROOT
@@ -19,8 +20,7 @@ from vctune.exits import ExitCode
 
 
 def run(*arguments, cwd):
-    command = [sys.executable, "-m", "vctune", "check", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+    return command.run("check", *arguments, cwd=cwd)
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from command import run as vctune
 from conftest import DEVICE, FIXED, ROOT
 
 SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "vctune/cli/README.md").read_text(), re.DOTALL))
@@ -33,8 +34,8 @@ def region(tmp_path_factory):
     """The region of the device."""
     folder = tmp_path_factory.mktemp("region")
     (folder / "device.toml").write_text(DEVICE)
-    done = module("vctune", "region", "device.toml", "--resolution", "0.03125", cwd=folder)
-    assert done.returncode == 0, done.stdout
+    done = vctune("region", "device.toml", "--resolution", "0.03125", cwd=folder)
+    assert done.returncode == 0, done.stderr
     return (folder / "results/device/region.json").read_text()
 
 

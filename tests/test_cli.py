@@ -3,37 +3,21 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 
 import pytest
+from command import process, run, started, strict, wait_for_work, wait_until
 from conftest import ROOT
 
 from vctune.exits import ExitCode
 
 SOLVE = "solve device.toml --no-report"
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
-
-
-def run(*arguments, cwd, env=None, report=False, **options):
-    brief = ["--no-report"] if arguments[0] == "solve" and not report else []
-    return subprocess.run(
-        [sys.executable, "-m", "vctune", *map(str, arguments), *brief],
-        cwd=cwd, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **(env or {})}, **options,
-    )  # fmt: skip
-
-
-def strict(text):
-    def refuse(name):
-        raise AssertionError(f"{name} in JSON")
-
-    return json.loads(text, parse_constant=refuse)
 
 
 @pytest.fixture
@@ -152,23 +136,21 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
     assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml"]
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3])
-def test_ctrl_c(tmp_path, delay):
+@pytest.mark.parametrize(
+    "seconds", [0.0, 0.06, 0.15, 0.3, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.03, 0.1, 0.2))]
+)
+def test_ctrl_c(tmp_path, seconds):
     """Interrupted anywhere, also inside IPOPT: 130, no traceback, nothing half-written."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "vctune", "solve", ROOT / "problems/extremes/seven-decades.toml"],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    while not (tmp_path / "results").exists():
-        time.sleep(0.001)
-    time.sleep(delay)
-    process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
+    wait_until((tmp_path / "results").exists)
+    wait_for_work(running, seconds)
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
     left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
-    if process.returncode == ExitCode.OK:
+    if running.returncode == ExitCode.OK:
         assert "report.html" in left
     else:
-        assert process.returncode == ExitCode.INTERRUPTED
+        assert running.returncode == ExitCode.INTERRUPTED
         assert out == "" or "written to" in out
         assert "Traceback" not in err
         assert [name for name in left if name in ("design.json", "gains.toml")] in ([], ["design.json", "gains.toml"])
@@ -199,7 +181,7 @@ def test_names_become_one_folder(tmp_path):
     for name in ("a/b", "..", "<script>alert(1)</script>", "Größe 大 'x'"):
         path = tmp_path / "n.toml"
         path.write_text(f"name = {json.dumps(name)}\n" + DEVICE)
-        done = run("solve", path, "--json", "--out", "o", cwd=tmp_path, env={"PYTHONIOENCODING": "utf-8"})
+        done = run("solve", path, "--json", "--out", "o", cwd=tmp_path)
         assert strict(done.stdout)["problem"]["name"] == name
     assert {path.parent.parent for path in tmp_path.rglob("design.json")} == {tmp_path / "o"}
 
@@ -221,9 +203,8 @@ def test_help_names_commands_and_exit_codes(tmp_path):
 
 
 def test_colour_only_for_terminals_and_never_with_no_color(device, tmp_path):
-    assert "\x1b[" not in run("solve", device, cwd=tmp_path).stdout
-    forced = {"FORCE_COLOR": "1", "NO_COLOR": "1"}
-    assert "\x1b[3" not in run("solve", device, cwd=tmp_path, env=forced).stdout
+    assert "\x1b[" not in process("solve", device, cwd=tmp_path).stdout
+    assert "\x1b[3" not in process("solve", device, cwd=tmp_path, FORCE_COLOR="1", NO_COLOR="1").stdout
 
 
 def test_own_input_is_not_overwritten(tmp_path):
@@ -293,19 +274,15 @@ def test_any_locale(tmp_path):
     path = tmp_path / "n.toml"
     path.write_text('name = "名前 é"\n' + DEVICE, encoding="utf-8")
     for env in ({"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}):
-        done = run("solve", path, cwd=tmp_path, env=env)
+        done = process("solve", path, cwd=tmp_path, **env)
         assert done.returncode in (ExitCode.OK, ExitCode.BAD_INPUT)
         assert "Traceback" not in done.stderr and "internal" not in done.stderr
 
 
 def test_sigterm_is_an_interruption(tmp_path):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "vctune", "solve", ROOT / "problems/extremes/seven-decades.toml"],
-        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    while not (tmp_path / "results").exists():
-        time.sleep(0.001)
-    process.terminate()
-    process.communicate(timeout=60)
-    assert process.returncode == ExitCode.INTERRUPTED
+    running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
+    wait_until((tmp_path / "results").exists)
+    running.terminate()
+    running.communicate(timeout=60)
+    assert running.returncode == ExitCode.INTERRUPTED
     assert [path for path in tmp_path.rglob("*") if path.is_file()] == []

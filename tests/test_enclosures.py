@@ -13,16 +13,17 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.arithmetic import FLOATS, SERIES_BELOW
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.array_claims import Demands
+from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import DESIGN, Cells, band_of, over_cells
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
-from vctune.proof.enclosed import Demands
-from vctune.proof.enclosures import Enclosure, between, decimal
 from vctune.proof.interval import Verdict
-from vctune.proof.jets import ENCLOSURES, Jet, variables
+from vctune.proof.jets import ENCLOSURES, LIBRARY_ERROR, PHI_ERROR, Jet, variables
 from vctune.proof.many_designs import prove
 
 ordinary = st.floats(-1e6, 1e6, allow_subnormal=False)
@@ -69,8 +70,8 @@ FUNCTIONS = {
     "sin": (mp.sin, -1e6),
     "cos": (mp.cos, -1e6),
     "sinc": (mp.sinc, 0.0),
-    "decay_mean": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
-    "decay_ramp": (lambda x: (x + mp.expm1(-x)) / x**2 if x else mpf(0.5), 0.0),
+    "phi_1": (lambda x: -mp.expm1(-x) / x if x else mpf(1), 0.0),
+    "phi_2": (lambda x: (x + mp.expm1(-x)) / x**2 if x else mpf(0.5), 0.0),
 }
 
 
@@ -85,7 +86,60 @@ def test_functions_enclose(name):
         for place in (-1.0, -0.3, 0.0, 0.7, 1.0):
             for i in range(mid.size):
                 x = inside(mid[i], rad[i], place)
-                assert contains(image.taken(i), exact(x)), (mid[i], rad[i])
+                assert contains(image.subset(i), exact(x)), (mid[i], rad[i])
+
+
+def neighbours(x):
+    return np.concatenate([np.nextafter(x, -np.inf), x, np.nextafter(x, np.inf)])
+
+
+TINY_NUMBERS = np.array([0.0, 5e-324, 1e-310, 2.3e-308, 1e-200, 1e-17, 1e-16, 3e-9])
+LARGE_ANGLES = np.concatenate(
+    [
+        np.random.default_rng(3).integers(1, 2**40, 60) * (pi / 2),
+        2.0 ** np.arange(20, 1024, 40),
+        [1e22, 6381956970095103 * 2.0**797, np.finfo(float).max],  # the second: of all doubles nearest to a zero of cos
+    ]
+)
+"""Where the reduction of the argument is hardest: next to multiples of pi/2, and far away."""
+
+
+@pytest.mark.parametrize("step", [1, 3], ids=["vectorised", "strided"])
+def test_the_library_is_as_accurate_as_the_proof_takes_it_for(step):
+    """sin and cos relative to 1, sin also to itself where sinc divides by its argument; exp and expm1 to themselves."""
+    multiples = np.arange(1, 40) * (pi / 2)
+    angles = np.concatenate([TINY_NUMBERS, neighbours(multiples), neighbours(LARGE_ANGLES[:-1]), LARGE_ANGLES[-1:]])
+    between = np.log(2) * np.arange(1, 40) / 2
+    exponents = np.concatenate([TINY_NUMBERS, neighbours(np.geomspace(1e-8, 700, 60)), between])
+
+    def error(function, exact, x):
+        spread = np.empty(step * x.size)[::step]
+        spread[:] = x
+        values = function(spread)
+        return np.array([float(mpf(float(v)) - exact(mpf(float(t)))) for t, v in zip(x, values, strict=True)]), values
+
+    with mp.workprec(1300):
+        for sign in (-1, 1):
+            for function, exact in ((np.sin, mp.sin), (np.cos, mp.cos)):
+                away, values = error(function, exact, sign * angles)
+                assert (np.abs(away) <= LIBRARY_ERROR).all()
+                if function is np.sin:
+                    small = np.abs(angles) < 1
+                    assert (np.abs(away[small]) <= LIBRARY_ERROR * np.abs(values[small])).all()
+            for function, exact in ((np.exp, mp.exp), (np.expm1, mp.expm1)):
+                away, values = error(function, exact, sign * exponents)
+                assert (np.abs(away) <= LIBRARY_ERROR * np.abs(values)).all()
+
+
+@np.errstate(over="ignore")  # of the series where it is not used
+def test_phi_functions_are_as_accurate_as_the_proof_takes_them_for():
+    x = np.concatenate([TINY_NUMBERS, neighbours(np.array([SERIES_BELOW])), 10.0 ** np.arange(-300, 101, 10.0)])
+    x = np.concatenate([x, np.geomspace(1e-3, 50, 300), np.linspace(0.9, 1.1, 50) * SERIES_BELOW])
+    with mp.workdps(700):
+        for name in ("phi_1", "phi_2"):
+            exact, values = FUNCTIONS[name][0], getattr(FLOATS, name)(x)
+            for at, value in zip(x.tolist(), values.tolist(), strict=True):
+                assert abs(mpf(value) / exact(mpf(at)) - 1) <= PHI_ERROR, (name, at)
 
 
 @np.errstate(over="ignore")
@@ -96,9 +150,9 @@ def test_reciprocals_and_exponentials_beyond_the_range_of_their_squares():
         exponential = ENCLOSURES.exp(Enclosure(np.array([-750.0, -1e4]), share * np.array([750.0, 1e4])))
         with mp.workdps(60):
             for i, place in [(i, place) for i in range(mid.size) for place in (-1.0, 0.0, 1.0)]:
-                assert contains(inverse.taken(i), 1 / inside(mid[i], share * mid[i], place))
+                assert contains(inverse.subset(i), 1 / inside(mid[i], share * mid[i], place))
             for i, x in enumerate((-750.0, -1e4)):
-                assert contains(exponential.taken(i), mp.exp(mpf(x) * (1 - mpf(share))))
+                assert contains(exponential.subset(i), mp.exp(mpf(x) * (1 - mpf(share))))
         assert np.isfinite(inverse.rad).all() and np.isfinite(exponential.rad[0])
 
 
@@ -179,7 +233,7 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
         return away * away + 0.01 - v[DESIGN[1]]
 
     boxes, only_frequency = over_cells(cells, band_of(1.0, 4.0, 1.2)), [True, *[False] * 5]
-    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, generations=20, most=4000)
+    found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, max_halvings=20, max_boxes=4000)
     assert found.proved.tolist() == [True, False, True, False]
     assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
     for failing in found.failing[:, np.isfinite(found.failing[0])].T:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import os
 import re
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 from xml.etree import ElementTree
 
+import command
 import pytest
 import xmlschema
 from conftest import DEVICE, FIXED, ROOT
@@ -43,11 +42,8 @@ HOSTILE = [
 ]
 
 
-def run(*arguments, cwd, **env):
-    command = [sys.executable, "-m", "vctune", "check", *map(str, arguments)]
-    return subprocess.run(
-        command, cwd=cwd, capture_output=True, text=True, check=False, timeout=120, env={**os.environ, **env}
-    )
+def run(*arguments, cwd):
+    return command.run("check", *arguments, cwd=cwd)
 
 
 def checked(name, code, message="refuted at 1 Hz: Re Z_c >= R"):
@@ -240,18 +236,24 @@ def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
     assert "absolutely stable, but the least Re Z_c / R, 1.1" in said and "is below the safety factor 1.5" in said
 
 
-@pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
-def test_formats_in_any_locale(tmp_path, style):
+ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+@pytest.mark.parametrize(
+    ("style", "env"),
+    [(style, ASCII) for style in ("text", "json", "github", "junit", "sarif")]
+    + [("text", {"LC_ALL": "C"}), ("text", {"NO_COLOR": "1"})],
+)
+def test_formats_in_any_locale(tmp_path, style, env):
     name = os.fsdecode(b"gr\xc3\xb6\xc3\x9fe \xff \x1b[31m.toml")
     (tmp_path / name).write_text(DEVICE + "dampin = 1.0\n")
     (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
-    for env in ({"LC_ALL": "C"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, {"NO_COLOR": "1"}):
-        done = run(".", "--format", style, cwd=tmp_path, **env)
-        assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "")
-        assert style == "github" or "\x1b" not in done.stdout
-        if style == "junit":
-            assert JENKINS.is_valid(ElementTree.fromstring(done.stdout))
-        if style == "sarif":
-            sarif_results(done.stdout)
-        if style == "json":
-            json.dumps(json.loads(done.stdout), ensure_ascii=False).encode()
+    done = command.process("check", ".", "--format", style, cwd=tmp_path, **env)
+    assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "")
+    assert style == "github" or "\x1b" not in done.stdout
+    if style == "junit":
+        assert JENKINS.is_valid(ElementTree.fromstring(done.stdout))
+    if style == "sarif":
+        sarif_results(done.stdout)
+    if style == "json":
+        json.dumps(json.loads(done.stdout), ensure_ascii=False).encode()

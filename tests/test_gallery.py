@@ -39,6 +39,7 @@ def test_gallery_is_as_new_as_the_code(path):
         assert record["gains"]["velocity"] == pytest.approx(solved.judgement.gains.velocity, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
 def test_simulations_are_as_new_as_the_code(path):
     file, folder = read_problem(path), ROOT / "results" / path.stem
@@ -55,6 +56,7 @@ def test_simulations_are_as_new_as_the_code(path):
             assert there[name]["metrics"]["residual"] == pytest.approx(run.metrics.residual, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_the_region_is_as_new_as_the_code():
     path = ROOT / "problems/friction-wheel.toml"
     problem, record = read_problem(path).problem, json.loads((ROOT / "results/friction-wheel/region.json").read_text())
@@ -74,6 +76,7 @@ def test_gallery_holds_nothing_else():
     assert folders == {"bench", *(path.stem for path in (*PROBLEMS, *STUDIES))}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", STUDIES, ids=lambda path: path.stem)
 def test_studies_are_as_new_as_the_code(path):
     study = read_study(path)

@@ -17,10 +17,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from command import run
 from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT
 from hypothesis import given
 from hypothesis import strategies as st
-from test_cli import run
 
 import vctune
 from vctune.api import files

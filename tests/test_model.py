@@ -23,7 +23,7 @@ from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import G_hh_abs2, hold_response, loop_response, tracking_abs2
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import log_quadrature
-from vctune.proof.balls import BALLS, device_ball, gains_ball
+from vctune.proof.arb_balls import BALLS, device_ball, gains_ball
 
 LAG = Device(0.5, 2.0, 1e-3, 0.0, "lag")
 ZOH = Device(0.5, 2.0, 1e-3, 0.0, "zoh")
@@ -59,7 +59,7 @@ def cases(draw):
     )
 
 
-@settings(max_examples=2000, deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(cases(), st.floats(0, 1))
 def test_required_resistance_agrees_with_50_digits(case, place):
     omega = 2 * pi * 1e-4 * (0.5 / case.sample_time / 1e-4) ** place
@@ -118,10 +118,10 @@ def test_position_gain_with_damping_and_no_drag_fails_below_the_frequency_of_the
 def test_low_frequency_limit(case):
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     gains, coupling = Gains(case.K_v, case.K_p), Coupling(3.0, 0.7, 0.2 if case.K_p > 0 else 0.0)
-    assume(case.damping + case.K_v > 1.5 * device.lag * case.K_p)
+    assume(case.damping + case.K_v > 1.5 * device.loop_lag * case.K_p)
     assume(case.K_p == 0 or case.damping > 0)
     limit = low_frequency_limit(device, gains, coupling)
-    corners = [1 / device.lag, case.K_v / case.mass, coupling.damping / coupling.mass]
+    corners = [1 / device.loop_lag, case.K_v / case.mass, coupling.damping / coupling.mass]
     corners += [case.K_p / (case.K_v + case.damping), case.K_p / case.damping] if case.K_p > 0 else []
     corners += [case.damping / case.mass] if case.damping > 0 else []
     omega = 1e-5 * min(corners)
@@ -152,7 +152,7 @@ def test_keemink_handle_is_passive_from_9_5238_kg():
         assert np.all(handle.real >= 0) == passive
         device = Device(10.0, 5.0, 1e-9, 0.0, "zoh")
         law = response(device, Gains(100.0, 0.0), omega)
-        D, C = law.D.re + 1j * law.D.im, law.C.re + 1j * law.C.im
+        D, C = law.D_scaled.re + 1j * law.D_scaled.im, law.C_scaled.re + 1j * law.C_scaled.im
         Z_c = coupling_impedance(Coupling(1e15, mass, 0.0), omega)
         ours = 1 / D + C / D / (Z_c.re + 1j * Z_c.im)
         assert ours == pytest.approx(handle, rel=1e-4)

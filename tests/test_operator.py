@@ -28,10 +28,10 @@ from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
+from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
-from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
@@ -224,7 +224,7 @@ def test_the_price_of_the_ratio_is_what_a_smaller_factor_saves():
     text, operator = FRICTION_WHEEL + "safety_factor = ", "\n[operator]\ndamping = 2.0\n"
     solved = solve(parse_problem(f"{text}{1.05}{operator}", "p", "p"))
     eased = solve(parse_problem(f"{text}{1.05 / 1.01}{operator}", "p", "p"))
-    price = sum(row["multiplier"] for row in active(solved) if row["demand"].startswith("Re Z_c"))
+    price = sum(row.multiplier for row in active(solved) if row.demand.startswith("Re Z_c"))
     saved = np.log(solved.judgement.transparency.error / eased.judgement.transparency.error) / np.log(1.01)
     assert price == pytest.approx(saved, rel=0.02)
 
@@ -266,7 +266,7 @@ def held_texts(seed, rng):
     """Random problems in random hands, many of them with a band from 0."""
     for text in random_texts(seed):
         device = parse_problem(text, "p", "p").device
-        Z = device.mass / device.lag + device.damping
+        Z = device.mass / device.loop_lag + device.damping
         mass, damping = device.mass * 10 ** rng.uniform(-2, 2), Z * 10 ** rng.uniform(-6, 0)
         hand = f"[operator]\nmass = {mass!r}\ndamping = {damping!r}\n"
         from_0 = re.sub(r"(\[stability\]\nband_hz = \[)[^,]*,", r"\g<1>0.0,", text)

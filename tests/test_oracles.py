@@ -16,7 +16,7 @@ from test_model import cases
 
 from vctune.analysis.demands import rollett_factor_at, stability_ratio
 from vctune.analysis.margins import loop_margins, unstable_poles
-from vctune.analysis.sampled_loop import sensitivity
+from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.bench import digits, evaluator
 from vctune.bench.evaluator import Case, coupling_impedance, impedances
 from vctune.model.quantities import Coupling, Device, Gains
@@ -66,7 +66,7 @@ def test_the_loop_that_runs_rings_where_the_frequency_model_does_not():
     """A velocity loop near its limit: |S| of the sampled loop at 1 to 500 Hz, and 1 dB of gain margin."""
     device, gains = Device(0.4, 2.0, 1e-3, 0.0, "zoh"), Gains(714.08906, 19575.807)
     S = [0.00100550271, 0.032717941, 0.179000391, 0.368029577, 3.2695241, 9.31269179]
-    found = sensitivity(device, gains, 2 * pi * np.array([1.0, 10.0, 50.0, 100.0, 400.0, 500.0]))
+    found = sensitivity_of(device, gains)(2 * pi * np.array([1.0, 10.0, 50.0, 100.0, 400.0, 500.0]))
     assert found == pytest.approx(S, rel=5e-9)
     assert 20 * np.log10(loop_margins(device, gains).gain) == pytest.approx(0.98667, abs=1e-5)
 
@@ -77,7 +77,7 @@ def test_sampled_sensitivity_against_50_digits(case, place):
     omega = place * pi / case.sample_time
     device, gains = quantities(case)
     true = float(digits.sensitivity(case, omega))
-    assert float(sensitivity(device, gains, np.array(omega))) == pytest.approx(true, rel=1e-9)
+    assert float(sensitivity_of(device, gains)(np.array(omega))) == pytest.approx(true, rel=1e-9)
     assert evaluator.sensitivity(case, omega) == pytest.approx(true, rel=1e-8)
 
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
 
-from vctune.design.record import design_record
+from vctune.design.record import record_of
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.model.quantities import Coupling, Gains
@@ -124,7 +124,7 @@ def test_regions_are_told_apart_by_everyone_and_in_grey(sight):
 def drawn(measured):
     problem = parse_problem(DEVICE, "x", "x")
     solved = solve(problem)
-    record = design_record(ProblemFile(problem, DEVICE), solved)
+    record = record_of(ProblemFile(problem, DEVICE), solved)
     made = figures(Design(problem, solved.judgement.gains, solved.judgement.coupling, record))
     return made | {"simulation": simulation_figure(measured[1])}
 

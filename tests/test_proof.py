@@ -17,16 +17,16 @@ from vctune.bench import digits, evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
-from vctune.proof import exact
-from vctune.proof.balls import BALLS, PRECISION, design_ball
+from vctune.proof import polynomials
+from vctune.proof.arb_balls import BALLS, PRECISION, design_ball
+from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design, conditions_margin
-from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict, prove_boxes, prove_positive
 from vctune.proof.llewellyn import prove_conditions, widest_band
-from vctune.proof.low_end import low_end_verdict, prove_low_end
 from vctune.proof.many_designs import prove
+from vctune.proof.near_zero import low_end_verdict, prove_low_end
 from vctune.proof.sampled_loop import prove_sensitivity
 from vctune.proof.winding import turned_angle
 
@@ -150,7 +150,7 @@ def test_polynomial_roots_are_the_crossings_of_the_guide():
         (Coupling(25000.0, 5.0, 0.0), [5.3410, 76.1960, 284.483]),
         (Coupling(3000.0, 2.0, 0.0), [4.5439, 93.8517, 199.371, 3197.67]),
     ):
-        roots = exact.conditions(Design(LAG, INTEGRAL, coupling), 1.0).roots
+        roots = polynomials.conditions(Design(LAG, INTEGRAL, coupling), 1.0).roots
         assert [float(root.mid()) for root in roots] == pytest.approx(crossings, rel=1e-5)
         case = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0, coupling.damping, coupling.mass)
         for root in roots:
@@ -182,8 +182,8 @@ def test_polynomials_decide_as_balls_do(seed):
     rng = np.random.default_rng(seed)
     design = lag_design(rng)
     band = np.sort(10 ** rng.uniform(-4, 0, 2) / design.device.sample_time)
-    found = exact.conditions(design, 1.0)
-    outcome = exact.prove(found, *band)
+    found = polynomials.conditions(design, 1.0)
+    outcome = polynomials.prove(found, *band)
     with ctx.workprec(PRECISION):
         numbers = design_ball(design)
         balls = prove_positive(lambda omega: conditions_margin(numbers, omega, arb(1), BALLS), *band)
@@ -198,7 +198,7 @@ def test_polynomials_prove_the_whole_axis_whenever_arrays_do(seed):
     design = lag_design(np.random.default_rng(seed))
     values = np.array([astuple(design.gains) + astuple(design.coupling)]).T
     demands = Demands(design.device, (0.0, inf), 1.0, 1e6)
-    outcome = exact.prove(exact.conditions(design, 1.0), 0.0, inf)
+    outcome = polynomials.prove(polynomials.conditions(design, 1.0), 0.0, inf)
     if prove(demands, Cells(values, values)).proved[0]:
         assert outcome.verdict is Verdict.PROVED
     if outcome.verdict is Verdict.PROVED:
@@ -241,7 +241,7 @@ def test_an_unstable_loop_is_refuted_although_its_sensitivity_is_small():
 
 def test_proof_is_about_the_decimals():
     """0.1 + 0.2 as written is not 0.3: a margin of exactly 0 is not proved, one of 1e-20 is."""
-    from vctune.proof.balls import ball
+    from vctune.proof.arb_balls import ball
 
     with ctx.workprec(PRECISION):
         assert not ball(0.1) + ball(0.2) - ball(0.3) > 0

@@ -15,7 +15,16 @@ LONGEST = 200
 """Lines of the first page."""
 
 
-@pytest.mark.parametrize("page", [page for page, text in TEXTS.items() if CONSOLE.search(text)])
+LONG = {f"{folder}/README.md" for folder in ("problems", "vctune/design", "vctune/simulation", "vctune/study")}
+"""Pages whose sessions take many seconds."""
+SESSIONS = [
+    pytest.param(page, marks=[pytest.mark.slow] if page in LONG else [])
+    for page, text in TEXTS.items()
+    if CONSOLE.search(text)
+]
+
+
+@pytest.mark.parametrize("page", SESSIONS)
 def test_console_sessions(page):
     """Words equal, numbers to 0.1 %; counts of boxes depend on the last digits and are not compared."""
     shown, made = TEXTS[page].splitlines(), with_sessions(TEXTS[page]).splitlines()

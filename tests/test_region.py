@@ -219,7 +219,7 @@ def test_a_fixed_coupling_is_one_of_the_free_ones():
 def test_the_low_frequency_limits_bound_the_region():
     """Hold lag (model/README.md, section 6): no K_p > (b + K_v)/tau is feasible, and all of it is infeasible."""
     text = LAG + "[stability]\nband_hz = [0.001, 400.0]\nmax_sensitivity = 100.0\nsafety_factor = 1.0\n"
-    cells = found(text, K_V, K_P, 7)
+    cells = found(text, K_V, K_P, 6)
     x, y = cells.plane.edges
     x_low, x_high, y_low, y_high = x[cells.squares[0]], x[cells.squares[1]], y[cells.squares[2]], y[cells.squares[3]]
     tau = 0.5e-3

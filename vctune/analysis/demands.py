@@ -11,19 +11,25 @@ from math import inf, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
-from vctune.analysis.sampled_loop import sensitivity
+from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
-from vctune.model.llewellyn import demanded, rollett_factor
+from vctune.model.llewellyn import llewellyn_demand, rollett_factor
 from vctune.model.loop import LoopResponse, hold_response, loop_response
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
 
 END_DECADES = 5
+"""Decades beyond every corner of the device that are sampled of an endless band: what approaches its limit like
+omega^2 or faster is there to 1e-8 relative to it. Half: to 1e-4 of it, which a search would notice. Twice: a longer
+grid."""
 RIPPLE_POINTS = 6
-"""Points of a grid while e^{-2j omega tau} turns once."""
+"""Points of a grid while e^{-2j omega tau} turns once. Half: of two neighbouring extrema one may be missed. Twice: a
+grid twice as long for bands far above 1/tau."""
 QUADRATURE_TOLERANCE = 1e-9
+"""Relative change at which doubling the panels ends, of the mean squares. Gauss's error falls so fast that the last
+change is far above the error; half and twice it end at the same number of panels."""
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
@@ -32,26 +38,35 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R at frequencies omega > 0; -inf where Re(D + Z_h) <= 0, inf where R <= 0.
+    """Return Re Z_c / R; -inf where Re(D + Z_h) <= 0, inf where R <= 0. See model/README.md, section 4.
 
-    See model/README.md, section 4.
+    Parameters
+    ----------
+    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
+    omega : rad/s, > 0
     """
     loop = response(device, gains, omega)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on."""
+    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on.
+
+    Parameters
+    ----------
+    device, gains, coupling : a design; their numbers may be arrays that broadcast against omega
+    omega : rad/s, > 0
+    """
     loop = response(device, gains, omega)
-    size = np.sqrt(loop.D.abs2() / loop.scale2)
+    size = np.sqrt(loop.D_scaled.abs2() / loop.scale2)
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
 
 
 def _ratio(loop: LoopResponse, coupling: Coupling, omega: Floats) -> Floats:
-    needed = demanded(loop, FLOATS)
+    needed = llewellyn_demand(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 2 * loop.resistance * coupling_impedance(coupling, omega).re / needed
-    return ratio if loop.relief is None else np.where(needed > 0, ratio, inf)
+    return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:
@@ -91,13 +106,24 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
     """Return a grid for the demands of a device, fine enough for the ripple of e^{-j omega tau} and its square.
 
     Hold "lag" without delay has no ripple, and its bands no end.
+
+    Parameters
+    ----------
+    device : Device
+    low, high : ends of the grid, rad/s, 0 < low < high
     """
     rational = device.hold == "lag" and device.delay == 0
-    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.lag))
+    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.loop_lag))
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
-    """Return the local minima of Re Z_c / R over the stability band, lowest first."""
+    """Return the local minima of Re Z_c / R over the stability band, lowest first.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : a design, plain numbers
+    """
     return local_minima(
         lambda omega: stability_ratio(problem.device, gains, coupling, omega),
         demand_grid(problem.device, *sampled_span(problem)),
@@ -108,8 +134,9 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first."""
     device = problem.device
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
-    grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.lag))
-    return local_minima(lambda omega: -sensitivity(device, gains, omega), grid)
+    grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.loop_lag))
+    sensitivity = sensitivity_of(device, gains)
+    return local_minima(lambda omega: -sensitivity(omega), grid)
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:
@@ -132,7 +159,14 @@ class TransparencyError:
 
 
 def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Terms:
-    """Return the squares of the three unweighted terms at frequencies omega."""
+    """Return the squares of the three unweighted terms at frequencies omega.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : a design
+    omega : rad/s, > 0
+    """
     loop = response(problem.device, gains, omega)
     return squared_terms(loop, coupling_impedance(coupling, omega), problem.transparency.reference_impedance)
 
@@ -148,7 +182,13 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
 
 
 def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
-    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8)."""
+    """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8).
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : the design, plain numbers
+    """
     norm = _rms if problem.transparency.norm == "rms" else _peak
     return norm(problem, gains, coupling)
 

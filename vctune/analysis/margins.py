@@ -15,12 +15,25 @@ from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
 
 BISECTIONS = 40
+"""Of an interval of the grid: to 1e-12 of it, beyond what is shown. Half: to 1e-6, which is shown. Twice: rounding."""
 MARGIN_POINTS_PER_DECADE = 100
+"""Of the grid on which crossings are found. Half: two crossings within 5 % are missed together. Twice: twice the
+time."""
 DECADES_BELOW_NYQUIST = 7
-"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate."""
+"""No loop crosses over as far below Nyquist but one whose bandwidth is a millionth of its sampling rate.
+Half it misses crossings of slow loops; twice it is grid for nothing."""
 STEPS, FARTHEST = 16, 32
-"""Steps in which the delay grows to its estimated margin, and how many times as far it is followed."""
+"""Steps in which the delay grows to its estimated margin, and how many times as far it is followed. Half the steps: an
+interval of delays in which the loop is unstable may be jumped over that is twice as long. Twice: twice the time."""
 NEWTON_STEPS = 8
+"""From ten bisections' accuracy quadratic convergence takes three; the others are for a double crossing, where it is
+linear. Half would do for a simple one, twice are rounding."""
+DIFFERENCE = 1e-6
+"""Step of the central differences in Newton's method, of log omega and of delay over sample time. Its error of 1e-12
+and its rounding of 1e-10 slow down the method and do not move what it converges to; half and twice it neither."""
+FARTHEST_CORRECTION = 0.05
+"""Share of the delay by which Newton's method may correct a bisection, which is right to 1e-4 of the estimate. Farther
+off it has found another crossing; half and twice it tell the same apart."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,28 +115,29 @@ def _at_zero(device: Device, gains: Gains, delay: float) -> float:
     """Return the delay with which F = 0 somewhere on the circle, by Newton's method in (log omega, delay)."""
     position, unit = gains.position > 0, device.sample_time
 
-    def F(at: Floats) -> Floats:
-        later = replace(device, delay=device.delay + float(at[1]) * unit)
-        parts = return_difference_at(later, np.exp(at[:1]), position=position)
-        closed, openness = parts.closed(gains), np.sqrt(parts.open.abs2())
-        return np.array([closed.re[0], closed.im[0]]) / openness[0]
+    def F(point: Floats) -> Floats:
+        later = replace(device, delay=device.delay + float(point[1]) * unit)
+        parts = return_difference_at(later, np.exp(point[:1]), position=position)
+        closed, open_loop = parts.closed(gains), np.sqrt(parts.open.abs2())
+        return np.array([closed.re[0], closed.im[0]]) / open_loop[0]
 
     def size(omega: Floats) -> Floats:
         later = replace(device, delay=device.delay + delay)
         parts = return_difference_at(later, omega, position=position)
         return np.asarray(parts.closed(gains).abs2() / parts.open.abs2())
 
-    at = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
+    point = np.array([np.log(local_minima(size, _grid(device)).omega[0]), delay / unit])
     for _ in range(NEWTON_STEPS):
-        here = F(at)
-        slopes = [(F(at + step) - F(at - step)) / 2e-6 for step in 1e-6 * np.eye(2)]
-        at = at - np.linalg.solve(np.array(slopes).T, here)
-    found = float(at[1]) * unit
-    return found if np.isfinite(found) and abs(found - delay) <= 0.05 * delay else delay
+        value = F(point)
+        slopes = [(F(point + step) - F(point - step)) / (2 * DIFFERENCE) for step in DIFFERENCE * np.eye(2)]
+        point = point - np.linalg.solve(np.array(slopes).T, value)
+    corrected = float(point[1]) * unit
+    near = np.isfinite(corrected) and abs(corrected - delay) <= FARTHEST_CORRECTION * delay
+    return corrected if near else delay
 
 
 def _roots(f: Callable[[Floats], Floats], grid: Floats) -> Floats:
-    """Return the places where f changes its sign, by bisection, all at once."""
+    """Return the frequencies at which f changes its sign, by bisection, all at once."""
     values = f(grid)
     at = np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0)
     low, high = grid[at], grid[at + 1]

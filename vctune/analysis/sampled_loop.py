@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,7 +16,7 @@ from vctune.model.sampled import (
     return_difference,
     sampled_plant,
     sensitivity_abs2,
-    whole_samples,
+    split_delay,
 )
 
 Complex = NDArray[np.complex128]
@@ -22,29 +24,64 @@ Complex = NDArray[np.complex128]
 
 def plant_of(device: Device) -> SampledPlant:
     """Return the sampled plant of a device, or of several whose numbers are arrays."""
-    whole, fraction = whole_samples(device.delay, device.sample_time)
+    whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:
-    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s."""
+    """Return the parts of the loop's return difference at frequencies 0 < omega <= pi/T, rad/s.
+
+    Parameters
+    ----------
+    device : its numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    position : whether the position is in the loop
+    """
     return return_difference(plant_of(device), omega * device.sample_time, FLOATS, position=position)
 
 
-def sensitivity(device: Device, gains: Gains, omega: Floats) -> Floats:
-    """Return |S| at frequencies omega > 0, rad/s."""
-    parts = return_difference_at(device, omega, position=bool(np.any(gains.position)))
-    return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
+def sensitivity_of(device: Device, gains: Gains) -> Callable[[Floats], Floats]:
+    """Return |S| as a function of frequencies omega > 0, rad/s, the plant sampled once for all of them.
+
+    Parameters
+    ----------
+    device, gains : their numbers may be arrays that broadcast against omega
+    """
+    plant, position = plant_of(device), bool(np.any(gains.position))
+
+    def sensitivity(omega: Floats) -> Floats:
+        parts = return_difference(plant, omega * device.sample_time, FLOATS, position=position)
+        return np.asarray(np.sqrt(sensitivity_abs2(parts, gains)))
+
+    return sensitivity
 
 
 def pulse_transfer(device: Device, omega: Floats, *, position: bool) -> tuple[Complex, Complex]:
-    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop."""
+    """Return G_v and G_x, from the held force to velocity and position, at omega > 0; G_x is 0 if not in the loop.
+
+    Parameters
+    ----------
+    device : its numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    position : whether the position is in the loop
+
+    Returns
+    -------
+    tuple of two arrays of complex
+        m/(N s) and m/N.
+    """
     parts = return_difference_at(device, omega, position=position)
-    openness, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
-    return velocity / openness, travel / openness
+    open_loop, velocity, travel = (part.re + 1j * part.im for part in (parts.open, parts.velocity, parts.position))
+    return velocity / open_loop, travel / open_loop
 
 
 def loop_gain(device: Device, gains: Gains, omega: Floats) -> Complex:
-    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L)."""
+    """Return L = K_v G_v + K_p G_x at omega > 0, so that S = 1/(1 + L).
+
+    Parameters
+    ----------
+    device, gains : their numbers may be arrays that broadcast against omega
+    omega : rad/s, 0 < omega <= pi/T
+    """
     G_v, G_x = pulse_transfer(device, omega, position=bool(np.any(gains.position)))
     return gains.velocity * G_v + gains.position * G_x

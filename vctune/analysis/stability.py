@@ -21,8 +21,21 @@ from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
+"""Of the grid on which turns are counted: chords between neighbours 5 % apart pass 0 on the side of the curve unless it
+is `TOO_CLOSE`. A loop slower than the first angle has no lag to turn by. Half as many angles: more loops that are asked
+of the proof; twice: twice the time of a scan."""
 TOO_CLOSE = 0.03
+"""Least |F| at which the grid is believed, a little less than the distance of neighbouring angles. Half: chords may
+pass on the wrong side of 0. Twice: more loops that are asked of the proof. Neither endangers a verdict."""
+LARGEST_TURN = 1.0
+"""Greatest turn between neighbouring angles at which they are believed, rad: well below half a turn, where its sense is
+lost. Half and twice it ask the proof about more and fewer loops."""
 CROSSING_POINTS, CROSSING_ROUNDS = 33, 3
+"""Of the search along a segment of gains for where a pole crosses: to 1/32768 of it. A cut need not be nearer: it is
+one of several rounds. Half and twice the points: to 1/4096 and 1/262144."""
+DIFFERENCE = 1e-4
+"""Of the central difference in theta, relative, that gives the direction of a cut: right to 1e-8, rounded to 1e-12.
+Half and twice it give the same direction."""
 
 Curve = Callable[[Floats, Floats, Floats], Complex]
 """F(theta, K_v, K_p) = 1 + loop gain, affine in the gains: theta is omega T, rad."""
@@ -34,8 +47,8 @@ def sampled_curve(device: Device, *, position: bool) -> Curve:
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         parts = return_difference(plant, theta, FLOATS, position=position)
-        openness, velocity, travel = (p.re + 1j * p.im for p in (parts.open, parts.velocity, parts.position))
-        return 1 + (K_v * velocity + K_p * travel) / openness
+        open_loop, velocity, travel = (p.re + 1j * p.im for p in (parts.open, parts.velocity, parts.position))
+        return 1 + (K_v * velocity + K_p * travel) / open_loop
 
     return curve
 
@@ -46,7 +59,7 @@ def model_curve(device: Device) -> Curve:
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         omega = theta / device.sample_time
         hold = hold_response(device, omega, FLOATS)
-        H = hold.re - 1j * omega * hold.im
+        H = hold.re - 1j * omega * hold.lag
         return 1 + (K_v + K_p / (1j * omega)) * H / (device.damping + 1j * device.mass * omega)
 
     return curve
@@ -57,9 +70,9 @@ def angles(first: float = FIRST_ANGLE) -> Floats:
     """Return the grid on which the turns of a curve are counted: dense near 0 and near the Nyquist frequency."""
     count = int(np.ceil(ANGLES_PER_DECADE * np.log10(np.pi / 2 / first)))
     below, above = np.geomspace(first, np.pi / 2, count), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES_PER_DECADE)
-    found = np.concatenate((below, above[1:], [np.pi]))
-    found.setflags(write=False)
-    return found
+    grid = np.concatenate((below, above[1:], [np.pi]))
+    grid.setflags(write=False)
+    return grid
 
 
 def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -> ReturnDifference:
@@ -90,9 +103,9 @@ def clearly_stable(device: Device, gains: Gains) -> bool | None:
     for curve in (sampled_curve(device, position=gains.position > 0), model_curve(device)):
         F = curve(theta, np.array(gains.velocity), np.array(gains.position))
         turns = np.unwrap(np.angle(F))
-        if np.abs(F).min() < TOO_CLOSE or np.abs(np.diff(turns)).max() > 1:
+        if np.abs(F).min() < TOO_CLOSE or np.abs(np.diff(turns)).max() > LARGEST_TURN:
             return None
-        stable &= bool(turns[0] < 1 and abs(turns[-1] - np.angle(F[-1])) < 1 and F[-1].real > 0)
+        stable &= bool(turns[0] < LARGEST_TURN and abs(turns[-1] - np.angle(F[-1])) < LARGEST_TURN and F[-1].real > 0)
     return stable
 
 
@@ -122,7 +135,7 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
         crossing = _crossing(curve, inside, outside)
         if crossing is not None:
             theta = _lowest(curve, crossing)
-            step = 1e-4 * theta
+            step = DIFFERENCE * theta
             slope = _at(curve, theta + step, crossing) - _at(curve, theta - step, crossing)
             return _cut(curve, theta, inside, 1j * slope / abs(slope), level)
     return None
@@ -166,8 +179,8 @@ def _cut(curve: Curve, theta: float, inside: Gains, normal: complex, level: floa
     """Return Re(F(theta) conj(normal)) >= level, the normal pointing to the stable side."""
     if (_at(curve, theta, inside) * normal.conjugate()).real < 0:
         normal = -normal
-    openness = _at(curve, theta, Gains(0.0, 0.0)) * normal.conjugate()
-    velocity = _at(curve, theta, Gains(1.0, 0.0)) * normal.conjugate() - openness
-    position = _at(curve, theta, Gains(0.0, 1.0)) * normal.conjugate() - openness
-    cut = Cut(openness.real - level, velocity.real, position.real)
+    open_loop = _at(curve, theta, Gains(0.0, 0.0)) * normal.conjugate()
+    velocity = _at(curve, theta, Gains(1.0, 0.0)) * normal.conjugate() - open_loop
+    position = _at(curve, theta, Gains(0.0, 1.0)) * normal.conjugate() - open_loop
+    cut = Cut(open_loop.real - level, velocity.real, position.real)
     return cut if np.isfinite([cut.open, cut.velocity, cut.position]).all() else None

@@ -19,7 +19,7 @@ from vctune.design.judge import Judgement, Status, judge
 from vctune.design.nlp import ipopt_version
 from vctune.design.optimum import Progress, improved
 from vctune.design.prepared import prepare
-from vctune.design.record import design_record, optimality_record
+from vctune.design.record import optimality_record, record_of
 from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
@@ -27,8 +27,8 @@ from vctune.document.design import read_design
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
+from vctune.document.record import DesignRecord
 from vctune.markup import html_facts
-from vctune.model.quantities import Coupling, Gains
 from vctune.report.contents import report_paths
 
 SAVED = "bound.npz"
@@ -40,12 +40,12 @@ class Known:
 
     Attributes
     ----------
-    record : the object of design.json
+    record : of its design
     best : what is proved of its design today; None if it has none
     resume : where an earlier search stood; None if there was none
     """
 
-    record: dict[str, Any]
+    record: DesignRecord
     best: Judgement | None
     resume: ResumeState | None = None
 
@@ -57,20 +57,20 @@ class Bounded:
     Attributes
     ----------
     file : the problem
-    record : the object of design.json, with the bound in it
+    record : of its design, with the bound in it; `to_json()` is the object of design.json
     judgement : of the best design known; None if none is
     optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible
     """
 
     file: ProblemFile
-    record: dict[str, Any]
+    record: DesignRecord
     judgement: Judgement | None
     optimality: Optimality | None
 
     @property
     def status(self) -> Status:
         """Certified, infeasible or undecided."""
-        return Status(self.record["status"])
+        return Status(self.record.status)
 
     @property
     def proved(self) -> bool:
@@ -124,7 +124,7 @@ def bound(
     require_gap(gap)
     file = require_free(problem_of(problem))
     known = _known(file, design, progress)
-    if known.record["status"] == Status.INFEASIBLE:
+    if known.record.status == Status.INFEASIBLE.value:
         return Bounded(file, known.record, None, None)
     prepared = prepare(file.problem)
     found = search(
@@ -182,7 +182,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
         if given:
             raise
         return None
-    infeasible = record["status"] == Status.INFEASIBLE
+    infeasible = record.status == Status.INFEASIBLE.value
     return None if infeasible else Known(record, best, resume)
 
 
@@ -213,30 +213,30 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
         return known
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
     resume = solved.optimality.resume if solved.optimality is not None else None
-    return Known(design_record(file, solved, ipopt_version()), solved.judgement, resume)
+    return Known(record_of(file, solved, ipopt_version()), solved.judgement, resume)
 
 
-def _read(file: ProblemFile, path: Path) -> tuple[dict[str, Any], Judgement | None]:
+def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
     """Return a design.json of the problem and what is proved of it today."""
     record = read_design(path)
-    if record["problem"]["sha256"] != file.sha256:
+    if record.problem.sha256 != file.sha256:
         raise InputError(str(path), [Mistake("problem.sha256", "is of another version of the problem; solve it again")])
-    if record["gains"] is None:
+    if record.design is None:
         return record, None
-    best = judge(file.problem, Gains(**record["gains"]), Coupling(**record["coupling"]))
+    best = judge(file.problem, *record.design)
     if best.status is not Status.CERTIFIED:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError(str(path), [Mistake("gains", message)])
     return record, best
 
 
-def _added(file: ProblemFile, record: dict[str, Any], found: Optimality) -> dict[str, Any]:
+def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> DesignRecord:
     """Return the design's record with what is proved of all designs; that of a better design if one was found."""
     if found.improved is not None:
-        solved = Solved(file.problem, found.improved, None, 0, None, None, {}, found)
-        return design_record(file, solved, ipopt_version())
+        solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
+        return record_of(file, solved, ipopt_version())
     added: dict[str, Any] = {"optimality": optimality_record(found)}
-    if record["gains"] is None and found.proved:
-        reason = str(record["reason"]).replace(OPENINGS[False], OPENINGS[True], 1)
+    if record.gains is None and found.proved:
+        reason = str(record.reason).replace(OPENINGS[False], OPENINGS[True], 1)
         added |= {"status": "infeasible", "reason": reason, "proved": True}
-    return record | added
+    return record.model_copy(update=added)

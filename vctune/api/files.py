@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from vctune.design.record import design_record
+from vctune.design.record import record_of
 from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.design import read_design
+from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import folder_name, make_folder, previous, write_together
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile
+from vctune.document.record import DesignRecord
 from vctune.document.simulation import simulation_beside
-from vctune.model.quantities import Coupling, Gains
 from vctune.report.contents import REPORT, report_paths
 
 DESIGN, GAINS = "design.json", "gains.toml"
@@ -46,16 +46,16 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
-    write_record(folder, file, design_record(file, solved, ipopt_version()))
+    write_record(folder, file, record_of(file, solved, ipopt_version()))
     return folder / DESIGN
 
 
-def write_report(design: str | Path | Mapping[str, Any], folder: str | Path | None = None) -> Path:
+def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
     """Write the report of a design, report.html and its figures; nothing is solved.
 
     Parameters
     ----------
-    design : path of a design.json, or its object
+    design : path of a design.json, its object, or its record
     folder : made if it is not there; None for the design's own. A simulation.json of the design that is beside it, or
         in the folder, is drawn too
 
@@ -67,16 +67,16 @@ def write_report(design: str | Path | Mapping[str, Any], folder: str | Path | No
     Raises
     ------
     InputError
-        If there is no such design, or the folder cannot be written.
+        If there is no such design, or its object is none, or the folder cannot be written.
     """
     from vctune.report.report import write_report as write
 
-    if isinstance(design, Mapping):
-        if folder is None:
-            raise InputError("folder", [Mistake("", "is missing; name the folder of the report")])
-        record, beside = dict(design), Path(folder)
-    else:
+    if isinstance(design, str | Path):
         record, beside = read_design(Path(design)), Path(design).parent
+    elif folder is None:
+        raise InputError("folder", [Mistake("", "is missing; name the folder of the report")])
+    else:
+        record, beside = design if isinstance(design, DesignRecord) else design_of(dict(design), "design"), Path(folder)
     folder = beside if folder is None else Path(folder)
     make_folder(folder)
     write(record, folder, simulation_beside(beside, record))
@@ -116,7 +116,7 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
         raise InputError(str(folder), [Mistake("", message)])
 
 
-def write_record(folder: Path, file: ProblemFile, record: dict[str, Any]) -> Path | None:
+def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path | None:
     """Write design.json, and gains.toml with it, and remove the report of an earlier design.
 
     Returns
@@ -126,19 +126,19 @@ def write_record(folder: Path, file: ProblemFile, record: dict[str, Any]) -> Pat
     """
     files = {folder / DESIGN: json_text(record)}
     gains = folder / GAINS
-    if record["gains"] is not None:
+    if record.design is not None and record.certificate is not None:
         origin = {
             "problem": file.problem.name,
             "sha256": file.sha256,
-            "vctune": record["versions"]["vctune"],
-            "verdict": record["certificate"]["verdict"],
+            "vctune": str(record.versions["vctune"]),
+            "verdict": record.certificate.verdict,
         }
-        files[gains] = gains_text(Gains(**record["gains"]), Coupling(**record["coupling"]), origin)
-    earlier = [gains] if record["gains"] is None and gains.exists() else []
+        files[gains] = gains_text(*record.design, origin)
+    earlier = [gains] if record.design is None and gains.exists() else []
     write_together(files, report_paths(folder), earlier)
     return previous(gains) if earlier else None
 
 
-def json_text(record: dict[str, Any]) -> str:
+def json_text(record: DesignRecord) -> str:
     """Return the text of a design.json."""
-    return json.dumps(record, indent=2, allow_nan=False) + "\n"
+    return json.dumps(record.to_json(), indent=2, allow_nan=False) + "\n"

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 from vctune.design.check import Checked
 from vctune.document.errors import printable
+from vctune.document.record import SCHEMA
 from vctune.exits import ExitCode
 from vctune.version import __version__
 
@@ -46,7 +47,7 @@ def as_json(checks: list[Checked]) -> str:
 
 def _refused(checked: Checked) -> dict[str, Any]:
     return {
-        "schema": "vctune/design/1",
+        "schema": SCHEMA,
         "problem": {"name": printable(checked.name)},
         "status": None,
         "reason": checked.message,

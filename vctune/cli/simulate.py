@@ -66,13 +66,13 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.api.files import write_record
     from vctune.cli.solve import say_renamed
     from vctune.design.nlp import ipopt_version
-    from vctune.design.record import design_record
+    from vctune.design.record import record_of
     from vctune.design.solve import solve
     from vctune.document.errors import printable
 
     solved = solve(file.problem, progress)
     judgement = solved.judgement
-    say_renamed(write_record(folder, file, design_record(file, solved, ipopt_version())))
+    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
     if judgement is None:
         click.echo(f"{printable(file.problem.name)}: nothing to simulate: {solved.reason}", err=True)
         return None

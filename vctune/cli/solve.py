@@ -41,12 +41,12 @@ def solve(
     from vctune.api.solving import solve as solve_problem
     from vctune.design.judge import EXIT_CODES, Status
     from vctune.design.nlp import ipopt_version
-    from vctune.design.record import design_record
+    from vctune.design.record import record_of
     from vctune.exits import ExitCode
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, progress=progress)
-        record = design_record(file, solved, ipopt_version())
+        record = record_of(file, solved, ipopt_version())
         say_renamed(write_record(folder, file, record))
         if not no_report:
             progress("drawing the report")
@@ -58,7 +58,7 @@ def solve(
 
         with reader_may_leave():
             print_design(record, folder)
-    if strict and record["warnings"]:
+    if strict and record.warnings:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
     return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]

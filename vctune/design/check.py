@@ -16,7 +16,7 @@ import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
 from vctune.design.parameter_changes import parameter_changes
-from vctune.design.record import design_record, warnings
+from vctune.design.record import record_of, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
 from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
@@ -103,9 +103,8 @@ class DesignFinding:
 
     def record(self) -> dict[str, Any]:
         """Return the object of design.json."""
-        seconds = {"prove": self.seconds}
-        solved = Solved(self.file.problem, self.judgement, None, 0, None, None, seconds, repairs=self.repairs)
-        return design_record(self.file, solved) | {"warnings": self.warnings}
+        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
+        return record_of(self.file, solved).model_copy(update={"warnings": self.warnings}).to_json()
 
 
 @dataclass(frozen=True, slots=True)

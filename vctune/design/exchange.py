@@ -31,7 +31,7 @@ TIGHTENING = 1e-6
 """By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
 error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
 ROUNDS = 40
-"""NLPs in an exchange at most; one to three are usual. Half cuts off slow creeps along a boundary, twice waits for them."""
+"""NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
 """Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
 a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""

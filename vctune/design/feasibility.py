@@ -72,11 +72,11 @@ def spread(gains: Gains) -> Gains:
 
 def _on_one_device(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> LoopFeasibility:
     device = samples.device
-    scale = device.damping + gains.velocity + gains.position * device.lag
+    scale = device.damping + gains.velocity + gains.position * device.loop_lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
     closed = [circle.closed(spread(gains)) for circle in samples.circles]
     greatest = np.sqrt((samples.circles[0].open.abs2() / closed[0].abs2()).max(axis=-1))
-    strength = np.log1p((gains.velocity + gains.position * device.lag) * device.lag / device.mass)
+    strength = np.log1p((gains.velocity + gains.position * device.loop_lag) * device.loop_lag / device.mass)
     stable = np.all([makes_no_turn(F) for F in closed], axis=0)
     too_sensitive = np.log(np.maximum(greatest / problem.stability.max_sensitivity, 1.0))
     tests = (~stable, deficit > 0, too_sensitive > 0)  # gravest first: `select` takes the first

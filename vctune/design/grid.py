@@ -112,13 +112,13 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     """Return the coarse grid of a problem with or without an integrator."""
     problem, (low, high) = posed.problem, posed.span
     device, bounds = problem.device, problem.bounds
-    loop_impedance = device.mass / device.lag + device.damping
+    loop_impedance = device.mass / device.loop_lag + device.damping
     corner = np.array([0.0])
     if integral and bounds.position.fixed:
-        corner = np.array([1 / device.lag])
+        corner = np.array([1 / device.loop_lag])
     elif integral:
         # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
-        slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.lag
+        slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
     # two decades beyond the band the coupling is all mass or all damper in it; with a great least b_c yet further out
     shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))

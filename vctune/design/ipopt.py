@@ -150,7 +150,7 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
     hold = hold_response(device, omega, FLOATS)
-    numbers = {"omega": omega, "hold_re": hold.re, "hold_im": hold.im}
+    numbers = {"omega": omega, "hold_re": hold.re, "hold_lag": hold.lag}
     if structure.uncertain:
         numbers |= {name: np.broadcast_to(getattr(device, name), omega.shape) for name in ("mass", "damping")}
     return numbers

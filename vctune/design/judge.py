@@ -56,7 +56,7 @@ the operator should feel is lost at 0.5. It decides on a warning and its cures, 
 designs are warned of; twice as much is warned of none."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
     """A design and what is known of it.
 
@@ -191,8 +191,8 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(posed.problem, gains, coupling)
     return Judgement(
-        gains,
-        coupling,
+        gains=gains,
+        coupling=coupling,
         transparency=transparency,
         error=posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error,
         min_ratio=min_ratio,

@@ -75,11 +75,11 @@ class _SymbolArithmetic:
         return ca.sin(x) / x
 
     @staticmethod
-    def decay_mean(x: Number) -> Number:
+    def phi_1(x: Number) -> Number:
         return (1 - ca.exp(-x)) / x
 
     @staticmethod
-    def decay_ramp(x: Number) -> Number:
+    def phi_2(x: Number) -> Number:
         return (x - 1 + ca.exp(-x)) / (x * x)
 
     @staticmethod
@@ -129,15 +129,15 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
 
     gains, coupling = _design(structure, z, common)
     device = _device(structure, common, frequency)
-    hold = HoldResponse(frequency["hold_re"], frequency["hold_im"])
+    hold = HoldResponse(frequency["hold_re"], frequency["hold_lag"])
     loop = loop_response(device, gains, frequency["omega"], hold, SYMBOLS)
     Z_c = coupling_impedance(coupling, frequency["omega"])
     squares = squared_terms(loop, Z_c, 1.0)
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * Z_c.re
-    if loop.relief is not None:  # R may be negative and has no logarithm then
-        offered += common["safety_factor"] * loop.relief
+    if loop.operator_relief is not None:  # R may be negative and has no logarithm then
+        offered += common["safety_factor"] * loop.operator_relief
     inverse_S = Pair(1 + gains.velocity * pulse["re_G_v"], gains.velocity * pulse["im_G_v"])
     if structure.integrator:
         inverse_S += Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position)
@@ -189,7 +189,9 @@ def _device(structure: NlpStructure, common: dict[str, ca.SX], frequency: dict[s
 
 def _sampled_plant(plant: dict[str, ca.SX]) -> SampledPlant:
     (v_1, v_2), (x_1, x_2) = (ca.vertsplit(plant[name]) for name in ("velocity", "position"))
-    return SampledPlant(plant["pole"], plant["slack"], plant["drift"], (v_1, v_2), (x_1, x_2), plant["whole"], True)
+    return SampledPlant(
+        plant["pole"], plant["one_minus_pole"], plant["drift"], (v_1, v_2), (x_1, x_2), plant["whole_samples"], True
+    )
 
 
 @lru_cache(maxsize=16)

@@ -21,7 +21,7 @@ Layout = dict[str, int]
 
 PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
 """From force to velocity and to position in the sampled loop, at a frequency of |S|."""
-SAMPLED_PLANT: Layout = {"pole": 1, "slack": 1, "drift": 1, "velocity": 2, "position": 2, "whole": 1}
+SAMPLED_PLANT: Layout = {"pole": 1, "one_minus_pole": 1, "drift": 1, "velocity": 2, "position": 2, "whole_samples": 1}
 """The fields of `SampledPlant`, for a tracked peak of |S|, whose frequency is not known beforehand."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
@@ -39,7 +39,7 @@ def common_layout(structure: NlpStructure) -> Layout:
 
 def frequency_layout(structure: NlpStructure) -> Layout:
     """Return the rows of a frequency: omega, the hold and, where devices differ, mass and damping."""
-    layout = {"omega": 1, "hold_re": 1, "hold_im": 1}
+    layout = {"omega": 1, "hold_re": 1, "hold_lag": 1}
     return layout | ({"mass": 1, "damping": 1} if structure.uncertain else {})
 
 

@@ -11,8 +11,9 @@ from vctune.design.nlp_structure import DEMANDS
 from vctune.design.result import Polished, Solved
 from vctune.design.variables import KEYS, design_of, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
+from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
-from vctune.model.llewellyn import demanded, modulus_excess
+from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN
 
@@ -20,7 +21,7 @@ ACTIVE = 1e-5
 """Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
 
 
-def active(solved: Solved) -> list[dict[str, Any]]:
+def active(solved: Solved) -> list[ActiveRecord]:
     """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
 
     The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
@@ -37,19 +38,25 @@ def active(solved: Solved) -> list[dict[str, Any]]:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
     held = [
-        {"demand": demand, "hz": place.omega * rate if place else None, "multiplier": multiplier}
-        | ({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {})
+        ActiveRecord(
+            demand=demand,
+            hz=place.omega * rate if place else None,
+            multiplier=multiplier,
+            **({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {}),
+        )
         for (demand, place), multiplier in zip(where, multipliers, strict=True)
         if demand and multiplier > ACTIVE
     ]
-    return sorted(held, key=lambda row: -float(row["multiplier"]))
+    return sorted(held, key=lambda row: -row.multiplier)
 
 
-def _device(problem: Problem, place: ConstraintPoint) -> dict[str, float]:
+def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
     """Return the device of a dimensionless place in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     scaled = place.device
-    return {"mass": scaled.mass * impedance * time, "damping": scaled.damping * impedance, "delay": scaled.delay * time}
+    return DeviceRecord(
+        mass=scaled.mass * impedance * time, damping=scaled.damping * impedance, delay=scaled.delay * time
+    )
 
 
 def _priced(polished: Polished) -> Floats:
@@ -61,7 +68,7 @@ def _priced(polished: Polished) -> Floats:
     if polished.structure.operator_damping and ratio:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
-        multipliers[: len(ratio)] *= demanded(loop, FLOATS) / modulus_excess(loop, FLOATS)
+        multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
     return multipliers
 
 

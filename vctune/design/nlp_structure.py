@@ -90,7 +90,7 @@ def nlp_structure(
         panels=panels if problem.transparency.norm == "rms" else 0,
         capacities=(ratio, sensitivity, stability, peak),
         tracked_peaks=len(working_set.tracked_peaks),
-        operator_damping=problem.device.held.damping > problem.device.damping,
+        operator_damping=problem.device.with_operator.damping > problem.device.damping,
         uncertain=problem.uncertainty is not None,
         objective_devices=len(posed.objective) if problem.transparency.norm == "rms" else 1,
     )

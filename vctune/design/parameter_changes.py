@@ -145,7 +145,7 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     device = problem.device
-    loop = device.mass / device.lag
+    loop = device.mass / device.loop_lag
     yield ParameterChange(
         ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
     )
@@ -188,9 +188,10 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
-    loop = problem.device.mass / problem.device.lag + problem.device.damping
+    tau = problem.device.loop_lag
+    loop = problem.device.mass / tau + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
-    natural = dict(zip(KEYS, (loop, loop / problem.device.lag, Z_0, Z_0 * problem.device.lag, Z_0), strict=True))
+    natural = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True))
     for key, name in zip(KEYS, NAMES, strict=True):
         path, bounds, symbol = tuple(key.split(".")), getattr(problem.bounds, name), SYMBOLS[key]
         downwards = key not in ONLY_UPWARDS

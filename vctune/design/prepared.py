@@ -9,8 +9,8 @@ from vctune.design.variables import Point
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms
+from vctune.proof.array_claims import Demands
 from vctune.proof.devices import DeviceBox, device_box
-from vctune.proof.enclosed import Demands
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""A solved problem as the object of design.json: plain, finite or null, in SI units and hertz.
+"""The record of a solved problem, in SI units and hertz.
 
 See document/README.md, section 3.
 """
@@ -23,14 +23,28 @@ from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import KEYS, Point, point, ranges
-from vctune.document.design import SCHEMA
 from vctune.document.reading import ProblemFile
-from vctune.document.strict import finite
+from vctune.document.record import (
+    BoxRecord,
+    CertificateRecord,
+    ClaimRecord,
+    CouplingRecord,
+    DesignRecord,
+    GainsRecord,
+    GlanceRecord,
+    InnerLoopRecord,
+    NyquistRecord,
+    OptimalityRecord,
+    ProblemRecord,
+    RepairRecord,
+    TransparencyRecord,
+    WithoutOperatorRecord,
+)
 from vctune.model.frequency import hertz
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
-from vctune.proof.interval import Verdict
+from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
@@ -55,38 +69,36 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     dict
         The object of design.json, in SI units and hertz.
     """
+    return record_of(file, solved, ipopt).to_json()
+
+
+def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> DesignRecord:
+    """Return the record of a solved problem, of what `design_record` takes."""
     judgement, problem = solved.judgement, solved.problem
-    record: dict[str, Any] = {
-        "schema": SCHEMA,
-        "problem": {"name": problem.name, "sha256": file.sha256, "text": file.text},
-        "status": solved.status.value,
-        "reason": solved.reason,
-        "gains": None,
-        "coupling": None,
-        "transparency": None,
-        "certificate": None,
-        "inner_loop": None,
-        "active": active(solved),
-        "proved": solved.infeasibility.proved if solved.infeasibility else None,
-        "idle": judgement is not None and judgement.idle,
-        "repairs": None if solved.repairs is None else [asdict(repair) for repair in solved.repairs],
-        "at_bound": [],
-        "left_out": left_out(solved),
-        "warnings": [],
-        "solver": solver_record(solved),
-        "optimality": optimality_record(solved.optimality) if solved.optimality else None,
-        "versions": dict(versions(ipopt)),
-    }
-    if solved.seconds.get("repairs", 0.0) > LONGEST:
-        record["warnings"] = [CUT_SHORT]
+    parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
+    touched, said = [], [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
     if judgement is not None:
-        record |= _judged(problem, judgement)
-        record["at_bound"] = at_bound(problem, judgement.gains, judgement.coupling)
-        record["warnings"] += warnings(problem, judgement, solved.repairs)
+        parts = _judged(problem, judgement)
+        touched = at_bound(problem, judgement.gains, judgement.coupling)
+        said += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
-            record["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
-    checked: dict[str, Any] = finite(record)
-    return checked
+            parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
+    return DesignRecord(
+        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text),
+        status=solved.status.value,
+        reason=solved.reason,
+        active=active(solved),
+        proved=solved.infeasibility.proved if solved.infeasibility else None,
+        idle=judgement is not None and judgement.idle,
+        repairs=None if solved.repairs is None else [RepairRecord(**asdict(repair)) for repair in solved.repairs],
+        at_bound=touched,
+        left_out=left_out(solved),
+        warnings=said,
+        solver=solver_record(solved),
+        optimality=optimality_record(solved.optimality) if solved.optimality else None,
+        versions=versions(ipopt),
+        **parts,
+    )
 
 
 @cache
@@ -157,84 +169,73 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 @np.errstate(all="ignore")
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
-    transparency, worst, band = judgement.transparency, judgement.worst, problem.stability.band
+    worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
     return {
-        "gains": {"velocity": gains.velocity, "position": gains.position},
-        "coupling": {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag},
-        "transparency": {
-            "error": transparency.error,
-            "admittance": transparency.admittance,
-            "tracking": transparency.tracking,
-            "coupling": transparency.coupling,
-        },
-        "certificate": {
-            "verdict": certificate.verdict.value,
-            "band_hz": [_hz(band.min), _hz(band.max)],
-            "proved_band_hz": (proved := certificate.proved_band_hz) and list(proved),
-            "proved_ratio": certificate.proved_ratio,
-            "min_ratio": judgement.min_ratio,
-            "worst_hz": _hz(worst),
-            "rollett_k": rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
-            "boxes": certificate.boxes,
-            "claims": [
-                {"claim": claim.value, "verdict": outcome.verdict.value, "witness_hz": _hz(outcome.witness)}
-                | ({"witness_device": device_record(outcome.device)} if outcome.device else {})
-                for claim, outcome in certificate.outcomes.items()
-            ],
+        "gains": GainsRecord(**asdict(gains)),
+        "coupling": CouplingRecord(**asdict(coupling)),
+        "transparency": TransparencyRecord(**asdict(judgement.transparency)),
+        "certificate": CertificateRecord(
+            verdict=certificate.verdict.value,
+            band_hz=[_hz(band.min), _hz(band.max)],
+            proved_band_hz=list(proved) if proved else None,
+            proved_ratio=certificate.proved_ratio,
+            min_ratio=judgement.min_ratio,
+            worst_hz=_hz(worst),
+            rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
+            boxes=certificate.boxes,
+            claims=[_claim(claim, outcome) for claim, outcome in certificate.outcomes.items()],
             **_without_operator(problem, gains, coupling),
-        },
+        ),
         "inner_loop": _inner_loop(problem, judgement),
     }
 
 
-def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, Any]:
+def _claim(claim: Claim, outcome: Outcome) -> ClaimRecord:
+    device = {"witness_device": device_record(outcome.device)} if outcome.device else {}
+    return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **device)
+
+
+def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, WithoutOperatorRecord]:
     """Return what the design is worth to hands that do not contain the least operator; nothing if there is none."""
     if problem.device.operator is None:
         return {}
     bare = judge(replace(problem, device=problem.device.bare), gains, coupling)
-    verdict, least = bare.certificate.verdict.value, bare.min_ratio
-    return {"without_operator": {"verdict": verdict, "min_ratio": least, "worst_hz": _hz(bare.worst)}}
+    verdict, worst = bare.certificate.verdict, _hz(bare.worst)
+    return {"without_operator": WithoutOperatorRecord(verdict=verdict.value, min_ratio=bare.min_ratio, worst_hz=worst)}
 
 
-def _inner_loop(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
     device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
     poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)]
     margins = loop_margins(device, gains)
-    return {
-        "stable": False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
-        "spectral_radius": spectral_radius(device, gains),
-        "peak_sensitivity": judgement.peak_sensitivity,
-        "peak_sensitivity_hz": _hz(judgement.worst_sensitivity),
-        "gain_margin_db": 20 * log10(margins.gain),
-        "phase_margin_deg": degrees(margins.phase),
-        "delay_margin_s": margins.delay,
-        "nyquist": {
-            "N": unstable_poles(device, gains),
-            "P": 0,
-            "Z": 0 if poles[1] is Verdict.PROVED else None,
-        },
-    }
+    return InnerLoopRecord(
+        stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
+        spectral_radius=spectral_radius(device, gains),
+        peak_sensitivity=judgement.peak_sensitivity,
+        peak_sensitivity_hz=_hz(judgement.worst_sensitivity),
+        gain_margin_db=20 * log10(margins.gain),
+        phase_margin_deg=degrees(margins.phase),
+        delay_margin_s=margins.delay,
+        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[1] is Verdict.PROVED else None),
+    )
 
 
-def optimality_record(found: Optimality) -> dict[str, Any]:
-    """Return what is proved of every design as a JSON object: bound, gap, history, and the boxes that are open."""
+def optimality_record(found: Optimality) -> OptimalityRecord:
+    """Return what is proved of every design: bound, gap, history, and the boxes that are open."""
     nodes = found.resume.nodes
     lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)
-    record: dict[str, Any] = finite(
-        {
-            "lower_bound": found.bound,
-            "gap": found.gap,
-            "verdict": "proved" if found.proved else "open",
-            "boxes": found.resume.boxes,
-            "history": [
-                {"boxes": at.boxes, "lower_bound": at.bound, "error": at.incumbent, "open": at.open}
-                for at in [*found.history[:-1:every], found.history[-1]]
-            ],
-            "open": [{"low": nodes.boxes.low[:, i].tolist(), "high": nodes.boxes.high[:, i].tolist()} for i in lowest],
-        }
+    return OptimalityRecord(
+        lower_bound=found.bound,
+        gap=found.gap,
+        verdict="proved" if found.proved else "open",
+        boxes=found.resume.boxes,
+        history=[
+            GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
+            for at in [*found.history[:-1:every], found.history[-1]]
+        ],
+        open=[BoxRecord(low=nodes.boxes.low[:, i].tolist(), high=nodes.boxes.high[:, i].tolist()) for i in lowest],
     )
-    return record
 
 
 def _hz(omega: float | None) -> float | None:

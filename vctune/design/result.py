@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vctune.analysis.extrema import Floats
@@ -79,7 +79,7 @@ class Polished:
     rounds: list[Round]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Solved:
     """What came of a problem.
 
@@ -98,12 +98,12 @@ class Solved:
     """
 
     problem: Problem
-    judgement: Judgement | None
-    polished: Polished | None
-    optima: int
-    infeasibility: Infeasibility | None
-    scanned: ScanResult | None
-    seconds: dict[str, float]
+    judgement: Judgement | None = None
+    polished: Polished | None = None
+    optima: int = 0
+    infeasibility: Infeasibility | None = None
+    scanned: ScanResult | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
     optimality: Optimality | None = None
     nominal_error: float | None = None
     repairs: list[Repair] | None = None

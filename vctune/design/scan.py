@@ -106,7 +106,7 @@ def _faces(problem: Problem) -> list[bool]:
     With damping, without drag and without an operator's damping no K_p > 0 is admissible on a band from 0.
     """
     position, device = problem.bounds.position, problem.device
-    barred = problem.stability.band.min == 0 and device.held.damping == device.damping > 0
+    barred = problem.stability.band.min == 0 and device.with_operator.damping == device.damping > 0
     faces = [False] if position.min == 0 else []
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 

@@ -27,8 +27,8 @@ SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
 infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
 EARLY_BOXES = 20_000
-"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small share
-of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
+"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
+share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
 BOUND_BOXES = 20_000_000
 """Effort of the search for a bound that was asked for: as good as unlimited. Ctrl-C and a time limit end it
 before, and leave the bound reached."""
@@ -51,10 +51,10 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
-        return Solved(problem, fixed, None, 0, None, None, {"prove": perf_counter() - began})
+        return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began})
     theorem = impossible(problem)
     if theorem is not None:
-        return Solved(problem, None, None, 0, theorem, None, {})
+        return Solved(problem=problem, infeasibility=theorem)
     progress("scanning")
     prepared = prepare(problem)
     scanned = scan(prepared.scaled)
@@ -63,7 +63,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)
-        return Solved(problem, None, None, 0, miss, scanned, seconds, early)
+        return Solved(problem=problem, infeasibility=miss, scanned=scanned, seconds=seconds, optimality=early)
     waited = perf_counter()
     nominal = nominal_start(prepared) if problem.uncertainty is not None else None
     if problem.uncertainty is not None:
@@ -72,7 +72,13 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     best = optimum(prepared, replace(scanned, starts=starts), progress)
     nominal_error = nominal.error * prepared.units.error if nominal is not None else None
     solved = Solved(
-        problem, best.judgement, best.polished, best.optima, None, scanned, seconds | best.seconds, None, nominal_error
+        problem=problem,
+        judgement=best.judgement,
+        polished=best.polished,
+        optima=best.optima,
+        scanned=scanned,
+        seconds=seconds | best.seconds,
+        nominal_error=nominal_error,
     )
     if solved.judgement is None or gap is not None:
         solved = _searched(prepared, solved, progress, gap, early.resume if early else None)

@@ -35,7 +35,7 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
     return (
         f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} N s/m, but "
         f"gains.velocity is at most {most:.4g} N s/m",
-        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / device.lag:.4g} N/m",
+        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / device.loop_lag:.4g} N/m",
     )
 
 
@@ -48,8 +48,8 @@ def _least_velocity(problem: Problem) -> float:
     device, omega = problem.device, problem.stability.band.min
     if omega > 0 and (device.hold != "lag" or device.delay > 0):
         return -inf
-    growth = 1 + (omega * device.lag) ** 2
-    return float(device.lag * problem.bounds.position.min - device.held.damping * growth)
+    growth = 1 + (omega * device.loop_lag) ** 2
+    return float(device.loop_lag * problem.bounds.position.min - device.with_operator.damping * growth)
 
 
 def _damping(device: Device) -> str:

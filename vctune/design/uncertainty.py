@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from vctune.analysis.demands import transparency_error
 from vctune.design.judge import Judgement
 from vctune.design.prepared import pose
+from vctune.document.record import DeviceRecord, UncertaintyRecord
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device
-from vctune.proof.devices import UNCERTAIN
 
 
-def device_record(device: Device) -> dict[str, float]:
+def device_record(device: Device) -> DeviceRecord:
     """Return the numbers of a device that may be uncertain."""
-    return {name: getattr(device, name) for name in UNCERTAIN}
+    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay)
 
 
-def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> dict[str, Any]:
+def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
     """Return the box, the errors that say what robustness costs, and the devices on which the design is worst.
 
     Parameters
@@ -30,12 +28,12 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     box, uncertainty = posed.box, problem.uncertainty
     assert box is not None and uncertainty is not None
     worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
-    return {
-        "box": {name: [getattr(box.low, name), getattr(box.high, name)] for name in box.moving},
-        "objective": uncertainty.objective,
-        "nominal_error": nominal_error,
-        "robust_error": judgement.transparency.error,
-        "worst_error": transparency_error(worst, *design).error,
-        "worst_device": device_record(worst.device),
-        "min_ratio_device": device_record(judgement.tightest),
-    }
+    return UncertaintyRecord(
+        box={name: [getattr(box.low, name), getattr(box.high, name)] for name in box.uncertain},
+        objective=uncertainty.objective,
+        nominal_error=nominal_error,
+        robust_error=judgement.transparency.error,
+        worst_error=transparency_error(worst, *design).error,
+        worst_device=device_record(worst.device),
+        min_ratio_device=device_record(judgement.tightest),
+    )

@@ -63,7 +63,7 @@ class Coordinate:
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:
     """Return the coordinates of the free variables of a dimensionless problem; K_p only with an integrator."""
     device = problem.device
-    loop_impedance = device.mass / device.lag + device.damping
+    loop_impedance = device.mass / device.loop_lag + device.damping
     scales = {"velocity": 1e-4 * loop_impedance, "position": 1e-2 * problem.transparency.band.min, "drag": 1e-3}
     scales["position"] *= device.damping + problem.bounds.velocity.max
     found = []

@@ -63,7 +63,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
     def value(at: Floats) -> Floats:
         return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
 
-    ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.moving)])
+    ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.uncertain)])
     least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
     inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)
     found = [Worst(float(least[k]), float(at[0, k]), _device(box, at[1:, k].tolist())) for k in np.flatnonzero(inside)]
@@ -71,7 +71,7 @@ def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
 
 
 def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
-    return replace(box.nominal, **dict(zip(box.moving, numbers, strict=True)))
+    return replace(box.nominal, **dict(zip(box.uncertain, numbers, strict=True)))
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
@@ -88,7 +88,7 @@ def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
             getattr(box.low, name),
             getattr(box.high, name),
         )
-        for name in box.moving
+        for name in box.uncertain
     ]
     grid = np.array([[omega, *point] for point in product(*axes)])
     values = value(np.moveaxis(grid, 1, 0))
@@ -103,7 +103,7 @@ def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Fl
     """Return lower values and where they are, by a search among neighbours at distances that shrink."""
     low, high = ends[:, :1], ends[:, 1:]
     steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at)))).T[:, :, None]
-    widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.moving)])
+    widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.uncertain)])
     lowest, rows = value(at), np.arange(at.shape[1])
     for _ in range(STEPS):
         tried = np.clip(at[:, None] + steps * widths[:, None], low[:, None], high[:, None])

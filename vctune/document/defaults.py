@@ -25,10 +25,10 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     hand = document.operator
     operator = LeastOperator(hand.mass, hand.damping) if hand and (hand.mass or hand.damping) else None
     device = Device(table.mass, table.damping, table.sample_time, table.delay, table.hold, operator)
-    loop_impedance = device.mass / device.lag + device.damping
+    loop_impedance = device.mass / device.loop_lag + device.damping
 
     objective = document.transparency
-    f1, f2 = objective.band_hz or (0.00025 / device.lag, 0.015 / device.lag)
+    f1, f2 = objective.band_hz or (0.00025 / device.loop_lag, 0.015 / device.loop_lag)
     middle = 2 * pi * sqrt(f1 * f2)
     Z_0 = objective.reference_impedance or device.mass * middle
     weights = objective.weights
@@ -36,7 +36,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     gains, coupling = document.gains, document.coupling
     bounds = Bounds(
         velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
-        position=_range(gains.position, 0.0, 2 * loop_impedance / device.lag),
+        position=_range(gains.position, 0.0, 2 * loop_impedance / device.loop_lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
         drag=_range(coupling.drag, 0.0, 0.0),
@@ -59,7 +59,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
 
 
 def _stability(table: StabilityTable, device: Device, f1: float) -> Stability:
-    low, high = table.band_hz or (f1, 0.05 / device.lag)
+    low, high = table.band_hz or (f1, 0.05 / device.loop_lag)
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
     )

@@ -8,18 +8,19 @@ from typing import Any
 
 from vctune.document.digest import experiments_digest
 from vctune.document.reading import parse_problem
+from vctune.document.record import DesignRecord
 
 SCHEMA = "vctune/simulation/1"
 FILE = "simulation.json"
 
 
-def simulation_beside(folder: Path, design: dict[str, Any]) -> dict[str, Any] | None:
+def simulation_beside(folder: Path, design: DesignRecord) -> dict[str, Any] | None:
     """Return the object of a folder's simulation.json if it is of this very design, else None.
 
     Parameters
     ----------
     folder : where design.json is
-    design : the object of design.json
+    design : its record
     """
     try:
         record = json.loads((folder / FILE).read_text(encoding="utf-8"))
@@ -28,12 +29,12 @@ def simulation_beside(folder: Path, design: dict[str, Any]) -> dict[str, Any] | 
     return record if isinstance(record, dict) and is_of(record, design) else None
 
 
-def is_of(record: dict[str, Any], design: dict[str, Any]) -> bool:
+def is_of(record: dict[str, Any], design: DesignRecord) -> bool:
     """Whether the object of a simulation.json is of the very design and experiments of a design.json."""
-    made_for, given = record.get("problem"), design["problem"]
-    if record.get("schema") != SCHEMA or not isinstance(made_for, dict) or made_for.get("sha256") != given["sha256"]:
+    made_for, given, numbers = record.get("problem"), design.problem, design.to_json()
+    if record.get("schema") != SCHEMA or not isinstance(made_for, dict) or made_for.get("sha256") != given.sha256:
         return False
-    experiments = parse_problem(given["text"], given["name"], given["name"]).experiments
+    experiments = parse_problem(given.text, given.name, given.name).experiments
     return made_for.get("experiments_sha256") == experiments_digest(experiments) and all(
-        record.get(key) == design[key] for key in ("gains", "coupling")
+        record.get(key) == numbers[key] for key in ("gains", "coupling")
     )

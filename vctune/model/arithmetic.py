@@ -1,7 +1,7 @@
 """The few operations a formula needs beyond + - * /, for each kind of number.
 
-Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins,
-figures), CasADi symbols (the NLP) or Arb balls (the proof). There is no second copy of a formula to drift.
+Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
+CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 Number = Any
-"""A float, a NumPy array, a CasADi symbol, an Arb ball or a power series of balls."""
+"""A float, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
 
 
 class Arithmetic(Protocol):
@@ -28,14 +28,26 @@ class Arithmetic(Protocol):
     def sinc(self, x: Number) -> Number:
         """Return sin(x)/x, continued by 1 at x = 0."""
 
-    def decay_mean(self, x: Number) -> Number:
-        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0."""
+    def phi_1(self, x: Number) -> Number:
+        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0.
 
-    def decay_ramp(self, x: Number) -> Number:
-        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0."""
+        This is the function phi_1(z) = (e^z - 1)/z of exponential integrators at z = -x.
+        """
+
+    def phi_2(self, x: Number) -> Number:
+        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0.
+
+        This is the function phi_2(z) = (e^z - 1 - z)/z^2 of exponential integrators at z = -x.
+        """
 
     def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         """Return yes() where x > 0 and no() elsewhere."""
+
+
+SERIES_BELOW = 0.05
+"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
+a factor 2 more is lost, and `vctune.proof.jets.PHI_ERROR` would no longer hold. Twice: what the series of eight
+terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
 
 
 class _FloatArithmetic:
@@ -55,17 +67,17 @@ class _FloatArithmetic:
         return np.sin(x) / x if np.all(x) else np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))
 
     @staticmethod
-    def decay_mean(x: Number) -> Number:
+    def phi_1(x: Number) -> Number:
         safe = np.where(x == 0, 1.0, x)
         return np.where(x == 0, 1.0, -np.expm1(-safe) / safe)
 
     @staticmethod
-    def decay_ramp(x: Number) -> Number:
-        safe = np.where(np.abs(x) < 0.05, 1.0, x)
+    def phi_2(x: Number) -> Number:
+        safe = np.where(np.abs(x) < SERIES_BELOW, 1.0, x)
         series = 0.5 + x * (
             -1 / 6 + x * (1 / 24 + x * (-1 / 120 + x * (1 / 720 + x * (-1 / 5040 + x * (1 / 40320 - x / 362880)))))
         )
-        return np.where(np.abs(x) < 0.05, series, (safe + np.expm1(-safe)) / safe**2)
+        return np.where(np.abs(x) < SERIES_BELOW, series, (safe + np.expm1(-safe)) / safe**2)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:

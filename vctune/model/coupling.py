@@ -11,5 +11,5 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     """Return Z_c(j omega), N s/m. A coupling without damping or without mass is its drag alone."""
     b_c, m_c = coupling.damping, coupling.mass
     reactance = m_c * omega
-    share = reactance / (b_c * b_c + reactance * reactance)
-    return Pair(coupling.drag + b_c * reactance * share, b_c * b_c * share)
+    quotient = reactance / (b_c * b_c + reactance * reactance)
+    return Pair(coupling.drag + b_c * reactance * quotient, b_c * b_c * quotient)

@@ -33,8 +33,12 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> End
         R -> (b^2 - 4 b_h k)/(4 (b + b_h + k)) with k = K_v - tau K_p,   -b_h K_v/(b + b_h + K_v) with K_p = 0.
 
     Where Re(D + Z_h) is not positive R is given as inf.
+
+    Parameters
+    ----------
+    device, gains, coupling : in numbers of any arithmetic that can compare with 0
     """
-    m, b, tau = device.mass, device.damping, device.lag
+    m, b, tau = device.mass, device.damping, device.loop_lag
     K_v, K_p, b_0 = gains.velocity, gains.position, coupling.drag
     integral = not _is_zero(K_p)
     stiffness = K_v - tau * K_p if integral else K_v
@@ -52,7 +56,12 @@ def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> End
 
 
 def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
-    """Return the limits for omega -> inf, hold "lag" without delay: R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0."""
+    """Return the limits for omega -> inf, hold "lag" without delay: R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
+
+    Parameters
+    ----------
+    device, gains, coupling : in numbers of any arithmetic that can compare with 0
+    """
     needed = 2 * device.mass * gains.velocity / device.sample_time
     damping = device.damping if device.operator is None else device.damping + device.operator.damping
     required = needed / damping if not _is_zero(damping) else inf

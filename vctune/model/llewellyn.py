@@ -22,29 +22,38 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
 
     With P = Re(C conj D) and Q = Im(C conj D) = Im(C conj Z_d) it is Q^2/(|C||D| + P) wherever P > 0.
     """
-    product = ops.sqrt(loop.C.abs2() * loop.D.abs2())
-    P = re_conj_product(loop.C, loop.D)
+    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2())
+    P = re_conj_product(loop.C_scaled, loop.D_scaled)
     return ops.where_positive(
         P,
-        lambda: loop.turn * loop.turn / (product + P),
+        lambda: loop.im_C_conj_Zd_scaled * loop.im_C_conj_Zd_scaled / (product + P),
         lambda: (product - P) / loop.scale2,
     )
 
 
-def demanded(loop: LoopResponse, ops: Arithmetic) -> Number:
+def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return 2 Re(D + Z_h) R, (N s/m)^2; without an operator `modulus_excess`."""
     excess = modulus_excess(loop, ops)
-    return excess if loop.relief is None else excess - loop.relief
+    return excess if loop.operator_relief is None else excess - loop.operator_relief
 
 
 def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator.
 
-    See model/README.md, section 4.
+    See model/README.md, section 4. No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0
+    otherwise.
 
-    No coupling is admissible where Re(D + Z_h) < 0, every passive one where R <= 0 otherwise.
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies; divided by 0 where Re(D + Z_h) = 0.
     """
-    return demanded(loop, ops) / (2 * loop.resistance)
+    return llewellyn_demand(loop, ops) / (2 * loop.resistance)
 
 
 def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
@@ -53,7 +62,13 @@ def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     See model/README.md, section 4.
 
     Of the two-port that has absorbed the least operator, everything times |D + Z_h|^2.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    Z_c : the coupling's impedance there, N s/m
+    ops : arithmetic of both
     """
-    product = ops.sqrt(loop.C.abs2() * loop.D.abs2()) / loop.scale2
-    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C, loop.D) / loop.scale2
-    return (excess if loop.relief is None else excess + loop.relief) / product
+    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) / loop.scale2
+    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2
+    return (excess if loop.operator_relief is None else excess + loop.operator_relief) / product

@@ -11,16 +11,16 @@ from vctune.model.quantities import Device, Gains
 
 @dataclass(frozen=True, slots=True)
 class HoldResponse:
-    """Hold and delay at a frequency, H = re - j omega im; both parts are even and smooth at omega = 0.
+    """Hold and delay at a frequency, H = re - j omega lag; both parts are even and smooth at omega = 0.
 
     Attributes
     ----------
     re : Re H
-    im : -Im H / omega, s
+    lag : -Im H / omega, s, which tends to T/2 + delay for omega -> 0
     """
 
     re: Number
-    im: Number
+    lag: Number
 
 
 def hold_response(device: Device, omega: Number, ops: Arithmetic) -> HoldResponse:
@@ -28,23 +28,28 @@ def hold_response(device: Device, omega: Number, ops: Arithmetic) -> HoldRespons
 
     Parameters
     ----------
-    device : Device
-    omega : rad/s, may be 0
+    device : only sample_time, delay and hold are used
+    omega : rad/s, may be 0; a number or an array of any shape
     ops : arithmetic of omega and of the device's numbers
+
+    Returns
+    -------
+    HoldResponse
+        Both parts of the shape of omega.
     """
     half = device.sample_time / 2
     if device.hold == "zoh":
-        reach = ops.sinc(omega * half)
-        phase = omega * device.lag
-        return HoldResponse(reach * ops.cos(phase), device.lag * reach * ops.sinc(phase))
-    lagging = 1 + (omega * half) * (omega * half)
+        modulus = ops.sinc(omega * half)
+        phase = omega * device.loop_lag
+        return HoldResponse(modulus * ops.cos(phase), device.loop_lag * modulus * ops.sinc(phase))
+    squared = 1 + (omega * half) * (omega * half)
     if ops.is_zero(device.delay):
-        return HoldResponse(1 / lagging, half / lagging)
+        return HoldResponse(1 / squared, half / squared)
     phase = omega * device.delay
     cos, sinc = ops.cos(phase), ops.sinc(phase)
     return HoldResponse(
-        (cos - omega * half * ops.sin(phase)) / lagging,
-        (half * cos + device.delay * sinc) / lagging,
+        (cos - omega * half * ops.sin(phase)) / squared,
+        (half * cos + device.delay * sinc) / squared,
     )
 
 
@@ -57,21 +62,21 @@ class LoopResponse:
 
     Attributes
     ----------
-    C, Z_d, D : scaled complex impedances
+    C_scaled, Z_d_scaled, D_scaled : complex impedances times the scale, N s/m with the scale 1, N/m with omega
     scale2 : the scale squared
-    turn : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (model/README.md, section 5)
+    im_C_conj_Zd_scaled : scale * Im(C conj Z_d), which is scale * |D|^2 Im G_he (model/README.md, section 5)
     resistance : Re(D + Z_h) of the device in the hand of its least operator, Re D = |D|^2 Re G_hh without one; not
         scaled, N s/m
-    relief : 2 Re Z_h Re C, by which an operator eases the conditions, (N s/m)^2, not scaled; None without one
+    operator_relief : 2 Re Z_h Re C, by which an operator eases the conditions, (N s/m)^2, not scaled; None without one
     """
 
-    C: Pair
-    Z_d: Pair
-    D: Pair
+    C_scaled: Pair
+    Z_d_scaled: Pair
+    D_scaled: Pair
     scale2: Number
-    turn: Number
+    im_C_conj_Zd_scaled: Number
     resistance: Number
-    relief: Number | None
+    operator_relief: Number | None
 
 
 def loop_response(device: Device, gains: Gains, omega: Number, hold: HoldResponse, ops: Arithmetic) -> LoopResponse:
@@ -84,31 +89,44 @@ def loop_response(device: Device, gains: Gains, omega: Number, hold: HoldRespons
     omega : rad/s, > 0, or >= 0 in ball arithmetic
     hold : the hold and delay at omega
     ops : arithmetic of all of these
+
+    Returns
+    -------
+    LoopResponse
+        Its numbers of the shape of omega; those that do not depend on it may be plain.
     """
     mass_reactance = device.mass * omega
     proportional = gains.velocity * hold.re
     if not ops.is_zero(gains.position):
-        re_C = proportional - gains.position * hold.im
-        im_C = -(gains.velocity * hold.im * (omega * omega) + gains.position * hold.re)
+        re_C = proportional - gains.position * hold.lag
+        im_C = -(gains.velocity * hold.lag * (omega * omega) + gains.position * hold.re)
         C = Pair(re_C * omega, im_C)
         Z_d = Pair(device.damping * omega, mass_reactance * omega)
         scale2 = omega * omega
     else:
         re_C = proportional
-        C = Pair(re_C, -(gains.velocity * hold.im * omega))
+        C = Pair(re_C, -(gains.velocity * hold.lag * omega))
         Z_d = Pair(device.damping, mass_reactance)
         scale2 = 1
-    turn = device.damping * C.im - Z_d.im * re_C
-    resistance, relief = device.damping + re_C, None
+    resistance, operator_relief = device.damping + re_C, None
     if device.operator is not None:
         b_h = device.operator.damping
-        resistance, relief = resistance + b_h, 2 * b_h * re_C
-    return LoopResponse(C, Z_d, Z_d + C, scale2, turn, resistance, relief)
+        resistance, operator_relief = resistance + b_h, 2 * b_h * re_C
+    return LoopResponse(
+        C_scaled=C,
+        Z_d_scaled=Z_d,
+        D_scaled=Z_d + C,
+        scale2=scale2,
+        # re_C without the scale, so that this carries the scale once, not twice
+        im_C_conj_Zd_scaled=device.damping * C.im - Z_d.im * re_C,
+        resistance=resistance,
+        operator_relief=operator_relief,
+    )
 
 
 def G_hh_abs2(loop: LoopResponse) -> Number:
     """Return |G_hh|^2 = 1/|D|^2 (paper eq. 10), (m/(N s))^2."""
-    return loop.scale2 / loop.D.abs2()
+    return loop.scale2 / loop.D_scaled.abs2()
 
 
 def tracking_abs2(loop: LoopResponse) -> Number:
@@ -116,4 +134,4 @@ def tracking_abs2(loop: LoopResponse) -> Number:
 
     See model/README.md, section 2.
     """
-    return loop.Z_d.abs2() / loop.D.abs2()
+    return loop.Z_d_scaled.abs2() / loop.D_scaled.abs2()

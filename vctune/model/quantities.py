@@ -52,26 +52,26 @@ class Device:
         return replace(self, operator=None)
 
     @property
-    def held(self) -> Device:
+    def with_operator(self) -> Device:
         """The device with its least operator absorbed: W = Z_d + Z_h in place of Z_d."""
         if self.operator is None:
             return self
         mass, damping = self.mass + self.operator.mass, self.damping + self.operator.damping
         return replace(self, mass=mass, damping=damping, operator=None)
 
-    def over(self, number: Callable[[Number], Number]) -> Device:
+    def converted(self, number: Callable[[Number], Number]) -> Device:
         """Return the device in numbers of another arithmetic."""
-        held = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
+        operator = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
         mass, damping, sample_time, delay = map(number, (self.mass, self.damping, self.sample_time, self.delay))
-        return Device(mass, damping, sample_time, delay, self.hold, held)
+        return Device(mass, damping, sample_time, delay, self.hold, operator)
 
     @property
     def loops(self) -> tuple[Device, ...]:
         """The devices whose velocity loops must be stable by themselves."""
-        return (self,) if self.operator is None else (self.bare, self.held)
+        return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property
-    def lag(self) -> Number:
+    def loop_lag(self) -> Number:
         """tau = T/2 + delay, the loop's low-frequency lag, s."""
         return self.sample_time / 2 + self.delay
 

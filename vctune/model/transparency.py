@@ -13,6 +13,8 @@ from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.pair import Pair
 
 PANEL_NODES = 8
+"""Nodes of Gauss and Legendre on a panel, exact for polynomials of degree 15. Half and twice as many need about twice
+and half as many panels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,14 @@ class Terms:
 
 
 def squared_terms(loop: LoopResponse, Z_c: Pair, reference_impedance: float) -> Terms:
-    """Return the squares of the three dimensionless terms at a frequency."""
+    """Return the squares of the three dimensionless terms at a frequency.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    Z_c : the coupling's impedance there, N s/m
+    reference_impedance : Z_0, N s/m
+    """
     Z_0 = reference_impedance
     return Terms(G_hh_abs2(loop) * Z_0**2, tracking_abs2(loop), Z_c.abs2() / Z_0**2)
 
@@ -45,6 +54,15 @@ def log_quadrature(omega_min: float, omega_max: float, panels: int) -> tuple[NDA
     """Return nodes [rad/s] and weights of the average over log frequency, 1/ln(w2/w1) * integral dw/w.
 
     Gauss-Legendre with `PANEL_NODES` nodes on each of `panels` equal parts of the logarithmic band.
+
+    Parameters
+    ----------
+    omega_min, omega_max : the band, rad/s, 0 < omega_min < omega_max
+    panels : number of its parts
+
+    Returns
+    -------
+    nodes, weights : shape (`PANEL_NODES` * panels,); the weights add up to 1
     """
     nodes, weights = _panel()
     starts = np.arange(panels)[:, None]

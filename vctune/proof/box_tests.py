@@ -15,16 +15,18 @@ import numpy as np
 
 from vctune.model.arithmetic import Number
 from vctune.model.pair import Pair
+from vctune.proof.array_intervals import SWELL, UNIT, Enclosure, Flags, Floats
 from vctune.proof.boxes import Boxes, Values, in_chunks
-from vctune.proof.branching import Test, Tested
-from vctune.proof.enclosures import SWELL, UNIT, Enclosure, Flags, Floats
+from vctune.proof.branching import Decided, Test
 from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
 
 NARROW = 1.02
-"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower."""
+"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
+over 1 take as many boxes."""
 FROM_ZERO = 0.1
-"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower."""
+"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
+boxes."""
 
 Margin = Callable[[Number, Values], Number]
 """What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
@@ -46,61 +48,67 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         itself
     """
 
-    def test(boxes: Boxes) -> Tested:
+    def test(boxes: Boxes) -> Decided:
         def of(margin: Margin) -> OfRows:
             return lambda rows: margin(rows[0], boxes.named(rows, fixed))
 
         near, rows = of(sufficient or margin), boxes.rows()
         if _from_zero(boxes):
-            return _without_failures(_by_slopes(near, boxes, rows).tested)
+            return _without_failures(_by_slopes(near, boxes, rows).decided)
         if _wide(boxes):
             return _to_halve_in_frequency(boxes, of(margin)(rows).positive() | near(rows).positive())
-        seen = _by_slopes(of(margin), boxes, rows).tested
+        decided = _by_slopes(of(margin), boxes, rows).decided
         narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
-        left = np.flatnonzero(~seen.proved & ~seen.fails & narrow)
+        left = np.flatnonzero(~decided.proved & ~decided.fails & narrow)
         if left.size:
-            part = boxes.taken(left)
+            part = boxes.subset(left)
             other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
-            seen.proved[left] = other.tested.proved
-            seen.cost[:, left] = np.where(other.tested.fails, seen.cost[:, left], other.tested.cost)
-        return seen
+            decided.proved[left] = other.decided.proved
+            decided.cost[:, left] = np.where(other.decided.fails, decided.cost[:, left], other.decided.cost)
+        return decided
 
     return partial(_kind_by_kind, test)
 
 
-def missing(curve: Curve, fixed: Values, floor: Margin | None = None) -> Test:
+def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
     """Return the test that a curve misses 0.
 
-    It does where the rectangle around its image does not contain 0, where `floor` is positive, or where its component
-    along its own value at the middle of the box is.
+    It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
+    component along its own value at the middle of the box is.
+
+    Parameters
+    ----------
+    curve : of a frequency and of values
+    fixed : the values that are not among a box's rows
+    sufficient : a margin that is positive only where the curve is not 0
     """
 
-    def test(boxes: Boxes) -> Tested:
-        def at(rows: Rows) -> Pair:
+    def test(boxes: Boxes) -> Decided:
+        def image_of(rows: Rows) -> Pair:
             return curve(rows[0], boxes.named(rows, fixed))
 
         rows = boxes.rows()
-        image = at(rows)
+        image = image_of(rows)
         missed = image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
-        if floor is not None:
-            missed |= floor(rows[0], boxes.named(rows, fixed)).positive()
+        if sufficient is not None:
+            missed |= sufficient(rows[0], boxes.named(rows, fixed)).positive()
         if missed.all() or (_wide(boxes) and not _from_zero(boxes)):
             return _to_halve_in_frequency(boxes, missed)
-        middle = at([Enclosure(row.mid) for row in rows])
+        middle = image_of([Enclosure(row.mid) for row in rows])
         size = np.hypot(middle.re.mid, middle.im.mid)
         re, im = middle.re.mid / size, middle.im.mid / size
 
         def component(rows: Rows) -> Number:
-            value = at(rows)
+            value = image_of(rows)
             return value.re * re + value.im * im
 
-        seen = _without_failures(_by_slopes(component, boxes, rows).tested)
-        return Tested(seen.proved | missed, seen.fails, seen.point, seen.cost, seen.known)
+        decided = _without_failures(_by_slopes(component, boxes, rows).decided)
+        return Decided(decided.proved | missed, decided.fails, decided.point, decided.cost, decided.known)
 
     return partial(_kind_by_kind, test)
 
 
-def turn_of(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
+def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     """Return how far a curve that misses 0 turns around it over a box's frequencies, rad (`vctune.proof.winding`).
 
     The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
@@ -118,8 +126,20 @@ def turn_of(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
     return turn
 
 
-def least_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
-    """Return a lower bound of a margin over each box; nan where nothing is known of it."""
+def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
+    """Return a lower bound of a margin over each box; nan where nothing is known of it.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    boxes : n of them
+    fixed : the values that are not among a box's rows
+
+    Returns
+    -------
+    array of float
+        Shape (n,).
+    """
 
     def least(part: Boxes) -> Floats:
         return _by_slopes(lambda rows: margin(rows[0], part.named(rows, fixed)), part, part.rows()).least
@@ -128,7 +148,7 @@ def least_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
         return np.asarray(in_chunks(least, boxes))
 
 
-def _kind_by_kind(test: Test, boxes: Boxes) -> Tested:
+def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
     """Test boxes from frequency 0, those that are wide in frequency, and the others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
@@ -136,13 +156,13 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Tested:
     if len(kinds) == 1:
         return test(boxes)
     n = len(boxes)
-    found = Tested(
+    found = Decided(
         np.zeros(n, bool), np.zeros(n, bool), np.zeros_like(boxes.low), np.zeros_like(boxes.low), np.zeros(n, bool)
     )
     for kind in kinds:
-        seen = test(boxes.taken(kind))
-        for name in Tested.__slots__:
-            getattr(found, name)[..., kind] = getattr(seen, name)
+        decided = test(boxes.subset(kind))
+        for name in Decided.__slots__:
+            getattr(found, name)[..., kind] = getattr(decided, name)
     return found
 
 
@@ -154,16 +174,16 @@ def _wide(boxes: Boxes) -> bool:
     return bool(boxes.high[0, 0] > WIDE * boxes.low[0, 0])
 
 
-def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Tested:
+def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
-    return Tested(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
+    return Decided(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
 
 
-def _without_failures(seen: Tested) -> Tested:
+def _without_failures(decided: Decided) -> Decided:
     """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return Tested(seen.proved, np.zeros_like(seen.fails), seen.point, seen.cost, seen.known)
+    return Decided(decided.proved, np.zeros_like(decided.fails), decided.point, decided.cost, decided.known)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +191,7 @@ class _Bounded:
     """A lower bound of a margin over each box, and what it decides."""
 
     least: Floats
-    tested: Tested
+    decided: Decided
 
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
@@ -181,22 +201,22 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     nothing is known of the slopes, the widest row is as good as any.
     """
     varied = boxes.varied()
-    whole = margin(variables(rows, varied))
+    over_box = margin(variables(rows, varied))
     n, count = len(boxes), len(rows)
     side, reach = np.zeros((count, n)), np.zeros((count, n))
-    direct: Enclosure = whole.value if isinstance(whole, Jet) else whole
+    direct: Enclosure = over_box.value if isinstance(over_box, Jet) else over_box
     rad = np.stack([np.broadcast_to(row.rad, n) for row in rows])
     middle = np.stack([row.mid for row in rows])
-    for row, slope in zip(np.flatnonzero(varied), whole.slopes if isinstance(whole, Jet) else (), strict=False):
+    for row, slope in zip(np.flatnonzero(varied), over_box.slopes if isinstance(over_box, Jet) else (), strict=False):
         if slope is not None:
             side[row] = 1.0 * slope.negative() - slope.positive()
             reach[row] = (np.abs(slope.mid) + slope.rad) * rad[row]
     point = middle + side * rad
-    at = [
+    at_point = [
         Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
         for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
     ]
-    least = margin(at)
+    least = margin(at_point)
     loose = np.where(side == 0, reach, 0.0)
     bound = np.zeros(n) + np.fmax(
         _lowest(least.mid, (least.rad + loose.sum(axis=0)) * SWELL), _lowest(direct.mid, direct.rad)
@@ -206,7 +226,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
-    return _Bounded(bound, Tested(np.asarray(bound > 0), fails, point, cost, known))
+    return _Bounded(bound, Decided(np.asarray(bound > 0), fails, point, cost, known))
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

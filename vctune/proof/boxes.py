@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.enclosures import UNIT, Enclosure, Flags, Floats, between
+from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
 
 Integers = NDArray[np.intp]
@@ -24,7 +24,7 @@ FREQUENCY = "frequency"
 DESIGN = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 WHOLE_SAMPLES = "whole samples of device.delay"
 CHUNK = 4096
-"""Boxes evaluated together: their arrays stay in the processor's cache."""
+"""Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
 
 Values = Mapping[str, Number]
 """Numbers by name; what is not among them is a claim's own."""
@@ -53,7 +53,7 @@ class Cells:
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
-    def taken(self, at: Integers | Flags) -> Cells:
+    def subset(self, at: Integers | Flags) -> Cells:
         """Return some of the cells."""
         return Cells(self.low[:, at], self.high[:, at])
 
@@ -77,21 +77,21 @@ class Boxes:
     names : of the rows, `FREQUENCY` first
     low, high : edges, shape (rows, n)
     owner : which of several proofs each box belongs to, shape (n,)
-    whole : whole samples of the delay, where that is uncertain, shape (n,)
+    whole_samples : N, of the delay, where that is uncertain, shape (n,)
     """
 
     names: tuple[str, ...]
     low: Floats
     high: Floats
     owner: Integers
-    whole: Integers
+    whole_samples: Integers
 
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
-    def taken(self, at: Any) -> Boxes:
+    def subset(self, at: Any) -> Boxes:
         """Return some of the boxes."""
-        return Boxes(self.names, self.low[:, at], self.high[:, at], self.owner[at], self.whole[at])
+        return Boxes(self.names, self.low[:, at], self.high[:, at], self.owner[at], self.whole_samples[at])
 
     def count(self, owners: int) -> Integers:
         """Return how many boxes each owner has."""
@@ -105,7 +105,7 @@ class Boxes:
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
         """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed."""
-        return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole}
+        return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
         """Return for each row whether some box has a width there; a frequency always counts."""
@@ -127,14 +127,25 @@ class Boxes:
 
 def joined(*parts: Boxes) -> Boxes:
     """Return several sets of boxes of the same numbers as one."""
-    low, high, owner, whole = (
+    low, high, owner, whole_samples = (
         np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
     )
-    return Boxes(parts[0].names, low, high, owner, whole)
+    return Boxes(parts[0].names, low, high, owner, whole_samples)
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
-    """Return a band in intervals of at most this ratio, equal in the logarithm; low may be 0."""
+    """Return a band in intervals of at most this ratio, equal in the logarithm; low may be 0.
+
+    Parameters
+    ----------
+    low, high : 0 <= low < high
+    ratio : > 1
+
+    Returns
+    -------
+    tuple of two arrays of float
+        Lower and upper edges of the intervals.
+    """
     start = low if low > 0 else high * 1e-3
     edges = np.geomspace(start, high, 2 + int(np.log(high / start) / np.log(ratio)))
     edges[0], edges[-1] = start, high
@@ -142,7 +153,9 @@ def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
     return edges[:-1], edges[1:]
 
 
-def over_band(names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole: int = 0) -> Boxes:
+def over_band(
+    names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
+) -> Boxes:
     """Return each interval of a band with each of several boxes of other numbers, which own what becomes of them.
 
     Parameters
@@ -150,7 +163,7 @@ def over_band(names: Sequence[str], low: Floats, high: Floats, band: tuple[Float
     names : of the other numbers
     low, high : their edges, shape (names, owners)
     band : edges of the intervals, from `band_of`
-    whole : whole samples of the delay
+    whole_samples : N, of the delay
     """
     owners, intervals = low.shape[1], len(band[0])
     left, right = (
@@ -158,7 +171,7 @@ def over_band(names: Sequence[str], low: Floats, high: Floats, band: tuple[Float
         for frequency, edge in zip(band, (low, high), strict=True)
     )
     owner = np.repeat(np.arange(owners), intervals)
-    return Boxes((FREQUENCY, *names), left, right, owner, np.full(owner.size, whole))
+    return Boxes((FREQUENCY, *names), left, right, owner, np.full(owner.size, whole_samples))
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
@@ -176,4 +189,4 @@ def over_each(cells: Cells, omega: Floats) -> Boxes:
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
     """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds."""
     starts = range(0, max(len(boxes), 1), CHUNK)
-    return np.concatenate([f(boxes.taken(slice(i, i + CHUNK))) for i in starts], axis=-1)
+    return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

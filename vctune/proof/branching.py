@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import CHUNK, Boxes, Integers
-from vctune.proof.enclosures import Flags, Floats
 
 BLUR = 2.0
 """A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
-halving those would not decide it."""
+halving those would not decide it. Half and twice it prove the same cells."""
 
 
 @dataclass(frozen=True, slots=True)
-class Tested:
+class Decided:
     """What a test finds out about boxes.
 
     Attributes
@@ -39,7 +39,7 @@ class Tested:
     known: Flags
 
 
-Test = Callable[[Boxes], Tested]
+Test = Callable[[Boxes], Decided]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +69,8 @@ def prove(
     owners: int,
     *,
     halved: Sequence[bool],
-    generations: int,
-    most: int,
+    max_halvings: int,
+    max_boxes: int,
     measure: Callable[[Boxes], Floats] | None = None,
 ) -> Proofs:
     """Test boxes and halve those that are not proved, until each owner's are, one of them fails, or effort ends.
@@ -81,39 +81,44 @@ def prove(
     boxes : to begin with
     owners : their number
     halved : which rows may be halved
-    generations : how often a box is halved at most
+    max_halvings : how often a box is halved at most
     most : boxes of one owner that are looked at before it is left open
     measure : of proved boxes; what is summed up in `Proofs.total`
+
+    Returns
+    -------
+    Proofs
+        For each owner; proved only if all of its boxes are.
     """
     shape = (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
-    for again in range(generations + 1):
+    for again in range(max_halvings + 1):
         if not len(boxes):
             break
         count += boxes.count(owners)
-        seen = _in_chunks(test, boxes)
-        failing[:, boxes.owner[seen.fails]] = seen.point[:, seen.fails]
-        if measure is not None and seen.proved.any():
-            np.add.at(total, boxes.owner[seen.proved], measure(boxes.taken(seen.proved)))
-        axis, blurred = _axis(seen, np.asarray(halved))
-        hopeful = np.isnan(failing[0]) & (count < most) & (again < generations)
-        left = ~seen.proved
+        decided = _in_chunks(test, boxes)
+        failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]
+        if measure is not None and decided.proved.any():
+            np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
+        axis, blurred = _axis(decided, np.asarray(halved))
+        hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
+        left = ~decided.proved
         goes_on = left & ~blurred & hopeful[boxes.owner]
         stays = left & ~goes_on
-        open_[:, boxes.owner[stays]] = seen.point[:, stays]
-        boxes = boxes.taken(goes_on).halved(axis[goes_on])
+        open_[:, boxes.owner[stays]] = decided.point[:, stays]
+        boxes = boxes.subset(goes_on).halved(axis[goes_on])
     return Proofs(np.isnan(open_[0]) & np.isnan(failing[0]), failing, open_, count, total)
 
 
-def _axis(seen: Tested, halved: Flags) -> tuple[Integers, Flags]:
+def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
     """Return the row along which each box is halved, and whether that would not help."""
-    cost = np.where(np.isnan(seen.cost), np.inf, seen.cost)
+    cost = np.where(np.isnan(decided.cost), np.inf, decided.cost)
     axis = np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)]
-    blurred = seen.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
+    blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
     return axis, blurred
 
 
-def _in_chunks(test: Test, boxes: Boxes) -> Tested:
-    parts = [test(boxes.taken(slice(i, i + CHUNK))) for i in range(0, len(boxes), CHUNK)]
-    return Tested(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Tested.__slots__))
+def _in_chunks(test: Test, boxes: Boxes) -> Decided:
+    parts = [test(boxes.subset(slice(i, i + CHUNK))) for i in range(0, len(boxes), CHUNK)]
+    return Decided(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Decided.__slots__))

@@ -16,23 +16,23 @@ from flint import ctx
 
 from vctune.model.frequency import hertz
 from vctune.model.quantities import Device, Gains
-from vctune.proof.balls import PRECISION
+from vctune.proof.arb_balls import PRECISION
+from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
-from vctune.proof.enclosed import Demands
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import prove_conditions, widest_band
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.robust import (
-    Alone,
-    Family,
-    conditions_over,
-    model_poles_over,
-    sampled_poles_over,
-    sensitivity_over,
-    widest_band_over,
+    NominalProof,
+    RobustDesign,
+    prove_conditions_for_all,
+    prove_model_poles_for_all,
+    prove_sampled_poles_for_all,
+    prove_sensitivity_for_all,
+    widest_band_for_all,
 )
 from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity
 
@@ -93,9 +93,9 @@ class Certificate:
         conditions = self.without_factor or self.outcomes[Claim.CONDITIONS]
         if conditions.verdict is not Verdict.PROVED:
             return None
-        family = _family(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
-        if family is not None:
-            return widest_band_over(family)
+        robust = _robust_design(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
+        if robust is not None:
+            return widest_band_for_all(robust)
         with ctx.workprec(PRECISION):
             return widest_band(self.design, *self.demands.band)
 
@@ -129,14 +129,14 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     claim = _everywhere(design, box, demands)
 
     def conditions(factor: float) -> Outcome:
-        return claim(partial(prove_conditions, low=low, high=high, factor=factor), conditions_over, factor)
+        return claim(partial(prove_conditions, low=low, high=high, factor=factor), prove_conditions_for_all, factor)
 
     with ctx.workprec(PRECISION):
         outcomes = {
             Claim.CONDITIONS: conditions(demands.factor),
-            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, limit), sensitivity_over),
-            Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), model_poles_over),
-            Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), sampled_poles_over),
+            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all),
+            Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), prove_model_poles_for_all),
+            Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), prove_sampled_poles_for_all),
         }
         missed = demands.factor > 1 and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
@@ -158,22 +158,24 @@ def _everywhere(design: Design, box: DeviceBox | None, demands: Demands) -> Call
     """Return what proves a claim for the design's own device, and then for every one of the box."""
 
     def claim(
-        alone: Callable[[Design], Outcome], over: Callable[[Family, Alone], Outcome], factor: float = 1.0
+        alone: Callable[[Design], Outcome],
+        for_all: Callable[[RobustDesign, NominalProof], Outcome],
+        factor: float = 1.0,
     ) -> Outcome:
         nominal = alone(design)
-        family = _family(design, box, replace(demands, factor=factor))
-        if family is None or nominal.verdict is not Verdict.PROVED:
+        robust = _robust_design(design, box, replace(demands, factor=factor))
+        if robust is None or nominal.verdict is not Verdict.PROVED:
             return nominal
-        whole = over(family, lambda device: alone(replace(design, device=device)))
-        return replace(whole, boxes=nominal.boxes + whole.boxes)
+        outcome = for_all(robust, lambda device: alone(replace(design, device=device)))
+        return replace(outcome, boxes=nominal.boxes + outcome.boxes)
 
     return claim
 
 
-def _family(design: Design, box: DeviceBox | None, demands: Demands) -> Family | None:
+def _robust_design(design: Design, box: DeviceBox | None, demands: Demands) -> RobustDesign | None:
     """Return the design on a box of devices; None where they are one, or all alike because there is no loop."""
     looped = design.gains.velocity > 0 or design.gains.position > 0
-    return Family(design, box, demands) if box is not None and looped else None
+    return RobustDesign(design, box, demands) if box is not None and looped else None
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
@@ -181,6 +183,17 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
 
     Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices each is proved
     by itself.
+
+    Parameters
+    ----------
+    designs : of one device
+    demands : of it
+    box : devices for all of which they are to be proved
+
+    Returns
+    -------
+    list of Certificate
+        In the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
     if designs and box is None:

@@ -8,13 +8,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from vctune.proof.array_claims import Demands, claims_of
+from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosed import Demands, claims_of
-from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.many_designs import by_law, least_at
+from vctune.proof.many_designs import by_integrator, lower_bound_at
 
 GUARD = 1e-14
-"""Covers the rounding of the few operations here, relative."""
+"""Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
+
+factor R - b_0 may cancel: the product is off by u factor R, and the raised b_0 and the lowered difference together give
+away `GUARD` (b_0 + (factor R - b_0)), 90 times as much. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is
+a dozen operations on positive numbers; `ROUNDING_OF_BOUNDS` covers them 1e5 times. Half and twice it decide alike.
+"""
+ROUNDING_OF_BOUNDS = 1e-9
+"""By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but
+where the interval between them is as narrow."""
 
 
 def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
@@ -45,11 +53,11 @@ def no_damping(demands: Demands, cells: Cells, omega: Floats) -> Flags:
     least, most = cells.low[2].copy(), cells.high[2].copy()
     heaviest = cells.high[3] * (1 + GUARD)
     claims = claims_of(demands)
-    for at in by_law(cells):
-        part = cells.taken(at)
+    for at in by_integrator(cells):
+        part = cells.subset(at)
         for frequency in omega:
-            bound = np.nan_to_num(least_at(claims.required, part, frequency[at]), nan=0.0)
+            bound = np.nan_to_num(lower_bound_at(claims.required, part, frequency[at]), nan=0.0)
             needed = (demands.factor * bound - part.high[4] * (1 + GUARD)) * (1 - GUARD)
             low, high = admissible_damping(needed, heaviest[at] * frequency[at])
             least[at], most[at] = np.maximum(least[at], low), np.minimum(most[at], high)
-    return least * (1 - 1e-9) > most * (1 + 1e-9)
+    return least * (1 - ROUNDING_OF_BOUNDS) > most * (1 + ROUNDING_OF_BOUNDS)

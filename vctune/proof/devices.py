@@ -30,7 +30,7 @@ class DeviceBox:
     high: Device
 
     @property
-    def moving(self) -> tuple[str, ...]:
+    def uncertain(self) -> tuple[str, ...]:
         """The numbers that are uncertain."""
         return tuple(name for name in UNCERTAIN if getattr(self.low, name) < getattr(self.high, name))
 
@@ -42,8 +42,8 @@ class DeviceBox:
 
     def corners(self) -> list[Device]:
         """Return the devices at the vertices."""
-        ends = product(*((getattr(self.low, name), getattr(self.high, name)) for name in self.moving))
-        return [replace(self.nominal, **dict(zip(self.moving, end, strict=True))) for end in ends]
+        ends = product(*((getattr(self.low, name), getattr(self.high, name)) for name in self.uncertain))
+        return [replace(self.nominal, **dict(zip(self.uncertain, end, strict=True))) for end in ends]
 
     def devices(self) -> list[Device]:
         """Return the nominal device and those at the vertices."""

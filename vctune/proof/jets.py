@@ -10,16 +10,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
-from vctune.proof.enclosures import TINY, UNIT, Enclosure, between, selected
+from vctune.proof.array_intervals import TINY, UNIT, Enclosure, between, selected
 
-LIBRARY = 8 * UNIT
-"""Bound on the error of NumPy's sin, cos and exp, relative to 1 or to the value."""
-DECAY = 1e-13
-"""Bound on the relative error of `FLOATS.decay_mean` and `FLOATS.decay_ramp`."""
-EXPONENT = 1e-12
-"""Bound on the relative error of exp of a sum that is rounded, short of overflow."""
+LIBRARY_ERROR = 8 * UNIT
+"""Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
+
+Of exp and expm1 relative to the value, of sin and cos to 1, and of sin to the value too for |x| < 1, where sinc divides
+by x: next to other zeros nothing is asked of the reduction of the argument but not to fail.
+
+NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX-512. The GNU C library states 1 unit
+for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
+most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them
+(24006), and its own tests ask for 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are
+measurements of others, not theorems: `tests/test_enclosures.py` measures on the machine at hand, against 60 digits and
+more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
+"""
+PHI_ERROR = 1e-13
+"""Bound on the relative error of `FLOATS.phi_1` and `FLOATS.phi_2` for 0 <= x <= 1e100; a problem file has b T/m <=
+1e60.
+
+With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`):
+phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15.
+phi_2 = (x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is
+16 u phi_1/(x phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations.
+Below c the series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u.
+Where an argument is itself rounded, by u, so are phi_1 and phi_2, for |x phi'| <= phi; and e^-x by x u, 8e-14 until it
+underflows. Half is not proved by this; twice widens an enclosure of width 2e-13 by as much again.
+"""
+EXPONENT_ERROR = 1e-12
+"""Bound on the relative error of exp of a sum that is rounded, short of overflow: 710 u of the sum's rounding and 16 u
+of exp are 8e-14. Half would do, twice as well: it is for radii above 1."""
 SMALL = 0.5
-"""Below it the derivative of sinc is enclosed by its series."""
+"""Below it the derivative of sinc is enclosed by its series. Half: the quotient (cos x - sinc x)/x, whose rounding is
+divided by x, is used down to there. Twice: the series' second term, enclosed from 0 to x^2/10, loses 10 % of the
+first."""
 
 Slopes = tuple[Enclosure | None, ...]
 
@@ -75,15 +99,15 @@ class Jet:
         return Jet(value, _scaled(self.slopes, derivative))
 
 
-def variables(values: Sequence[Enclosure], moving: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables as jets, each with slope 1 in itself; those that do not move stay plain."""
-    order = {index: place for place, index in enumerate(i for i, moves in enumerate(moving) if moves)}
+def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
+    """Return the variables as jets, each with slope 1 in itself; those that do not vary stay plain."""
+    order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
 
     def jet(index: int, value: Enclosure) -> Jet:
         return Jet(value, tuple(one if place == order[index] else None for place in range(len(order))))
 
-    return [jet(i, value) if moving[i] else value for i, value in enumerate(values)]
+    return [jet(i, value) if varied[i] else value for i, value in enumerate(values)]
 
 
 def _scaled(slopes: Slopes, factor: Any) -> Slopes:
@@ -100,11 +124,11 @@ def _reciprocal(x: Jet) -> Jet:
 
 
 def _sin(x: Enclosure) -> Enclosure:
-    return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+    return Enclosure(np.sin(x.mid), np.abs(np.cos(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
 
 
 def _cos(x: Enclosure) -> Enclosure:
-    return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY)
+    return Enclosure(np.cos(x.mid), np.abs(np.sin(x.mid)) * x.rad + 0.5 * np.square(x.rad) + 2 * LIBRARY_ERROR)
 
 
 def _sinc(x: Enclosure) -> Enclosure:
@@ -116,9 +140,9 @@ def _sinc(x: Enclosure) -> Enclosure:
     size, least = np.abs(x.mid), np.maximum(np.abs(x.mid) - x.rad, 1.0)
     value = FLOATS.sinc(x.mid)
     slope = np.minimum((size + x.rad) / 3, 0.5)
-    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY, slope)
+    tangent = np.where(size > SMALL, np.abs(np.cos(x.mid) - value) / np.maximum(size, SMALL) + 8 * LIBRARY_ERROR, slope)
     curved = tangent + np.minimum(1 / 3, (1 + (2 + 2 / least) / least) / least) * x.rad / 2
-    return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY)
+    return Enclosure(value, np.minimum(slope, curved) * x.rad * (1 + 16 * UNIT) + 3 * LIBRARY_ERROR)
 
 
 def _sinc_slope(x: Enclosure) -> Enclosure:
@@ -151,8 +175,8 @@ class _EnclosureArithmetic:
             value = ENCLOSURES.exp(x.value)
             return x.mapped(value, value)
         mid = np.exp(x.mid)
-        rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY) * (1 + LIBRARY) + TINY
-        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT) + TINY  # expm1 of a great radius overflows
+        rad = (mid + TINY) * (np.expm1(x.rad) + LIBRARY_ERROR) * (1 + LIBRARY_ERROR) + TINY
+        greatest = np.exp(x.mid + x.rad) * (1 + EXPONENT_ERROR) + TINY  # expm1 of a great radius overflows
         return Enclosure(mid, np.where(np.asarray(x.rad) < 1, rad, greatest))
 
     @staticmethod
@@ -168,20 +192,20 @@ class _EnclosureArithmetic:
         return x.mapped(_sinc(x.value), _sinc_slope(x.value)) if isinstance(x, Jet) else _sinc(x)
 
     @staticmethod
-    def decay_mean(x: Number) -> Number:
-        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `decay_ramp`."""
+    def phi_1(x: Number) -> Number:
+        """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `phi_2`."""
         if not isinstance(x, Jet):
-            return _falling(FLOATS.decay_mean, x)
-        mean = _falling(FLOATS.decay_mean, x.value)
-        return x.mapped(mean, _falling(FLOATS.decay_ramp, x.value) - mean)
+            return _falling(FLOATS.phi_1, x)
+        mean = _falling(FLOATS.phi_1, x.value)
+        return x.mapped(mean, _falling(FLOATS.phi_2, x.value) - mean)
 
     @staticmethod
-    def decay_ramp(x: Number) -> Number:
+    def phi_2(x: Number) -> Number:
         """Its derivative is minus the mean of t (1 - t) e^-xt over 0 <= t <= 1: between -1/6 and -e^-x/6."""
         if not isinstance(x, Jet):
-            return _falling(FLOATS.decay_ramp, x)
-        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - DECAY)
-        return x.mapped(_falling(FLOATS.decay_ramp, x.value), between(least, 1.0) / -6)
+            return _falling(FLOATS.phi_2, x)
+        least = np.exp(-(x.value.mid + x.value.rad)) * (1 - PHI_ERROR)
+        return x.mapped(_falling(FLOATS.phi_2, x.value), between(least, 1.0) / -6)
 
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
@@ -195,7 +219,7 @@ ENCLOSURES: Arithmetic = _EnclosureArithmetic()
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
     """Return a positive function that falls for x >= 0 from its values at the ends."""
     low, high = np.maximum(x.mid - x.rad, 0.0), x.mid + x.rad
-    return between(f(np.asarray(high)) * (1 - DECAY), f(np.asarray(low)) * (1 + DECAY))
+    return between(f(np.asarray(high)) * (1 - PHI_ERROR), f(np.asarray(low)) * (1 + PHI_ERROR))
 
 
 def _chosen(where: NDArray[np.bool_], yes: Number, no: Number) -> Number:

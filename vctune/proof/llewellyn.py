@@ -13,30 +13,36 @@ from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
-from vctune.proof.balls import BALLS, design_ball, design_series, lifted
+from vctune.proof.arb_balls import BALLS, as_series, design_ball, design_series
 from vctune.proof.claims import Design, conditions_margin, outwards
-from vctune.proof.exact import conditions, is_rational, widest
-from vctune.proof.exact import prove as prove_polynomials
 from vctune.proof.interval import Outcome, Verdict, prove_positive
-from vctune.proof.low_end import low_end_verdict, prove_low_end
+from vctune.proof.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.polynomials import conditions, is_rational, widest
+from vctune.proof.polynomials import prove as prove_polynomials
 
-MARCH_BOXES = 2_000
+EXTENSION_BOXES = 2_000
+"""Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
+the ratio falls below 1, but for the last digits that are shown."""
 FINEST_STEP = 1e-8
+"""Where the extension of the proved band ends, relative: finer than what is shown. Half and twice it are a step."""
 LOWEST_EDGE = 1e-18
-"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge."""
+"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
+reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the
+same."""
 
 
 def _margin(design: Design, factor: float) -> Callable[[Number], Number]:
     """Return `conditions_margin` of a design's decimals as a function of omega; without a loop C = N = 0."""
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
-        damping = exact.device.held.damping
+        damping = exact.device.with_operator.damping
         return lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re
-    series, in_series = design_series(exact), lifted(threshold)
+    series, in_series = design_series(exact), as_series(threshold)
 
     def margin(omega: Number) -> Number:
-        given, demand = (exact, threshold) if isinstance(omega, arb) else (series, in_series)
-        return conditions_margin(given, omega, demand, BALLS)
+        if isinstance(omega, arb):
+            return conditions_margin(exact, omega, threshold, BALLS)
+        return conditions_margin(series, omega, in_series, BALLS)
 
     return margin
 
@@ -46,6 +52,17 @@ def prove_conditions(design: Design, low: float, high: float, factor: float) -> 
 
     With hold "lag" and no delay it may be [0, inf], and the proof is exact. Finite edges are widened by the rounding of
     2 pi f.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s
+    factor : least Re Z_c / R
+
+    Returns
+    -------
+    Outcome
+        With a frequency in rad/s where it is refuted or undecided.
     """
     wider = outwards((low, high))
     if is_rational(design.device):
@@ -76,15 +93,20 @@ def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
 
     Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
     without delay, whose model is good for a proof to inf.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s, a band on which it is proved
     """
     if is_rational(design.device):
         return widest(conditions(design, 1.0), low, high)
     margin = _margin(design, 1.0)
-    return _lowest(design, margin, low), march(partial(_proved, margin), high, pi / design.device.sample_time)
+    return _lowest(design, margin, low), extend_band(partial(_proved, margin), high, pi / design.device.sample_time)
 
 
 def _proved(margin: Callable[[Number], Number], low: float, high: float) -> bool:
-    return prove_positive(margin, low, high, MARCH_BOXES).verdict is Verdict.PROVED
+    return prove_positive(margin, low, high, EXTENSION_BOXES).verdict is Verdict.PROVED
 
 
 def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> float:
@@ -94,13 +116,24 @@ def _lowest(design: Design, margin: Callable[[Number], Number], low: float) -> f
         start = _low_start(design, 1.0, low)
         if start is not None and (start >= low or _proved(margin, start, low)):
             return 0.0
-    return march(partial(_proved, margin), low, low * LOWEST_EDGE)
+    return extend_band(partial(_proved, margin), low, low * LOWEST_EDGE)
 
 
-def march(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`."""
+def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
+    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`.
+
+    Parameters
+    ----------
+    holds : whether the proof holds between two frequencies, the lower one first
+    edge, goal : rad/s, > 0
+
+    Returns
+    -------
+    float
+        rad/s, between both; everything between it and the edge is proved.
+    """
     down = goal < edge
-    step = 4.0
+    step = 4.0  # a ratio; squared after a success, its root taken after a failure
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
         if holds(min(edge, ahead), max(edge, ahead)):

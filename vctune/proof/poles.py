@@ -9,7 +9,7 @@ from flint import arb
 from vctune.model.loop import hold_response, loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
-from vctune.proof.balls import BALLS, device_ball, gains_ball
+from vctune.proof.arb_balls import BALLS, device_ball, gains_ball
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.winding import turned_angle
 
@@ -26,7 +26,7 @@ def prove_model_poles(device: Device, gains: Gains) -> Outcome:
         return Outcome(Verdict.PROVED if device.damping > 0 else Verdict.REFUTED, 1)
 
     def curve(omega: arb) -> Pair:
-        D = loop_response(exact, law, omega, hold_response(exact, omega, BALLS), BALLS).D
+        D = loop_response(exact, law, omega, hold_response(exact, omega, BALLS), BALLS).D_scaled
         return Pair(-D.im, D.re) if integral else D
 
     last = 4 * max(gains.velocity / device.mass, (gains.position / device.mass) ** 0.5)

@@ -11,32 +11,37 @@ import numpy as np
 
 from vctune.model.arithmetic import Number
 from vctune.model.quantities import Device
-from vctune.proof.box_tests import Margin, missing, positive
+from vctune.proof.array_claims import Claims, Demands, claims_of
+from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.box_tests import Margin, misses_zero, positive
 from vctune.proof.boxes import DESIGN, WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.branching import Proofs, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
-from vctune.proof.enclosed import Claims, Demands, claims_of
-from vctune.proof.enclosures import Enclosure, Floats, decimal
-from vctune.proof.exact import is_rational
 from vctune.proof.interval import Outcome, Verdict
-from vctune.proof.llewellyn import LOWEST_EDGE, MARCH_BOXES, march
-from vctune.proof.many_designs import NEAR, STEP, stiffest
+from vctune.proof.llewellyn import EXTENSION_BOXES, LOWEST_EDGE, extend_band
+from vctune.proof.many_designs import NEAR, STEP, model_curve_end
+from vctune.proof.polynomials import is_rational
 
 LITTLE_PHASE = 0.5
-"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad."""
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
+many boxes for the uncertain friction wheel."""
 FEW_SAMPLES = 4
-"""Whole samples of a box's delays that are looked at one by one anyway."""
+"""Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
+phase does not matter. Half and twice it: time, for long uncertain delays only."""
 ANGLES, LEAST_ANGLE = 400, 1e-6
-"""Angles at which the size of a loop is estimated, and the least of them."""
-MOST, MOST_OF_CURVES = 400_000, 40_000
-"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens."""
-GENERATIONS = 80
-"""How often a box is halved at most."""
+"""Angles at which the size of a loop is estimated, and the least of them. What the estimate says is proved then, so
+that half and twice it only cost time."""
+MAX_BOXES, MAX_BOXES_OF_CURVES = 400_000, 40_000
+"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
+uncertain friction wheel 27,000 for all claims. Half and twice it: as long to give up."""
+MAX_HALVINGS = 80
+"""How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
+the uncertain friction wheel."""
 
 
 @dataclass(frozen=True, slots=True)
-class Family:
+class RobustDesign:
     """One design on every device of a box.
 
     Attributes
@@ -58,9 +63,9 @@ class Family:
     @property
     def names(self) -> tuple[str, ...]:
         """The uncertain numbers."""
-        return tuple(f"device.{name}" for name in self.box.moving)
+        return tuple(f"device.{name}" for name in self.box.uncertain)
 
-    def loops(self) -> list[Family]:
+    def loops(self) -> list[RobustDesign]:
         """Return the design on the boxes of devices whose loops must be stable by themselves."""
         design = self.design
         return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
@@ -68,153 +73,157 @@ class Family:
     def ends(self) -> tuple[Floats, Floats]:
         """Return the least and the greatest of the uncertain numbers."""
         low, high = (
-            np.array([[getattr(end, name)] for name in self.box.moving]) for end in (self.box.low, self.box.high)
+            np.array([[getattr(end, name)] for name in self.box.uncertain]) for end in (self.box.low, self.box.high)
         )
         return low, high
 
     def claims(self) -> Claims:
         """Return the claims as functions of the uncertain numbers too."""
         demands = replace(self.demands, device=self.box.nominal)
-        return claims_of(demands, self.box.moving)
+        return claims_of(demands, self.box.uncertain)
 
     def device(self, numbers: Floats) -> Device:
         """Return a device of the box from its uncertain numbers."""
         within = np.clip(numbers[:, None], *self.ends())
-        return replace(self.box.nominal, **dict(zip(self.box.moving, within[:, 0].tolist(), strict=True)))
+        return replace(self.box.nominal, **dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
 
 
-Alone = Callable[[Device], Outcome]
+NominalProof = Callable[[Device], Outcome]
 """Judges a claim for one device."""
 
 
-def conditions_over(family: Family, alone: Alone) -> Outcome:
+def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove Llewellyn's conditions for every device."""
-    return _outcome(family, _conditions(family, *outwards(family.demands.band), MOST), alone)
+    return _outcome(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
 
-def _conditions(family: Family, low: float, high: float, most: int) -> list[Proofs]:
-    claims, turning = family.claims(), _turning(family)
-    beyond = max(1 / family.box.nominal.sample_time, low)
-    test = positive(claims.conditions, family.values, claims.low, LITTLE_PHASE / family.box.high.lag)
+def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
+    claims, turning = robust.claims(), _turning(robust)
+    beyond = max(1 / robust.box.nominal.sample_time, low)
+    test = positive(
+        claims.conditions, robust.values, claims.conditions_near_zero, LITTLE_PHASE / robust.box.high.loop_lag
+    )
     parts, finite = [], beyond if high == inf else high
     if low < turning:
-        parts.append(_part(family, test, low, min(turning, finite), most))
+        parts.append(_part(robust, test, low, min(turning, finite), max_boxes))
     if turning < finite:
-        parts.append(_whatever_phase(family, claims.conditions, max(low, turning), finite, most))
+        parts.append(_whatever_phase(robust, claims.conditions, max(low, turning), finite, max_boxes))
     if high == inf:
-        parts.append(_part(family, positive(claims.high, family.values), 0.0, 1 / beyond, most))
+        parts.append(
+            _part(robust, positive(claims.conditions_near_infinity, robust.values), 0.0, 1 / beyond, max_boxes)
+        )
     return parts
 
 
-def _turning(family: Family) -> float:
+def _turning(robust: RobustDesign) -> float:
     """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
-    range_ = family.box.high.delay - family.box.low.delay
+    range_ = robust.box.high.delay - robust.box.low.delay
     return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
 
 
-def _whatever_phase(family: Family, margin: Margin, low: float, high: float, most: int) -> Proofs:
+def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
     """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
-    (least, greatest), row, name = family.ends(), family.box.moving.index("delay"), "device.delay"
+    (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
 
     def of_phase(omega: Number, values: Values) -> Number:
         return margin(omega, {**values, name: values[name] / omega})
 
     shortest = least[row, 0]
     least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
-    boxes = over_band(family.names, least, greatest, band_of(low, high, STEP))
-    found = _proved(positive(of_phase, family.values), boxes, most)
+    boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
+    found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
     for point in (found.failing, found.open):
         point[1 + row] = shortest + np.mod(point[1 + row] / point[0] - shortest, 2 * pi / point[0])
     return found
 
 
-def widest_band_over(family: Family) -> tuple[float, float]:
+def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
     """Return the widest band around a proved one on which the conditions are proved for every device, rad/s."""
-    (low, high), device = family.demands.band, family.box.nominal
+    (low, high), device = robust.demands.band, robust.box.nominal
 
     def holds(low: float, high: float) -> bool:
-        return all(part.proved[0] for part in _conditions(family, low, high, MARCH_BOXES))
+        return all(part.proved[0] for part in _conditions(robust, low, high, EXTENSION_BOXES))
 
     endless = is_rational(device)
-    first = 0.0 if low == 0 or holds(0.0, low) else march(holds, low, low * LOWEST_EDGE)
+    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(holds, low, low * LOWEST_EDGE)
     if high == inf or (endless and holds(high, inf)):
         return first, inf
-    return first, march(holds, high, high / LOWEST_EDGE if endless else pi / device.sample_time)
+    return first, extend_band(holds, high, high / LOWEST_EDGE if endless else pi / device.sample_time)
 
 
-def sensitivity_over(family: Family, alone: Alone) -> Outcome:
+def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop for every device."""
-    claims = family.claims()
-    test = positive(claims.sensitivity, family.values)
-    return _outcome(family, _around_circle(family, test, claims.quiet_gain, MOST), alone)
+    claims = robust.claims()
+    test = positive(claims.sensitivity, robust.values)
+    return _outcome(robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES), alone)
 
 
-def _around_circle(family: Family, test: Test, gain: Margin, most: int) -> list[Proofs]:
+def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int) -> list[Proofs]:
     """Test all of theta = omega T, the whole samples that delays of the box have one by one.
 
     Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
     """
-    samples, small, parts = _whole_samples(family), HALF_TURN, []
+    samples, small, parts = _whole_samples(robust), HALF_TURN, []
     if len(samples) > FEW_SAMPLES:
-        small = _small_from(family, gain)
+        small = _small_from(robust, gain)
     if small < HALF_TURN:
-        boxes = over_band(family.names, *_within_a_sample(family), band_of(small, HALF_TURN, STEP))
-        parts = [_proved(positive(gain, family.values), boxes, most)]
+        boxes = over_band(robust.names, *_within_a_sample(robust), band_of(small, HALF_TURN, STEP))
+        parts = [_proved(positive(gain, robust.values), boxes, max_boxes)]
         if not parts[0].proved[0]:
             small, parts = HALF_TURN, []
     if small > 0:
         circle = band_of(0.0, small, STEP)
-        boxes = joined(*(over_band(family.names, low, high, circle, whole) for whole, low, high in samples))
-        parts.append(_proved(test, boxes, max(most, MOST_OF_CURVES * len(samples))))
+        boxes = joined(*(over_band(robust.names, low, high, circle, whole) for whole, low, high in samples))
+        parts.append(_proved(test, boxes, max(max_boxes, MAX_BOXES_OF_CURVES * len(samples))))
     return parts
 
 
-def _within_a_sample(family: Family) -> tuple[Floats, Floats]:
+def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
     """Return the ends of the box without the whole samples of its delays."""
-    (low, high), row = family.ends(), family.box.moving.index("delay")
-    low[row], high[row] = 0.0, family.box.nominal.sample_time
+    (low, high), row = robust.ends(), robust.box.uncertain.index("delay")
+    low[row], high[row] = 0.0, robust.box.nominal.sample_time
     return low, high
 
 
-def _small_from(family: Family, gain: Margin) -> float:
+def _small_from(robust: RobustDesign, gain: Margin) -> float:
     """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
     theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
-    ends = np.hstack(_within_a_sample(family))
+    ends = np.hstack(_within_a_sample(robust))
     margins = []
     for corner in product(*ends):
-        numbers = dict(zip(family.names, map(Enclosure, corner), strict=True))
-        margins.append(gain(Enclosure(theta), {**family.values, **numbers, WHOLE_SAMPLES: 0}).mid)
+        numbers = dict(zip(robust.names, map(Enclosure, corner), strict=True))
+        margins.append(gain(Enclosure(theta), {**robust.values, **numbers, WHOLE_SAMPLES: 0}).mid)
     large = np.flatnonzero(np.min(margins, axis=0) <= 0)
     return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
 
 
-def model_poles_over(family: Family, alone: Alone) -> Outcome:
+def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove that no pole of the frequency model crosses the imaginary axis from one device to another."""
-    gains = family.design.gains
+    gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
-    for loop in family.loops():
+    for loop in robust.loops():
         claims = loop.claims()
-        test = missing(claims.model_poles, loop.values, claims.model_floor)
-        parts.append(_part(loop, test, 0.0, stiffest(loop.box.low, Cells(law, law)), MOST_OF_CURVES))
-    return _outcome(family, parts, alone)
+        test = misses_zero(claims.model_poles, loop.values, claims.model_any_position)
+        parts.append(_part(loop, test, 0.0, model_curve_end(loop.box.low, Cells(law, law)), MAX_BOXES_OF_CURVES))
+    return _outcome(robust, parts, alone)
 
 
-def sampled_poles_over(family: Family, alone: Alone) -> Outcome:
+def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
     """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
 
     The loop depends continuously on the delay where a whole sample is added to it.
     """
     parts = []
-    for loop in family.loops():
+    for loop in robust.loops():
         claims = loop.claims()
-        test = missing(claims.sampled_poles, loop.values, claims.sampled_floor)
-        parts += _around_circle(loop, test, claims.gain, MOST_OF_CURVES)
-    return _outcome(family, parts, alone)
+        test = misses_zero(claims.sampled_poles, loop.values, claims.sampled_any_position)
+        parts += _around_circle(loop, test, claims.sampled_any_phase, MAX_BOXES_OF_CURVES)
+    return _outcome(robust, parts, alone)
 
 
-def _whole_samples(family: Family) -> list[tuple[int, Floats, Floats]]:
+def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
     """Return the whole samples that delays of the box have, each with the ends of that part of the box."""
-    (low, high), T, names = family.ends(), family.box.nominal.sample_time, family.box.moving
+    (low, high), T, names = robust.ends(), robust.box.nominal.sample_time, robust.box.uncertain
     if "delay" not in names:
         return [(0, low, high)]
     row, parts = names.index("delay"), []
@@ -226,23 +235,23 @@ def _whole_samples(family: Family) -> list[tuple[int, Floats, Floats]]:
     return parts
 
 
-def _part(family: Family, test: Test, low: float, high: float, most: int = MOST) -> Proofs:
-    return _proved(test, over_band(family.names, *family.ends(), band_of(low, high, STEP)), most)
+def _part(robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int = MAX_BOXES) -> Proofs:
+    return _proved(test, over_band(robust.names, *robust.ends(), band_of(low, high, STEP)), max_boxes)
 
 
-def _proved(test: Test, boxes: Boxes, most: int) -> Proofs:
-    return prove(test, boxes, 1, halved=[True] * len(boxes.names), generations=GENERATIONS, most=most)
+def _proved(test: Test, boxes: Boxes, max_boxes: int) -> Proofs:
+    return prove(test, boxes, 1, halved=[True] * len(boxes.names), max_halvings=MAX_HALVINGS, max_boxes=max_boxes)
 
 
-def _outcome(family: Family, parts: list[Proofs], alone: Alone) -> Outcome:
+def _outcome(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
     """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it."""
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)
     if open_ is None:
         return Outcome(Verdict.PROVED, boxes)
     point = open_.open[:, 0] if np.isnan(open_.failing[0, 0]) else open_.failing[:, 0]
-    doubtful = family.device(point[1:])
-    for device in (doubtful, *family.box.corners()):
+    doubtful = robust.device(point[1:])
+    for device in (doubtful, *robust.box.corners()):
         judged = alone(device)
         boxes += judged.boxes
         if judged.verdict is Verdict.REFUTED:

@@ -16,26 +16,35 @@ from vctune.model.sampled import (
     characteristic_polynomial,
     return_difference,
     sampled_plant,
-    whole_samples,
+    split_delay,
 )
-from vctune.proof.balls import BALLS, PRECISION, ball, device_ball, gains_ball
+from vctune.proof.arb_balls import BALLS, PRECISION, as_series, ball, device_ball, gains_ball
 from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.winding import turned_angle
 
 ISOLATED_DEGREE = 40
+"""Degree up to which the spectral radius that is shown comes from isolated roots; above, from eigenvalues. The proof
+does not use it. Twice takes seconds for a long delay."""
 ROOT_TOLERANCE = 1e-16
-"""Radius of the enclosures of poles; without it they are only kept apart."""
+"""Radius of the enclosures of poles; without it they are only kept apart. Finer than a double; half and twice are the
+same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s."""
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
+    in_series = (
+        plant.converted(as_series),
+        Gains(as_series(gains.velocity), as_series(gains.position)),
+        as_series(limit),
+    )
 
     def margin(theta: Number) -> Number:
-        return sensitivity_margin(plant, gains, theta, limit, BALLS)
+        numbers = (plant, gains, limit) if isinstance(theta, arb) else in_series
+        return sensitivity_margin(numbers[0], numbers[1], theta, numbers[2], BALLS)
 
-    return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN), design.device)
+    return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN, curved=True), design.device)
 
 
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
@@ -67,7 +76,7 @@ def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
 def exact_plant(device: Device) -> SampledPlant:
     """Return the sampled plant with the device's decimals enclosed."""
     exact = device_ball(device)
-    whole, fraction = whole_samples(device.delay, device.sample_time)
+    whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(exact, whole, BALLS, fractional=fraction > 0)
 
 

@@ -8,7 +8,7 @@ from math import atan2
 from flint import arb
 
 from vctune.model.pair import Pair, re_conj_product
-from vctune.proof.balls import box
+from vctune.proof.arb_balls import box
 from vctune.proof.interval import Outcome, Verdict, prove_boxes
 
 Curve = Callable[[arb], Pair]

@@ -107,8 +107,8 @@ def handle_impedance(
     hz = frequencies(problem)
     s = 2j * pi * hz
     loop = response(problem.device, gains, 2 * pi * hz)
-    G_hh = _scale(loop) / _complex(loop.D)
-    G_he = _complex(loop.C) / _complex(loop.D)
+    G_hh = _scale(loop) / _complex(loop.D_scaled)
+    G_he = _complex(loop.C_scaled) / _complex(loop.D_scaled)
     Z_c = _complex(coupling_impedance(coupling, 2 * pi * hz))
     environments = (0 * s, DAMPER + 0 * s, SPRING / s, None)
     felt = {}

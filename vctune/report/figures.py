@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import cos, degrees, inf, log10, pi, sin
-from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -14,6 +13,7 @@ from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
 from vctune.design.prepared import pose
+from vctune.document.record import BoxRecord, CertificateRecord, DesignRecord, OptimalityRecord
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -46,12 +46,12 @@ LEAST_SPAN = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """What the figures show: a problem, its gains and coupling, and the numbers of design.json."""
+    """What the figures show: a problem, its gains and coupling, and the record of that design."""
 
     problem: Problem
     gains: Gains
     coupling: Coupling
-    record: dict[str, Any]
+    record: DesignRecord
 
 
 def figures(design: Design) -> dict[str, Figure]:
@@ -63,13 +63,14 @@ def figures(design: Design) -> dict[str, Figure]:
             "transparency": _transparency(design),
             "impedance": _impedance(design),
         }
-        if design.record.get("optimality"):
-            drawn["optimality"] = _optimality(design.record["optimality"])
+        if design.record.optimality is not None:
+            drawn["optimality"] = _optimality(design.record.optimality)
     return drawn
 
 
 def _llewellyn(design: Design) -> Figure:
-    problem, proof = design.problem, design.record["certificate"]
+    problem, proof = design.problem, design.record.certificate
+    assert proof is not None, "a design is judged"
     curves = llewellyn(problem, design.gains, design.coupling)
     figure = canvas(8, 6.2, top=0.55, gaps=(0, 0.34))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
@@ -89,8 +90,8 @@ def _llewellyn(design: Design) -> Figure:
     for axes in (upper, lower):
         frequency_axis(axes, curves.hz[0], curves.hz[-1])
         shade(axes, problem.stability.band, BLUE, "requested band")
-        if proof["proved_band_hz"]:
-            _edges(axes, proof["proved_band_hz"])
+        if proof.proved_band_hz:
+            _edges(axes, proof.proved_band_hz)
     upper.set_xlabel("")
     _asymptotes(design, upper)
     decades(upper)
@@ -99,13 +100,13 @@ def _llewellyn(design: Design) -> Figure:
     return figure
 
 
-def _thresholds(axes: Axes, factor: float, proof: dict[str, Any]) -> None:
+def _thresholds(axes: Axes, factor: float, proof: CertificateRecord) -> None:
     """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them."""
-    least = proof["min_ratio"]
+    least = proof.min_ratio
     axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
     axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
-    if proof["worst_hz"] and least:
-        axes.plot(proof["worst_hz"], least, "o", color=RED, label=f"least ratio {least:.4g}")
+    if proof.worst_hz and least:
+        axes.plot(proof.worst_hz, least, "o", color=RED, label=f"least ratio {least:.4g}")
     marks = (1.0, factor, min(least or 1.0, 2 * factor))
     low, span = min(marks), max(max(marks) - min(marks), LEAST_SPAN)
     axes.set(ylim=(max(low - span / 2, 0.0), max(marks) + 2 * span), ylabel="ratio, around 1")
@@ -205,27 +206,27 @@ def _impedance(design: Design) -> Figure:
     return figure
 
 
-def _optimality(found: dict[str, Any]) -> Figure:
+def _optimality(found: OptimalityRecord) -> Figure:
     """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
     boxes, bound, error = (
-        [row[key] if row[key] is not None else np.nan for row in found["history"]]
+        [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")
     )
     figure = canvas(8, 3.8, right=0.3, top=0.4, gaps=(0.3, 0))
-    axes, *others = figure.subplots(1, 2 if found["open"] else 1, squeeze=False)[0]
+    axes, *others = figure.subplots(1, 2 if found.open else 1, squeeze=False)[0]
     axes.step(boxes, error, "--", where="post", color=GREEN, label="best design known")
     axes.step(boxes, bound, where="post", color=BLUE, label="no design is below")
     axes.set(xlabel="boxes searched", ylabel="transparency error", yscale="log")
     legend_above(axes, 2)
     for panel in others:
-        _draw_boxes(panel, found["open"])
-        panel.set_title(f"{len(found['open'])} of {found['history'][-1]['open']} open boxes")
+        _draw_boxes(panel, found.open)
+        panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")
     return figure
 
 
-def _draw_boxes(axes: Axes, boxes: list[dict[str, list[float]]]) -> None:
+def _draw_boxes(axes: Axes, boxes: list[BoxRecord]) -> None:
     for box in boxes:
-        (x, y, *_), (x_end, y_end, *_) = box["low"], box["high"]
+        (x, y, *_), (x_end, y_end, *_) = box.low, box.high
         axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
     axes.autoscale_view()
     axes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m")

@@ -12,6 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from vctune.document.record import DesignRecord
 from vctune.model.problem import Problem
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
@@ -19,13 +20,13 @@ from vctune.report.style import INK, PAPER
 
 
 def page(
-    record: dict[str, Any], problem: Problem, drawn: dict[str, str], simulation: dict[str, Any] | None = None
+    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: dict[str, Any] | None = None
 ) -> str:
     """Return the HTML of a design.
 
     Parameters
     ----------
-    record : the object of design.json, which the page embeds
+    record : of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
     simulation : the object of simulation.json, if there is one
@@ -36,13 +37,13 @@ def page(
     shown = [
         {"title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)} for name, text in drawn.items()
     ]
-    embedded = json.dumps(record, indent=1, allow_nan=False).replace("<", "\\u003c")
+    embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
     template = environment.get_template("page.html.j2")
     return template.render(
         record=record,
         problem=problem,
         figures=shown,
-        numbers=_numbers(record),
+        groups=record.groups(),
         embedded=embedded,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
@@ -74,60 +75,3 @@ def _rounded(attribute: re.Match[str]) -> str:
 def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
     """Return a figure as an SVG file."""
     return {folder / f"{stem}.svg": svg(figure, stem)}
-
-
-def _numbers(record: dict[str, Any]) -> list[tuple[str, str, str]]:
-    if record["gains"] is None:
-        return []
-    gains, coupling, error = record["gains"], record["coupling"], record["transparency"]
-    proof, loop = record["certificate"], record["inner_loop"]
-    rows = [
-        ("velocity gain K_v", gains["velocity"], "N s/m", 8),
-        ("position gain K_p", gains["position"], "N/m", 8),
-        ("coupling damping b_c", coupling["damping"], "N s/m", 8),
-        ("coupling mass m_c", coupling["mass"], "kg", 8),
-        ("coupling drag b_0", coupling["drag"], "N s/m", 8),
-        ("transparency error", error["error"], "", 5),
-        ("least Re Z_c / R", proof["min_ratio"], _at(proof["worst_hz"]), 6),
-        ("Rollett's K there", proof["rollett_k"], "", 6),
-        ("proved from", proof["proved_band_hz"][0] if proof["proved_band_hz"] else None, "Hz", 6),
-        ("proved to", proof["proved_band_hz"][1] if proof["proved_band_hz"] else None, "Hz", 6),
-        ("peak |S|", loop["peak_sensitivity"], _at(loop["peak_sensitivity_hz"]), 5),
-        ("spectral radius, sampled", loop["spectral_radius"], "", 6),
-        ("gain margin", loop["gain_margin_db"], "dB", 5),
-        ("phase margin", loop["phase_margin_deg"], "deg", 5),
-        ("delay margin", loop["delay_margin_s"], "s", 5),
-    ]
-    if proof.get("without_operator"):
-        bare = proof["without_operator"]
-        rows.insert(
-            7, ("the same without operator", bare["min_ratio"], f"{_at(bare['worst_hz'])}, {bare['verdict']}", 6)
-        )
-    if record.get("uncertainty"):
-        known = record["uncertainty"]
-        rows[6:6] = [
-            ("worst error of uncertain devices", known["worst_error"], _with(known["worst_device"]), 5),
-            ("least error if the device were certain", known["nominal_error"], "", 5),
-        ]
-    if record.get("optimality"):
-        found = record["optimality"]
-        gap = "" if found["gap"] is None else f"gap {100 * found['gap']:.3g} %, "
-        rows.append(("no design is below", found["lower_bound"], f"{gap}{found['verdict']}", 5))
-    count = loop["nyquist"]
-    rows.append(
-        (
-            "Z = N + P, poles to the right",
-            count["Z"],
-            f"N = {count['N']} encirclements of -1, P = 0 in the open loop",
-            1,
-        )
-    )
-    return [(label, "none" if value is None else f"{value:.{digits}g}", unit) for label, value, unit, digits in rows]
-
-
-def _with(device: dict[str, float]) -> str:
-    return f"mass {device['mass']:.5g} kg, damping {device['damping']:.5g} N s/m, delay {device['delay']:.5g} s"
-
-
-def _at(hz: float | None) -> str:
-    return "" if hz is None else f"at {hz:.5g} Hz"

@@ -191,7 +191,7 @@ def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
     """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies."""
     device, swapped = problem.device, plane.axes == (1, 0)
     K_v = plane.edges[1 if swapped else 0]
-    K_p = (device.damping + K_v) / device.lag
+    K_p = (device.damping + K_v) / device.loop_lag
     x, y = (K_p, K_v) if swapped else (K_v, K_p)
     at = _place(plane, 0, x), _place(plane, 1, y)
     if np.isfinite(sum(at)).any():

@@ -9,19 +9,19 @@ from matplotlib.figure import Figure
 
 from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.document.record import DesignRecord
 from vctune.report.contents import REPORT, report_paths
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
 from vctune.report.page import figure_file, page, svg
 
 
-def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> None:
+def write_report(record: DesignRecord, folder: Path, simulation: dict[str, Any] | None = None) -> None:
     """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
 
     Parameters
     ----------
-    record : the object of design.json
+    record : of the design
     folder : for report.html and the figures
     simulation : the object of simulation.json of this design; None without one
 
@@ -34,12 +34,12 @@ def write_report(record: dict[str, Any], folder: Path, simulation: dict[str, Any
     write_together(files, [path for path in report_paths(folder) if path not in files])
 
 
-def report_files(record: dict[str, Any], folder: Path, simulation: dict[str, Any] | None = None) -> dict[Path, str]:
+def report_files(record: DesignRecord, folder: Path, simulation: dict[str, Any] | None = None) -> dict[Path, str]:
     """Return what `write_report` writes, the page last."""
-    problem = parse_problem(record["problem"]["text"], record["problem"]["name"], record["problem"]["name"])
+    problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
     drawn: dict[str, Figure] = {}
-    if record["gains"] is not None:
-        drawn = figures(Design(problem, Gains(**record["gains"]), Coupling(**record["coupling"]), record))
+    if record.design is not None:
+        drawn = figures(Design(problem, *record.design, record))
     if simulation is not None:
         drawn["simulation"] = simulation_figure(simulation)
     pictures = {name: svg(figure, name) for name, figure in drawn.items()}

@@ -57,26 +57,26 @@ class State:
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
     coupling : velocity of the coupling's mass, m/s
     integral : of the position error, m s
-    seen, filtered : last measured position and filtered velocity, m, m/s
+    measured, filtered : last measured position and filtered velocity, m, m/s
     """
 
     reference: Number
     desired: Number
     coupling: Number
     integral: Number
-    seen: Number
+    measured: Number
     filtered: Number
 
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The force that the motor is told, and the environment's share f_e of the hand's force, N."""
+    """The force that the motor is commanded, and the environment's share f_e of the hand's force, N."""
 
     force: Number
     environment: Number
 
 
-def control(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple[State, Command]:
+def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[State, Command]:
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
@@ -84,9 +84,21 @@ def control(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple
     trapezoidal rule, whose impedances at omega are the continuous ones at (2/T) tan(omega T/2): it takes nothing
     from Re Z_c, on which the certificate rests. The environment follows backward Euler, which stays passive and
     damps what it cannot resolve, so that a wall may be as stiff as one likes.
+
+    Parameters
+    ----------
+    law : the numbers of the firmware
+    state : what it remembers from the sample before
+    measurement : what its sensors say
+    ops : arithmetic of state and measurement
+
+    Returns
+    -------
+    state : to remember
+    command : for the motor
     """
     T = law.sample_time
-    position, velocity, filtered = _measured(law, state, seen, ops)
+    position, velocity, filtered = _measured(law, state, measurement, ops)
 
     mass = (law.virtual_mass + law.environment.mass) / T
     resistance, memory = mass + law.virtual_damping, mass * state.desired
@@ -97,7 +109,7 @@ def control(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple
         resistance = resistance + share + law.coupling.drag
         memory = memory + share * ((1 - alpha) * state.coupling + alpha * state.desired)
     middle = state.reference + T / 2 * state.desired
-    desired, environment = _rendered(law, seen.force + memory, resistance, middle, ops)
+    desired, environment = _rendered(law, measurement.force + memory, resistance, middle, ops)
     environment = environment + law.environment.mass / T * (desired - state.desired)
     reference = middle + T / 2 * desired
     coupling = state.coupling
@@ -112,18 +124,18 @@ def control(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple
         force = force + law.integral * integral
     if law.limit is not None:
         force = ops.maximum(-law.limit, ops.minimum(law.limit, force))
-    remembered = State(reference, desired, coupling, integral, position if law.smoothing else state.seen, filtered)
+    remembered = State(reference, desired, coupling, integral, position if law.smoothing else state.measured, filtered)
     return remembered, Command(force, environment)
 
 
-def _measured(law: Law, state: State, seen: Measurement, ops: Arithmetic) -> tuple[Number, Number, Number]:
+def _measured(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[Number, Number, Number]:
     """Return position and velocity as the firmware sees them, and its filtered velocity."""
-    position = seen.position
+    position = measurement.position
     if law.position_resolution > 0:
         position = law.position_resolution * ops.floor(position / law.position_resolution + 0.5)
     if law.smoothing is None:
-        return position, seen.velocity, state.filtered
-    difference = (position - state.seen) / law.sample_time
+        return position, measurement.velocity, state.filtered
+    difference = (position - state.measured) / law.sample_time
     filtered = state.filtered + law.smoothing * (difference - state.filtered)
     return position, filtered, filtered
 

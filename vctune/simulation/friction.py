@@ -17,7 +17,9 @@ from vctune.model.arithmetic import Number
 from vctune.model.experiment import Friction
 from vctune.simulation.arithmetic import Arithmetic
 
-SERIES = 0.01
+SERIES_BELOW = 0.01
+"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are right to
+2e-14. Half: the formula's rounding doubles. Twice: what the series' five terms leave out is 6e-13."""
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
@@ -31,7 +33,15 @@ def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[N
 
 
 def friction_force(friction: Friction, velocity: Number, deflection: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return F [N] and dz/dt [m/s]."""
+    """Return F [N] and dz/dt [m/s].
+
+    Parameters
+    ----------
+    friction : its parameters
+    velocity : m/s
+    deflection : of the bristles, m
+    ops : arithmetic of velocity and deflection
+    """
     rate, damping = relaxation(friction, velocity, ops)
     creep = velocity - rate * deflection
     return friction.stiffness * deflection + damping * creep, creep
@@ -60,10 +70,24 @@ SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
 
 
 def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
-    """Advance by some steps of length h under the force push(t), t counted from the beginning.
+    """Advance by some steps of length h [s] under the force push(t) [N], t [s] counted from the beginning.
 
     Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
     that is foreseen from the step before, in the first step from a trial.
+
+    Parameters
+    ----------
+    step : of length h
+    at : state at the beginning
+    push : force of motor and hand, N, of the time since the beginning, s
+    h : length of a step, s
+    steps : their number
+    theta : where in a step its forces are taken, 1/2 to 1
+
+    Returns
+    -------
+    Slide
+        The state at the end.
     """
     foreseen = at.v
     if theta < 1:
@@ -87,24 +111,40 @@ def slide_step(
     """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
 
     With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
-    exactly: with y = a h their mean is phi z + psi h w, phi = (1 - e^-y)/y, psi = (1 - phi)/y. The friction is then
-    linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that friction does
-    at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+    exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
+    is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
+    friction does at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+
+    Parameters
+    ----------
+    carriage : what slides
+    friction : that acts on it
+    at : state at the beginning
+    foreseen : velocity at which the friction's rate is taken, m/s
+    push : force of motor and hand, N
+    h : length of the step, s
+    theta : where in the step its forces are taken, 1/2 to 1
+    ops : arithmetic of state, velocity and force
+
+    Returns
+    -------
+    tuple of Slide and Number
+        The state at the end and w, m/s.
     """
     rate, damping = relaxation(friction, foreseen, ops)
-    phi, psi = _decays(rate * h, ops)
-    held = (friction.stiffness - damping * rate) * phi
-    slope = friction.stiffness * h * psi + damping * phi
+    phi_1, phi_2 = _phi_1_and_2(rate * h, ops)
+    stiffness = (friction.stiffness - damping * rate) * phi_1
+    slope = friction.stiffness * h * phi_2 + damping * phi_1
     inertia = carriage.mass / (theta * h)
-    free = inertia * at.v + push - carriage.stiffness * at.x - held * at.z
+    free = inertia * at.v + push - carriage.stiffness * at.x - stiffness * at.z
     w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + slope)
-    return Slide(at.x + h * w, at.v + (w - at.v) / theta, at.z + h * phi * (w - rate * at.z)), w
+    return Slide(at.x + h * w, at.v + (w - at.v) / theta, at.z + h * phi_1 * (w - rate * at.z)), w
 
 
-def _decays(y: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return (1 - e^-y)/y and (y - 1 + e^-y)/y^2 for y >= 0."""
-    safe = ops.maximum(y, SERIES)
-    phi = -ops.expm1(-safe) / safe
-    small = y < SERIES
+def _phi_1_and_2(y: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return phi_1 = (1 - e^-y)/y and phi_2 = (y - 1 + e^-y)/y^2 for y >= 0, of exponential integrators at -y."""
+    safe = ops.maximum(y, SERIES_BELOW)
+    phi_1 = -ops.expm1(-safe) / safe
+    small = y < SERIES_BELOW
     series = 0.5 - y * (1 / 6 - y * (1 / 24 - y * (1 / 120 - y / 720)))
-    return ops.where(small, 1 - y * series, phi), ops.where(small, series, (1 - phi) / safe)
+    return ops.where(small, 1 - y * series, phi_1), ops.where(small, series, (1 - phi_1) / safe)

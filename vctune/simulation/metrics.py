@@ -11,10 +11,16 @@ from vctune.model.experiment import Environment, Operator
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
 
-EDGE = 0.1
-"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero."""
-GRID = 400
+TURNING_POINT = 0.1
+"""Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The
+hand gains speed within the first 6 % of the travel (`vctune.simulation.motion.RAMP`). Half: that would be measured too.
+Twice: less of the stroke would be. Both change the ripple, which is for comparing controllers, a little."""
+N_POSITIONS = 400
+"""Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
+twice as many say no more."""
 SATURATED = 1 - 1e-9
+"""Share of the limit from which on a force counts as at it: the limit but for rounding. Half and twice the allowance
+count the same samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +76,15 @@ class Metrics:
 
 
 def metrics(traces: Traces, environment: Environment, operator: Operator, limit: float | None) -> Metrics:
-    """Measure a run."""
+    """Measure a run.
+
+    Parameters
+    ----------
+    traces : of a run that did not diverge
+    environment : that was rendered
+    operator : the hand
+    limit : greatest force of the actuator, N; None for none
+    """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)
     if environment.wall:
@@ -129,7 +143,7 @@ def _fit(traces: Traces, environment: Environment, counted: NDArray[np.bool_]) -
 
 def _ripple(about: Floats, speed: Floats) -> float | None:
     """Return the greatest less the least force about the fit near zero velocity."""
-    slow = about[speed < EDGE * speed.max()]
+    slow = about[speed < TURNING_POINT * speed.max()]
     return float(np.ptp(slow)) if slow.size else None
 
 
@@ -144,13 +158,13 @@ def _non_overlap(traces: Traces, counted: NDArray[np.bool_], stroke: float) -> f
     high = min(traces.position[at].max() for at in strokes)
     if high <= low:
         return None
-    places = np.linspace(low + EDGE * (high - low), high - EDGE * (high - low), GRID)
+    positions = np.linspace(low + TURNING_POINT * (high - low), high - TURNING_POINT * (high - low), N_POSITIONS)
     curves: dict[int, list[Floats]] = {0: [], 1: []}
     for at in strokes:
         order = np.argsort(traces.position[at], kind="stable")
-        curves[number[at[0]] % 2].append(np.interp(places, traces.position[at][order], traces.force[at][order]))
-    there, back = np.array(curves[0]), np.array(curves[1])
-    apart = np.maximum(there.max(axis=0) - back.min(axis=0), back.max(axis=0) - there.min(axis=0))
+        curves[number[at[0]] % 2].append(np.interp(positions, traces.position[at][order], traces.force[at][order]))
+    outward, inward = np.array(curves[0]), np.array(curves[1])
+    apart = np.maximum(outward.max(axis=0) - inward.min(axis=0), inward.max(axis=0) - outward.min(axis=0))
     return float(apart.max())
 
 

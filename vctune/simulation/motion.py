@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from vctune.model.experiment import Operator
 
 Floats = NDArray[np.float64]
-TURN = 0.1
-"""Share of a stroke's time that each of its two ends takes to gain or lose speed."""
+RAMP = 0.1
+"""Share of a stroke's time that each of its two ends takes to gain or lose speed. Half: twice
+the acceleration, which is felt through a hand with mass. Twice: less of the stroke at constant speed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class Intended:
 def stroke_time(operator: Operator) -> float:
     """Return how long a stroke takes from one end to the other, s."""
     travel = abs(operator.end - operator.start)
-    mean = 1 - TURN if operator.motion == "reciprocate" else 2 / pi
+    mean = 1 - RAMP if operator.motion == "reciprocate" else 2 / pi
     return travel / (mean * operator.speed)
 
 
@@ -36,7 +37,19 @@ def sample_count(operator: Operator, sample_time: float) -> int:
 
 
 def intended_motion(operator: Operator, sample_time: float, first: int, last: int) -> Intended:
-    """Return the intended motion at samples `first` to `last`, both included."""
+    """Return the intended motion at samples `first` to `last`, both included.
+
+    Parameters
+    ----------
+    operator : the hand
+    sample_time : s
+    first, last : numbers of samples, from 0
+
+    Returns
+    -------
+    Intended
+        last - first + 1 positions and velocities.
+    """
     stroke = stroke_time(operator)
     strokes = np.arange(first, last + 1) * (sample_time / stroke)
     phase, travel = np.mod(strokes, 2.0), operator.end - operator.start
@@ -51,10 +64,10 @@ def intended_motion(operator: Operator, sample_time: float, first: int, last: in
 
 def _ramped(u: Floats) -> tuple[Floats, Floats]:
     """Return place and rate, from 0 to 1 for u from 0 to 1, at constant rate but for the ends."""
-    top = 1 / (1 - TURN)
+    top = 1 / (1 - RAMP)
     end = np.minimum(u, 1 - u)
-    rate = top * np.minimum(end / TURN, 1.0)
-    from_end = np.where(end < TURN, top * end * end / (2 * TURN), top * (end - TURN / 2))
+    rate = top * np.minimum(end / RAMP, 1.0)
+    from_end = np.where(end < RAMP, top * end * end / (2 * RAMP), top * (end - RAMP / 2))
     return np.where(u <= 0.5, from_end, 1 - from_end), rate
 
 

@@ -7,22 +7,22 @@ from math import ceil, log2
 
 import numpy as np
 
-from vctune.model.sampled import whole_samples
+from vctune.model.sampled import split_delay
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the held forces act within a sample interval: u[k-whole-1] for `early` seconds, then u[k-whole].
+    """When the held forces act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
 
     Attributes
     ----------
-    whole : whole samples of delay
+    whole_samples : N, of the delay
     early, late : s; early is 0 without a fraction of a sample of delay
     """
 
-    whole: int
+    whole_samples: int
     early: float
     late: float
 
@@ -30,7 +30,7 @@ class Timing:
 def timing(scene: Scene) -> Timing:
     """Return the timing of a scene's actuator; the real zero-order hold, whatever `hold` the frequency model has."""
     T = scene.device.sample_time
-    whole, fraction = whole_samples(scene.device.delay, T)
+    whole, fraction = split_delay(scene.device.delay, T)
     return Timing(whole, fraction * T, T - fraction * T)
 
 

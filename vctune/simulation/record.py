@@ -20,7 +20,8 @@ from vctune.simulation.thinning import thinned
 from vctune.version import __version__
 
 TOLERANCE = 1.5e-3
-"""By how much of the range that a figure shows a curve may differ: less than the line is wide."""
+"""By how much of the range that a figure shows a curve may differ: less than the line is wide. Half: more points in
+simulation.json, the same picture. Twice: corners begin to show in print."""
 
 
 def simulation_record(

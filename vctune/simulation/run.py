@@ -12,8 +12,9 @@ from vctune.simulation.motion import Floats, intended_motion, sample_count
 from vctune.simulation.scene import Scene
 from vctune.simulation.step import CHUNK, COLUMNS, INPUTS, Stretch, build, fixed_steps
 
-ASTRAY = 1e3
-"""A handle this many times the hand's travel away from where the hand wants it has diverged."""
+DIVERGENCE = 1e3
+"""A handle this many times the hand's travel away from where the hand wants it has diverged. No stable loop comes near
+it, and an unstable one passes half and twice it within a few samples of each other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,8 +29,8 @@ class Traces:
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
-    motor : u, the force that the motor is told, N
-    diverged : when the handle began to go astray for good, s, and the traces end; None if it did not
+    motor : u, the commanded force, N
+    diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
     """
 
     time: Floats
@@ -65,9 +66,9 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     recorded = np.empty((samples, len(COLUMNS)))
     wanted = np.empty(samples)
     noise = np.random.default_rng(scene.seed)
-    reach = ASTRAY * abs(scene.operator.end - scene.operator.start)
-    state, done, astray = step.start, 0, False
-    while done < samples and not astray:
+    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    state, done, diverged = step.start, 0, False
+    while done < samples and not diverged:
         count = min(CHUNK, samples - done)
         inputs = _inputs(scene, done, noise)
         with interrupt_deferred():
@@ -76,9 +77,9 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
         block = recorded[done : done + count] = np.asarray(records).T[:count]
         wanted[done : done + count] = inputs[0, :count]
         done += count
-        astray = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
-    return _traces(scene, recorded[:done], wanted[:done], diverged=astray)
+    return _traces(scene, recorded[:done], wanted[:done], diverged=diverged)
 
 
 def _inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:

@@ -39,7 +39,7 @@ class Scene:
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class Equilibrium:
     """Where a scene starts, at rest: handle x and environment x_e, m, and the motor's force, N."""
 
     position: float
@@ -47,30 +47,44 @@ class Rest:
     motor: float
 
 
-def rest(scene: Scene) -> Rest:
+def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: the springs of hand, controller and environment in a row.
 
     Without a position gain the controller holds nothing, and the handle starts where hand and environment agree.
     """
     hand, law, begin = scene.operator, scene.law, scene.operator.start
-    there = law.environment
-    if hand.stiffness == 0 or there.stiffness == 0:
-        return Rest(begin, begin, 0.0)
-    compliance = 1 / hand.stiffness + 1 / there.stiffness + (1 / law.position if law.position > 0 else 0.0)
-    force = (begin - there.zero) / compliance
-    if there.wall and force < 0:
-        return Rest(begin, begin, 0.0)
+    rendered = law.environment
+    if hand.stiffness == 0 or rendered.stiffness == 0:
+        return Equilibrium(begin, begin, 0.0)
+    compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / law.position if law.position > 0 else 0.0)
+    force = (begin - rendered.zero) / compliance
+    if rendered.wall and force < 0:
+        return Equilibrium(begin, begin, 0.0)
     motor = -force if law.position > 0 else 0.0
-    return Rest(begin - force / hand.stiffness, there.zero + force / there.stiffness, motor)
+    return Equilibrium(begin - force / hand.stiffness, rendered.zero + force / rendered.stiffness, motor)
 
 
 def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:
-    """Return the scene with the velocity loop and the coupling of a design (paper's figures b)."""
+    """Return the scene with the velocity loop and the coupling of a design (paper's figures b).
+
+    Parameters
+    ----------
+    device : Device
+    gains, coupling : the design
+    experiment : what it is tried in
+    """
     return _scene(device, experiment, gains, 0.0, coupling, 0.0, 0.0)
 
 
 def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Scene:
-    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a)."""
+    """Return the scene with a regular PID and its virtual mass and damping (paper's figures a).
+
+    Parameters
+    ----------
+    device : Device
+    experiment : what it is tried in
+    pid : the regular controller
+    """
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 

@@ -21,10 +21,10 @@ from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing, transition
-from vctune.simulation.scene import Scene, rest
+from vctune.simulation.scene import Scene, equilibrium
 
 CHUNK = 1024
-"""Samples per call of the compiled function."""
+"""Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
 """What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u."""
 INPUTS = 5
@@ -32,8 +32,11 @@ INPUTS = 5
 
 
 STEPS_PER_RADIAN = 64
-"""Fixed steps per radian of the bristles' oscillation; see results/work-precision.csv."""
+"""Fixed steps per radian of the bristles' oscillation. Half: four times the error in half the time, twice: a quarter of
+it in twice the time (results/work-precision.csv)."""
 LEAST_STEPS, MOST_STEPS = 4, 256
+"""Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
+anything that can be felt. Half and twice either are half and twice the time where they apply."""
 
 
 class _SymbolArithmetic:
@@ -115,36 +118,40 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     """Assemble and compile the step of a scene; `stretch` says how friction is integrated."""
     when = timing(scene)
     names = [field.name for field in fields(State)]
-    body, given = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("given", INPUTS)
-    queue = [ca.SX.sym(f"u{age}") for age in range(when.whole + 1)]  # forces told and not yet spent, the newest first
+    body, inputs = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("inputs", INPUTS)
+    queue = [
+        ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
+    ]  # forces commanded and not yet spent, the newest first
     memory = {name: ca.SX.sym(name) for name in names}
 
     at = Slide(body[0], body[1], body[2] if scene.friction else 0.0)
-    hand = _hand_force(scene, at, given, queue[-1])
-    seen = Measurement(at.x, at.v, hand + given[4] if scene.force_noise > 0 else hand)
-    remembered, command = control(scene.law, State(**memory), seen, SYMBOLS)
+    hand = _hand_force(scene, at, inputs, queue[-1])
+    measurement = Measurement(at.x, at.v, hand + inputs[4] if scene.force_noise > 0 else hand)
+    remembered, command = control(scene.law, State(**memory), measurement, SYMBOLS)
     changed = [name for name in names if getattr(remembered, name) is not memory[name]]
     record = ca.vertcat(at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force)
-    told = [command.force, *queue]
+    commanded = [command.force, *queue]
     state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
-    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *told[:-1])
-    begin = rest(scene)
+    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *commanded[:-1])
+    begin = equilibrium(scene)
     start = np.zeros(state.shape[0])
     start[0], start[-len(queue) :] = begin.position, begin.motor
-    known = {"reference": begin.reference, "seen": begin.position}
+    known = {"reference": begin.reference, "measured": begin.position}
     start[body.shape[0] : -len(queue)] = [known.get(name, 0.0) for name in changed]
     if scene.friction is None:
-        one = ca.Function("one", [state, given], [ca.vertcat(_moved_exactly(scene, body, given, told), kept), record])
+        one = ca.Function(
+            "one", [state, inputs], [ca.vertcat(_moved_exactly(scene, body, inputs, commanded), kept), record]
+        )
     else:
-        firmware = ca.Function("firmware", [state, given], [kept, record, told[-1], told[-2]])
+        firmware = ca.Function("firmware", [state, inputs], [kept, record, commanded[-1], commanded[-2]])
         one = _with_friction(scene, scene.friction, stretch, firmware)
     return Step(one, start)
 
 
-def _hand_force(scene: Scene, at: Slide, given: Any, motor: Any) -> Any:
+def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
     """Return f_h just before the sample: spring, damper and, with the acceleration at that moment, the hand's mass."""
     hand, carriage = scene.operator, scene.carriage
-    push = hand.stiffness * given[0] + hand.damping * given[1]
+    push = hand.stiffness * inputs[0] + hand.damping * inputs[1]
     pull = hand.stiffness * at.x + hand.damping * at.v
     if hand.mass == 0:
         return push - pull
@@ -155,23 +162,23 @@ def _hand_force(scene: Scene, at: Slide, given: Any, motor: Any) -> Any:
     return (1 - share) * (push - pull) - share * (motor - resisting)
 
 
-def _moved_exactly(scene: Scene, body: Any, given: Any, told: list[Any]) -> Any:
+def _moved_exactly(scene: Scene, body: Any, inputs: Any, commanded: list[Any]) -> Any:
     exact = transition(scene)
-    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), given[:4])
-    moved = moved + ca.DM(exact.late) * told[-2]
-    return moved + ca.DM(exact.early) * told[-1] if exact.early.any() else moved
+    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[:4])
+    moved = moved + ca.DM(exact.late) * commanded[-2]
+    return moved + ca.DM(exact.early) * commanded[-1] if exact.early.any() else moved
 
 
 def _with_friction(scene: Scene, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
     """Return the step of a device with friction: firmware, then one or two stretches of constant motor force."""
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
-    state, given = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("given", INPUTS)
-    kept, record, early, late = firmware(state, given)
+    state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", INPUTS)
+    kept, record, early, late = firmware(state, inputs)
     body = state[:3]
     for begin, length, motor in ((0.0, when.early, early), (when.early, when.late, late)):
         if length > 0:
-            body = stretch(scene, friction, begin, length)(body, motor, ca.mtimes(push, given[:4]))
-    return ca.Function("one", [state, given], [ca.vertcat(body, kept), record])
+            body = stretch(scene, friction, begin, length)(body, motor, ca.mtimes(push, inputs[:4]))
+    return ca.Function("one", [state, inputs], [ca.vertcat(body, kept), record])
 
 
 def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:

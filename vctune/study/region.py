@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.sampled_loop import sensitivity
+from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import pose
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -121,11 +121,11 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
-    kinds[hopeful[prove(demands, served.taken(hopeful)).proved]] = Kind.FEASIBLE
+    kinds[hopeful[prove(demands, served.subset(hopeful)).proved]] = Kind.FEASIBLE
     left = np.flatnonzero(kinds != Kind.FEASIBLE)
-    lost = refuted(demands, cells.taken(left), worst[0, left], worst_S[left])
+    lost = refuted(demands, cells.subset(left), worst[0, left], worst_S[left])
     if free:
-        lost |= no_damping(demands, cells.taken(left), worst[:, left])
+        lost |= no_damping(demands, cells.subset(left), worst[:, left])
     kinds[left[lost]] = Kind.INFEASIBLE
     return kinds, np.where(kinds == Kind.FEASIBLE, damping, np.nan)
 
@@ -157,7 +157,7 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Fl
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
-    S = sensitivity(device, Gains(K_v, K_p), below)
+    S = sensitivity_of(device, Gains(K_v, K_p))(below)
     damping[S.max(axis=1) > stability.max_sensitivity] = np.nan
     worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
     return damping, worst, below[np.argmax(S, axis=1)] * device.sample_time

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from vctune.design.variables import coordinates
 from vctune.model.problem import Problem
-from vctune.proof.enclosures import Flags, Floats
+from vctune.proof.array_intervals import Flags, Floats
 
 K_V, K_P, TAU_C, B_0 = range(4)
-"""Rows of `Boxes`: K_v, K_p, tau_c = m_c/b_c, b_0."""
+"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0."""
 
 
 @dataclass(frozen=True, slots=True)
-class Boxes:
+class DesignBoxes:
     """Boxes of designs: [low, high] in each of K_v, K_p, tau_c = m_c/b_c and b_0; arrays of shape (4, n), SI units."""
 
     low: Floats
@@ -25,9 +25,9 @@ class Boxes:
     def __len__(self) -> int:
         return int(self.low.shape[1])
 
-    def taken(self, at: NDArray[np.intp] | Flags) -> Boxes:
+    def subset(self, at: NDArray[np.intp] | Flags) -> DesignBoxes:
         """Return some of the boxes."""
-        return Boxes(self.low[:, at], self.high[:, at])
+        return DesignBoxes(self.low[:, at], self.high[:, at])
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,31 +74,31 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
     )
 
 
-def all_designs(axes: tuple[Axis, ...]) -> Boxes:
+def all_designs(axes: tuple[Axis, ...]) -> DesignBoxes:
     """Return the one box of all designs."""
-    return Boxes(np.array([[axis.low] for axis in axes]), np.array([[axis.high] for axis in axes]))
+    return DesignBoxes(np.array([[axis.low] for axis in axes]), np.array([[axis.high] for axis in axes]))
 
 
-def halves(axis: Axis, row: int, boxes: Boxes) -> tuple[Boxes, Boxes]:
+def halves(axis: Axis, row: int, boxes: DesignBoxes) -> tuple[DesignBoxes, DesignBoxes]:
     """Return the lower and the upper halves of boxes along an axis.
 
     Parameters
     ----------
     axis : along which they are halved
-    row : its row in `Boxes`
+    row : its row in `DesignBoxes`
     boxes : n boxes
 
     Returns
     -------
-    tuple of Boxes
+    tuple of DesignBoxes
         n lower and n upper halves, in the boxes' order.
     """
     middle = axis.middle(boxes.low[row], boxes.high[row])
     low, high = boxes.low.copy(), boxes.high.copy()
     low[row] = high[row] = middle
-    return Boxes(boxes.low, high), Boxes(low, boxes.high)
+    return DesignBoxes(boxes.low, high), DesignBoxes(low, boxes.high)
 
 
-def joined(parts: list[Boxes]) -> Boxes:
+def joined(parts: list[DesignBoxes]) -> DesignBoxes:
     """Return several sets of boxes as one."""
-    return Boxes(np.hstack([part.low for part in parts]), np.hstack([part.high for part in parts]))
+    return DesignBoxes(np.hstack([part.low for part in parts]), np.hstack([part.high for part in parts]))

@@ -19,12 +19,12 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.design.bound.boxes import K_P, Axis, Boxes, halves
+from vctune.design.bound.boxes import K_P, Axis, DesignBoxes, halves
 from vctune.design.bound.lower_bounds import LowerBounds, lower_bounds, without_integrator
 from vctune.design.bound.nodes import OpenNodes, joined
 from vctune.design.bound.relaxation import Relaxation
 from vctune.model.problem import Problem
-from vctune.proof.enclosures import Flags, Floats
+from vctune.proof.array_intervals import Flags, Floats
 
 BETTER_HALF = 0.1
 """What the better half counts against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
@@ -57,7 +57,7 @@ class _Candidate:
     """An axis along which all boxes are tried to be halved, and what its lower and upper halves come to."""
 
     row: int
-    halves: tuple[Boxes, Boxes]
+    halves: tuple[DesignBoxes, DesignBoxes]
     bounds: tuple[LowerBounds, LowerBounds]
 
 
@@ -71,7 +71,7 @@ def halved(
     Parameters
     ----------
     relaxed : the problem
-    axes : of its designs, in the order of the rows of `Boxes`
+    axes : of its designs, in the order of the rows of `DesignBoxes`
     parents : the boxes
     incumbent : error of the best design known, inf if none is
     pool : threads
@@ -84,12 +84,14 @@ def halved(
         chosen = best == number
         for half, bounds in zip(candidate.halves, candidate.bounds, strict=True):
             error = np.maximum(bounds.error, parents.bound)
-            children.append(OpenNodes(half.taken(chosen), error[chosen], parents.stable[chosen]))
+            children.append(OpenNodes(half.subset(chosen), error[chosen], parents.stable[chosen]))
             along_gains.append(np.full(len(children[-1]), candidate.row <= K_P))
     return Halved(joined(children), np.concatenate(along_gains), 2 * len(candidates) * len(parents))
 
 
-def _candidates(relaxed: Relaxation, axes: Sequence[Axis], boxes: Boxes, pool: ThreadPoolExecutor) -> list[_Candidate]:
+def _candidates(
+    relaxed: Relaxation, axes: Sequence[Axis], boxes: DesignBoxes, pool: ThreadPoolExecutor
+) -> list[_Candidate]:
     rows = [row for row, axis in enumerate(axes) if axis.low < axis.high]
     pairs = [halves(axes[row], row, boxes) for row in rows]
     tried = [_without_idle_position(relaxed.problem, half) for pair in pairs for half in pair]
@@ -119,8 +121,8 @@ def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
     return np.maximum(bounds.error, parents.bound) if incumbent < inf else bounds.infeasibility
 
 
-def _without_idle_position(problem: Problem, boxes: Boxes) -> Boxes:
+def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
     """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
     high = boxes.high.copy()
     high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
-    return Boxes(boxes.low, high)
+    return DesignBoxes(boxes.low, high)

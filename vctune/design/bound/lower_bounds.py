@@ -1,6 +1,6 @@
 """The least that the designs of a box cost, from a relaxation of their problem.
 
-See design/bound/README.md, section 1; model/README.md, section 8.
+See model/README.md, section 8; design/bound/README.md, section 1.
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ from math import inf, log
 
 import numpy as np
 
-from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, Boxes
-from vctune.design.bound.relaxation import GUARD, Conditions, Relaxation
+from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes
+from vctune.design.bound.quadratics import GUARD
+from vctune.design.bound.relaxation import Conditions, Relaxation
 from vctune.model.problem import Problem
-from vctune.proof.enclosures import Flags, Floats
+from vctune.proof.array_intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)
 class LeastCoupling:
-    """What the conditions leave to the couplings of each box; arrays of shape (n,) for n boxes.
+    """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
 
     Attributes
     ----------
-    damping, mass : the least b_c, N s/m, and m_c, kg
+    damping, mass : the least b_c and m_c
     none : where they leave none
     """
 
@@ -35,7 +36,7 @@ class LeastCoupling:
 
 @dataclass(frozen=True, slots=True)
 class LowerBounds:
-    """What the designs of each box at least come to; arrays of shape (n,) for n boxes.
+    """What the designs of each box at least come to; arrays of shape (boxes,).
 
     Attributes
     ----------
@@ -49,16 +50,16 @@ class LowerBounds:
 
 
 @np.errstate(all="ignore")
-def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> LowerBounds:
-    """Bound what the designs of each box come to from below.
+def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
+    """Return what the designs of each box at least come to.
 
     Parameters
     ----------
-    relaxed : the problem
-    boxes : n boxes
+    relaxed : the problem made easier
+    boxes : of designs, shape (4, boxes)
     """
     problem = relaxed.problem
-    least, infeasibility = least_coupling(relaxed, boxes), _sensitivity_share(relaxed, boxes)
+    least, infeasibility = least_coupling(relaxed, boxes), _sensitivity_over_limit(relaxed, boxes)
     infeasibility = np.fmax(
         infeasibility, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max)
     )
@@ -70,38 +71,38 @@ def lower_bounds(relaxed: Relaxation, boxes: Boxes) -> LowerBounds:
         (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2,
     )
     if relaxed.omega is None:
-        coupling = _coupling(least, boxes, partial(_mean_modulus, problem))
-        mean = loop.reshape(len(boxes), relaxed.objective_devices, -1).sum(axis=2).max(axis=1)
+        coupling = _coupling(least, boxes, partial(_mean_transmitted, problem))
+        mean = loop.reshape(len(boxes), relaxed.n_objective_devices, -1).sum(axis=2).max(axis=1)
         squared = mean + factor * (b_0 * b_0 + coupling)
     else:
-        coupling = _coupling(least, boxes, partial(_modulus, relaxed.omega[:, None]))
+        coupling = _coupling(least, boxes, partial(_transmitted, relaxed.omega[:, None]))
         squared = (loop + factor * (b_0 * b_0 + coupling).T).max(axis=1)
     known = np.nan_to_num(squared, nan=0.0, posinf=0.0)
     return LowerBounds(np.where(none, inf, np.sqrt(known) * (1 - 10 * GUARD)), np.where(none, inf, infeasibility))
 
 
-def _sensitivity_share(relaxed: Relaxation, boxes: Boxes) -> Floats:
+def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
     """Return a lower bound of |S| relative to its limit."""
     at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
     S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
     return np.sqrt(S2) / limit * (1 - GUARD)
 
 
-def without_integrator(problem: Problem, boxes: Boxes) -> Flags:
+def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
     With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`).
     """
     if problem.stability.band.min > 0:
         return np.zeros(len(boxes), bool)
-    b, held, tau = problem.device.damping, problem.device.held.damping, problem.device.lag
-    b_h, factor = held - b, problem.stability.safety_factor
-    most = (held + boxes.high[K_V]) * (1 + GUARD) - tau * boxes.low[K_P] * (1 - GUARD)
-    eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - held, 0.0))
+    b, gripped, tau = problem.device.damping, problem.device.with_operator.damping, problem.device.loop_lag
+    b_h, factor = gripped - b, problem.stability.safety_factor
+    most = (gripped + boxes.high[K_V]) * (1 + GUARD) - tau * boxes.low[K_P] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - gripped, 0.0))
     return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
 
-def least_coupling(relaxed: Relaxation, boxes: Boxes) -> LeastCoupling:
+def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     """Return the least b_c and m_c that the conditions and the bounds leave to any design of a box.
 
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
@@ -119,44 +120,44 @@ def least_coupling(relaxed: Relaxation, boxes: Boxes) -> LeastCoupling:
     return LeastCoupling(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
 
 
-def _least_resistance(at: Conditions, boxes: Boxes) -> tuple[Floats, Flags]:
+def _least_resistance(at: Conditions, boxes: DesignBoxes) -> tuple[Floats, Flags]:
     """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
 
     R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
     """
     low, high = (
-        sum(np.minimum(*(turn[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (K_V, K_P))
-        for turn in (at.turn_low, tuple(-t for t in at.turn_high))
+        sum(np.minimum(*(im[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (K_V, K_P))
+        for im in (at.im_low, tuple(-part for part in at.im_high))
     )
-    turn = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)
+    im = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)  # the least |Im(C conj Z_d)|
     resistance, P = at.resistance.greatest(boxes), at.P.greatest(boxes)
     weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
     product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
-    excess = np.fmax(np.where(turn > 0, turn * turn / weight, 0.0), product - P)
+    excess = np.fmax(np.where(im > 0, im * im / weight, 0.0), product - P)
     R = excess / (2 * resistance) * (1 - 10 * GUARD)
     if at.operator > 0:
         R = R - at.operator * (1 - at.resistance.constant * (1 - 10 * GUARD) / resistance + GUARD)
     return np.fmax(R, 0.0), np.asarray((resistance <= 0).any(axis=1))
 
 
-def _coupling(least: LeastCoupling, boxes: Boxes, modulus: Callable[[Floats], Floats]) -> Floats:
+def _coupling(least: LeastCoupling, boxes: DesignBoxes, transmitted: Callable[[Floats], Floats]) -> Floats:
     """Return a lower bound of |Z_c|^2 - b_0^2 = 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, x = omega tau_c.
 
     s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
     """
     b_c, m_c, b_0 = least.damping, least.mass, boxes.low[B_0]
-    light, heavy = modulus(boxes.low[TAU_C]), modulus(boxes.high[TAU_C])
+    light, heavy = transmitted(boxes.low[TAU_C]), transmitted(boxes.high[TAU_C])
     return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[TAU_C]) * heavy)
 
 
-def _modulus(omega: Floats, tau_c: Floats) -> Floats:
+def _transmitted(omega: Floats, tau_c: Floats) -> Floats:
     """Return x^2/(1 + x^2), x = omega tau_c: |Z_c/b_c|^2 and Re Z_c/b_c without drag."""
     x2 = np.square(omega * tau_c)
     return x2 / (1 + x2)
 
 
-def _mean_modulus(problem: Problem, tau_c: Floats) -> Floats:
-    """Return the mean of `_modulus` over log frequency."""
+def _mean_transmitted(problem: Problem, tau_c: Floats) -> Floats:
+    """Return the mean of `_transmitted` over log frequency."""
     low, high = problem.transparency.band.min, problem.transparency.band.max
     rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
     return np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low))

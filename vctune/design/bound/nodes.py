@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.boxes import Axis, Boxes, all_designs
+from vctune.design.bound.boxes import Axis, DesignBoxes, all_designs
 from vctune.design.bound.boxes import joined as joined_boxes
-from vctune.proof.enclosures import Flags, Floats
+from vctune.proof.array_intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,16 +22,16 @@ class OpenNodes:
     stable : whether all of its loops are proved stable, shape (n,)
     """
 
-    boxes: Boxes
+    boxes: DesignBoxes
     bound: Floats
     stable: Flags
 
     def __len__(self) -> int:
         return len(self.bound)
 
-    def taken(self, which: Flags) -> OpenNodes:
+    def subset(self, which: Flags) -> OpenNodes:
         """Return some of the nodes."""
-        return OpenNodes(self.boxes.taken(which), self.bound[which], self.stable[which])
+        return OpenNodes(self.boxes.subset(which), self.bound[which], self.stable[which])
 
     @property
     def lowest(self) -> float:

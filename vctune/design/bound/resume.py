@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from vctune.design.bound.boxes import Boxes
+from vctune.design.bound.boxes import DesignBoxes
 from vctune.design.bound.nodes import OpenNodes
 from vctune.version import __version__
 
@@ -61,10 +61,10 @@ def read_resume(path: Path, sha256: str) -> ResumeState | None:
     sha256 : of the problem file
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
             if str(file["owner"]) != _owner(sha256):
                 return None
-            nodes = OpenNodes(Boxes(file["low"], file["high"]), file["bound"], file["stable"])
+            nodes = OpenNodes(DesignBoxes(file["low"], file["high"]), file["bound"], file["stable"])
             pruned_bound, boxes = file["counts"].tolist()
             return ResumeState(nodes, pruned_bound, int(boxes))
     except (OSError, EOFError, ValueError, KeyError, BadZipFile, zlib.error):

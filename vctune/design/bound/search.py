@@ -17,7 +17,7 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
-from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, Boxes, axes_of
+from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.branching import Halved, halved
 from vctune.design.bound.lower_bounds import least_coupling
 from vctune.design.bound.nodes import OpenNodes, joined, root
@@ -198,8 +198,8 @@ def _devices(cases: tuple[Problem, ...]) -> list[Device]:
 def _pruned(nodes: OpenNodes, search: _Search, gap: float) -> OpenNodes:
     """Drop what cannot hold a design better than the incumbent by more than the gap."""
     open_ = nodes.bound < search.incumbent / (1 + gap)
-    search.pruned_bound = min(search.pruned_bound, nodes.taken(~open_).lowest)
-    return nodes.taken(open_)
+    search.pruned_bound = min(search.pruned_bound, nodes.subset(~open_).lowest)
+    return nodes.subset(open_)
 
 
 def _state(search: _Search, nodes: OpenNodes) -> SearchState:
@@ -211,7 +211,7 @@ def _most_promising(nodes: OpenNodes) -> tuple[OpenNodes, OpenNodes]:
     """Return the nodes with the least bounds, and the others."""
     chosen = np.zeros(len(nodes), bool)
     chosen[np.argsort(nodes.bound, kind="stable")[:CHUNK]] = True
-    return nodes.taken(chosen), nodes.taken(~chosen)
+    return nodes.subset(chosen), nodes.subset(~chosen)
 
 
 def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
@@ -219,7 +219,7 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
     nodes = young.nodes
     unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
     if len(unknown):
-        stable, unstable = proved_stability(posed, nodes.boxes.taken(unknown))
+        stable, unstable = proved_stability(posed, nodes.boxes.subset(unknown))
         nodes.stable[unknown] = stable
         nodes.bound[unknown[unstable]] = inf
     return nodes
@@ -231,7 +231,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
     low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
     bounds = posed.problem.bounds
-    least = least_coupling(search.relaxed, Boxes(middle, middle))
+    least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
     b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
     if high[K_P, 0] <= axes[K_P].scale:  # so little position gain is none

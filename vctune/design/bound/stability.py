@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from vctune.design.bound.boxes import K_P, Boxes
+from vctune.design.bound.boxes import K_P, DesignBoxes
 from vctune.design.prepared import Posed
+from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import Cells
-from vctune.proof.enclosures import Flags, Floats
-from vctune.proof.many_designs import by_law, encirclements
+from vctune.proof.many_designs import by_integrator, encirclements
 
 
-def proved_stability(posed: Posed, boxes: Boxes) -> tuple[Flags, Flags]:
+def proved_stability(posed: Posed, boxes: DesignBoxes) -> tuple[Flags, Flags]:
     """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
 
     A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
@@ -47,8 +47,8 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> tuple[Flags, Flag
     count = low.shape[1]
     cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # any coupling will do
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
-    for which in by_law(cells):
-        part = cells.taken(which)
+    for which in by_integrator(cells):
+        part = cells.subset(which)
         demands = [replace(posed.demands, device=case.device) for case in posed.cases]
         number = np.concatenate([encirclements(each, part).number for each in demands])
         stable[which] = (number == 0).all(axis=0)

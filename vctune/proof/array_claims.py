@@ -17,8 +17,9 @@ from vctune.model.sampled import (
     SampledPlant,
     return_difference,
     sampled_plant,
-    whole_samples,
+    split_delay,
 )
+from vctune.proof.array_intervals import Enclosure, decimal
 from vctune.proof.box_tests import Curve, Margin
 from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims import (
@@ -26,13 +27,12 @@ from vctune.proof.claims import (
     across_position,
     along_hold,
     conditions_margin,
-    gain_margin,
     high_margin,
+    loop_gain_margin,
     low_margin,
-    sensitivity_floor,
     sensitivity_margin,
+    sensitivity_sufficient_margin,
 )
-from vctune.proof.enclosures import Enclosure, decimal
 from vctune.proof.jets import ENCLOSURES as OPS
 
 
@@ -61,34 +61,34 @@ class Claims:
     Attributes
     ----------
     conditions, sensitivity : margins that must be positive; the latter of theta = omega T
-    low : proves as much as `conditions`, next to omega = 0
-    high : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    damped : Re(D + Z_h), which must be positive too, whatever the coupling
-    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout; elsewhere nothing is known of it
-    floor : proves as much as `sensitivity` for every K_p, next to theta = 0 too
+    conditions_near_zero : proves as much as `conditions`, next to omega = 0
+    conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
+    resistance : Re(D + Z_h), which must be positive too, whatever the coupling, N s/m
+    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout, N s/m; elsewhere nothing is known of it
+    sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
-    model_floor, sampled_floor : where positive, the curve is not 0 for any K_p > 0
-    gain, quiet_gain : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is positive, however many
-        whole samples of delay there are
+    model_any_position, sampled_any_position : where positive, the curve is not 0 for any K_p > 0
+    sampled_any_phase, sensitivity_any_phase : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is
+        positive, however many whole samples of delay there are
     """
 
     conditions: Margin
-    low: Margin
-    high: Margin
+    conditions_near_zero: Margin
+    conditions_near_infinity: Margin
     sensitivity: Margin
-    damped: Margin
+    resistance: Margin
     required: Margin
-    floor: Margin
+    sensitivity_any_position: Margin
     model_poles: Curve
     sampled_poles: Curve
-    model_floor: Margin
-    sampled_floor: Margin
-    gain: Margin
-    quiet_gain: Margin
+    model_any_position: Margin
+    sampled_any_position: Margin
+    sampled_any_phase: Margin
+    sensitivity_any_phase: Margin
 
 
 def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
-    """Return the claims with the device's decimals enclosed.
+    """Return the claims with the device's decimals enclosed; none of them is evaluated yet.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         return loop_response(device(v), gains_of(v), omega, hold, OPS)
 
     def model_curve(omega: Enclosure, v: Values) -> Pair:
-        D = loop(omega, v).D
+        D = loop(omega, v).D_scaled
         return Pair(-D.im, D.re) if has_integrator(v) else D
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
@@ -117,38 +117,42 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         return Design(device(v), gains_of(v), coupling_of(v))
 
     return Claims(
-        lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
-        lambda omega, v: low_margin(design(v), omega, factor, OPS),
-        lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
-        lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
-        lambda omega, v: loop(omega, v).resistance,
-        lambda omega, v: required_resistance(loop(omega, v), OPS),
-        lambda theta, v: sensitivity_floor(plant(v), gains_of(v), theta, limit, OPS),
-        model_curve,
-        sampled_curve,
-        lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
-        lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
-        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
-        lambda theta, v: gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
+        conditions=lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
+        conditions_near_zero=lambda omega, v: low_margin(design(v), omega, factor, OPS),
+        conditions_near_infinity=lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
+        sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
+        resistance=lambda omega, v: loop(omega, v).resistance,
+        required=lambda omega, v: required_resistance(loop(omega, v), OPS),
+        sensitivity_any_position=lambda theta, v: sensitivity_sufficient_margin(
+            plant(v), gains_of(v), theta, limit, OPS
+        ),
+        model_poles=model_curve,
+        sampled_poles=sampled_curve,
+        model_any_position=lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
+        sampled_any_position=lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
+        sampled_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
+        sensitivity_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
     )
 
 
 def _devices(
-    given: Device, uncertain: tuple[str, ...]
+    nominal: Device, uncertain: tuple[str, ...]
 ) -> tuple[Callable[[Values], Device], Callable[[Values], SampledPlant]]:
     """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain."""
-    named = given.over(decimal)
-    whole, fraction = whole_samples(given.delay, given.sample_time)
+    exact = nominal.converted(decimal)
+    whole, fraction = split_delay(nominal.delay, nominal.sample_time)
 
     def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
         return sampled_plant(device, whole, OPS, fractional=fractional)
 
     if not uncertain:
-        known = sampled(named, whole, fractional=fraction > 0)
-        return lambda v: named, lambda v: known
-    late = "delay" in uncertain
+        known = sampled(exact, whole, fractional=fraction > 0)
+        return lambda v: exact, lambda v: known
+    any_delay = "delay" in uncertain
 
     def device(v: Values) -> Device:
-        return replace(named, **{name: v[f"device.{name}"] for name in uncertain})
+        return replace(exact, **{name: v[f"device.{name}"] for name in uncertain})
 
-    return device, lambda v: sampled(device(v), v[WHOLE_SAMPLES] if late else whole, fractional=late or fraction > 0)
+    return device, lambda v: sampled(
+        device(v), v[WHOLE_SAMPLES] if any_delay else whole, fractional=any_delay or fraction > 0
+    )

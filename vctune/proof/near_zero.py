@@ -7,13 +7,17 @@ from collections.abc import Callable
 from flint import arb
 
 from vctune.model.limits import low_frequency_limit
-from vctune.proof.balls import BALLS, box, design_ball
+from vctune.proof.arb_balls import BALLS, box, design_ball
 from vctune.proof.claims import Design, low_margin
 from vctune.proof.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
+"""Factor between two tries of where the margin near 0 ends. Half and twice it, in the logarithm, reach a little higher
+and lower; the frequencies above are proved by the ordinary margin in any case."""
 STEPS = 120
+"""Tries: down to 1e-72 of the first. Half would do for every device whose numbers are within twenty decades."""
 END_BOXES = 64
+"""Boxes of a try. Half and twice it shift the end by about one step."""
 
 
 def low_end_verdict(design: Design) -> Verdict:
@@ -26,10 +30,17 @@ def low_end_verdict(design: Design) -> Verdict:
 
 
 def prove_low_end(design: Design, factor: float, below: float) -> float | None:
-    """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None."""
+    """Return an omega_0 <= below such that Re G_hh > 0 and Re Z_c >= factor R on (0, omega_0], or None.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    factor : least Re Z_c / R
+    below : rad/s, > 0
+    """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # no loop, R = 0
-        return below if design.device.held.damping > 0 else None
+        return below if design.device.with_operator.damping > 0 else None
     return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS), below)
 
 

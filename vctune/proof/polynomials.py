@@ -18,7 +18,7 @@ from flint import arb, fmpq, fmpq_poly
 from vctune.model.loop import HoldResponse, loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.balls import BALLS
+from vctune.proof.arb_balls import BALLS
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
 
@@ -40,8 +40,8 @@ class Conditions:
 
     def met(self, omega: float) -> bool:
         """Return whether the conditions are met with something to spare."""
-        at = _rational(omega)
-        return bool(self.squared(at) > 0 and self.linear(at) > 0)
+        point = _rational(omega)
+        return bool(self.squared(point) > 0 and self.linear(point) > 0)
 
 
 def is_rational(device: Device) -> bool:
@@ -50,42 +50,66 @@ def is_rational(device: Device) -> bool:
 
 
 def conditions(design: Design, factor: float) -> Conditions:
-    """Return the conditions of a design's decimals, `factor` times R demanded."""
+    """Return the conditions of a design's decimals, `factor` times R demanded.
+
+    Parameters
+    ----------
+    design : of a device of which `is_rational`
+    factor : least Re Z_c / R
+    """
+    # omega is the polynomial "omega": the model's own formulas, evaluated on it, are the conditions' polynomials
     omega, f = fmpq_poly([0, 1]), _rational(factor)
-    given = design.device.over(_rational)
-    half = given.sample_time / 2
+    device = design.device.converted(_rational)
+    half = device.sample_time / 2
     clearing = 1 + half * half * omega * omega
-    cleared = given.over(lambda x: x * clearing)
+    cleared = device.converted(lambda x: x * clearing)
     gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
     loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), BALLS)
     coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
     b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
     below = b_c * b_c + reactance2
     above = coupling.drag * below + b_c * reactance2
-    eased = re_conj_product(loop.C, loop.D)
-    eased = eased if loop.relief is None else eased + loop.relief * loop.scale2
+    eased = re_conj_product(loop.C_scaled, loop.D_scaled)
+    eased = eased if loop.operator_relief is None else eased + loop.operator_relief * loop.scale2
     linear = 2 * loop.resistance * clearing * loop.scale2 * above + f * below * eased
-    squared = linear * linear - f * f * below * below * loop.C.abs2() * loop.D.abs2()
+    squared = linear * linear - f * f * below * below * loop.C_scaled.abs2() * loop.D_scaled.abs2()
     roots = [root.real for root, _ in squared.complex_roots() if root.imag == 0 and root.real > 0]
     return Conditions(linear, squared, sorted(roots, key=lambda root: float(root.mid())))
 
 
-def prove(found: Conditions, low: float, high: float) -> Outcome:
-    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided."""
-    inside = [root for root in found.roots if not (root < low or root > high)]
+def prove(conditions: Conditions, low: float, high: float) -> Outcome:
+    """Prove the conditions on (low, high), rad/s, which may be (0, inf); a root that only touches 0 stays undecided.
+
+    Parameters
+    ----------
+    conditions : polynomials in omega
+    low, high : rad/s
+
+    Returns
+    -------
+    Outcome
+        With a frequency in rad/s where it is refuted or undecided.
+    """
+    inside = [root for root in conditions.roots if not (root < low or root > high)]
     edges = [low, *(float(root.mid()) for root in inside), high]
     for left, right in pairwise(edges):
         between = _between(left, right)
-        if not found.met(between):
+        if not conditions.met(between):
             return Outcome(Verdict.REFUTED, len(edges) - 1, between)
     touching = Verdict.UNDECIDED if inside else Verdict.PROVED
     return Outcome(touching, len(edges) - 1, edges[1] if inside else None)
 
 
-def widest(found: Conditions, low: float, high: float) -> tuple[float, float]:
-    """Return the widest band around one on which the conditions are met, rad/s, its edges within it."""
-    below = [nextafter(float(root.upper()), inf) for root in found.roots if root < low]
-    above = [nextafter(float(root.lower()), 0.0) for root in found.roots if root > high]
+def widest(conditions: Conditions, low: float, high: float) -> tuple[float, float]:
+    """Return the widest band around one on which the conditions are met, rad/s, its edges within it.
+
+    Parameters
+    ----------
+    conditions : polynomials in omega
+    low, high : a band on which they are proved, rad/s
+    """
+    below = [nextafter(float(root.upper()), inf) for root in conditions.roots if root < low]
+    above = [nextafter(float(root.lower()), 0.0) for root in conditions.roots if root > high]
     return max(below, default=0.0), min(above, default=inf)
 
 

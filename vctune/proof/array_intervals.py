@@ -1,4 +1,4 @@
-"""Ball arithmetic on NumPy arrays in double precision: many boxes at once, every rounding enclosed.
+"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, every rounding enclosed.
 
 An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
 correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
@@ -16,10 +16,13 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 UNIT = 2.0**-52
+"""Twice the rounding of an operation, relative (IEEE 754, to nearest)."""
 TINY = 1e-300
-"""More than what underflow can take from a sum of products."""
+"""More than what underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
+device comes near it, so that half and twice it are no different."""
 SWELL = 1 + 2.0**-49
-"""Covers the rounding of a radius, a sum of a few positive terms."""
+"""Covers the rounding of a radius, a sum of at most seven positive terms and products: 16 roundings. Half would cover
+8, twice widens a radius by 2e-15 of itself."""
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
@@ -99,7 +102,7 @@ class Enclosure:
         """Return where every number enclosed is < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
-    def taken(self, at: Any) -> Enclosure:
+    def subset(self, at: Any) -> Enclosure:
         """Return some of the elements."""
         return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
 

@@ -1,0 +1,94 @@
+"""Commands as their users run them.
+
+In this process, which costs no new interpreter, where what counts is what a command prints and writes; as a process of
+its own where the process counts: signals, limits, locales, readers that leave.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
+from unittest.mock import patch
+
+PATIENCE = 300.0
+"""What nothing here takes on the busiest machine, s; a wait that long has failed."""
+
+
+class Done(NamedTuple):
+    """What a command left."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def run(*arguments, cwd, report: bool = False) -> Done:
+    """Run a command in this process; a warning is an error, a design has no report unless it is wanted."""
+    from vctune.cli.main import execute
+
+    out, err = (io.TextIOWrapper(io.BytesIO(), "utf-8", errors="backslashreplace") for _ in range(2))
+    command = ["vctune", *_brief(arguments, report=report)]
+    with chdir(cwd), redirect_stdout(out), redirect_stderr(err), patch.object(sys, "argv", command):
+        code = execute()
+    return Done(code, *(_read(stream) for stream in (out, err)))
+
+
+def _brief(arguments, *, report: bool) -> list[str]:
+    return [*map(str, arguments), *(["--no-report"] if arguments[:1] == ("solve",) and not report else [])]
+
+
+def _read(stream) -> str:
+    stream.seek(0)
+    return stream.read()
+
+
+def process(*arguments, cwd, report: bool = False, **env) -> subprocess.CompletedProcess:
+    """Run a command as a process of its own, with more variables in its environment."""
+    return subprocess.run(
+        [sys.executable, "-m", "vctune", *_brief(arguments, report=report)],
+        cwd=cwd, capture_output=True, text=True, check=False, timeout=PATIENCE, env={**os.environ, **env},
+    )  # fmt: skip
+
+
+def started(*arguments, cwd, **options) -> subprocess.Popen:
+    """Start a command as a process of its own, as it is."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "vctune", *map(str, arguments)],
+        cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
+    )  # fmt: skip
+
+
+def strict(text: str):
+    """Return what a text of JSON says, without Python's NaN and Infinity."""
+
+    def refuse(name):
+        raise AssertionError(f"{name} in JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def wait_until(condition: Callable[[], bool]) -> None:
+    """Return as soon as a condition holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.002)
+
+
+def wait_for_work(running: subprocess.Popen, seconds: float) -> None:
+    """Return when a process has ended or has had some more seconds of processor time, however busy the machine is."""
+    upto = _worked(running.pid) + seconds
+    wait_until(lambda: running.poll() is not None or _worked(running.pid) >= upto)
+
+
+def _worked(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")

@@ -1,0 +1,81 @@
+"""What the records of files are made of: fields that are checked when read, written as JSON and shown as rows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """How a field is shown.
+
+    Attributes
+    ----------
+    label : what it is called
+    unit : text behind the number; a field's name in braces stands for its value
+    digits : significant digits
+    scale : of the number in that unit
+    optional : whether the row is left out where the number does not exist
+    detail : whether it is for the report alone, too much for a terminal
+    """
+
+    label: str
+    unit: str = ""
+    digits: int = 5
+    scale: float = 1.0
+    optional: bool = False
+    detail: bool = False
+
+
+class Row(NamedTuple):
+    """A number for people: what it is called, the number as text, its unit or place, `detail` as in `Shown`."""
+
+    label: str
+    value: str
+    unit: str
+    detail: bool = False
+
+
+def text(value: Any, digits: int = 5) -> str:
+    """Return a value of a record as text."""
+    if isinstance(value, list):
+        low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
+        return f"{low} to {high}"
+    return "none" if value is None else f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+
+
+def _existing(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+Number = Annotated[float | None, BeforeValidator(_existing)]
+"""Null in the file where it does not exist."""
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+
+
+class Part(BaseModel):
+    """Part of a record. Keys that it does not know, of other versions, are kept; what is not set is not written."""
+
+    model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the fields that are shown, in their order."""
+        for name, shown in how_shown(type(self)).items():
+            value = getattr(self, name)
+            if value is not None or not shown.optional:
+                scaled = value * shown.scale if isinstance(value, float) else value
+                unit = re.sub(r"{(\w+)}", lambda field: text(getattr(self, field[1])), shown.unit)
+                yield Row(shown.label, text(scaled, shown.digits), unit, shown.detail)
+
+
+def how_shown(part: type[Part]) -> dict[str, Shown]:
+    """Return how the fields of a part are shown, those that are."""
+    return {
+        name: each for name, field in part.model_fields.items() for each in field.metadata if isinstance(each, Shown)
+    }

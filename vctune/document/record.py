@@ -1,0 +1,275 @@
+"""The record of a design: each key of design.json once, with its type and how it is shown (README.md, section 3).
+
+What is written, what a file must hold to be read back, and the rows of the table and of the report's page all follow
+from the fields of these classes: a new number is a new field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from vctune.document.part import Number, Pair, Part, Row, Shown, how_shown, text
+from vctune.model.quantities import Coupling, Gains
+
+SCHEMA = "vctune/design/1"
+
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+Proof = Literal["proved", "refuted", "undecided"]
+
+
+class ProblemRecord(Part):
+    """The problem file."""
+
+    name: str
+    sha256: str
+    text: str
+
+
+class GainsRecord(Part):
+    """Gains of the velocity loop."""
+
+    velocity: Annotated[NotNegative, Shown("velocity K_v", "N s/m", 8)]
+    position: Annotated[NotNegative, Shown("position K_p", "N/m", 8)]
+
+
+class CouplingRecord(Part):
+    """The virtual coupling."""
+
+    damping: Annotated[Positive, Shown("damping b_c", "N s/m", 8)]
+    mass: Annotated[Positive, Shown("mass m_c", "kg", 8)]
+    drag: Annotated[NotNegative, Shown("drag b_0", "N s/m", 8)] = 0.0
+
+
+class TransparencyRecord(Part):
+    """The error and its unweighted terms."""
+
+    error: Annotated[Number, Shown("error")]
+    admittance: Annotated[Number, Shown("|Z_0 G_hh|")]
+    tracking: Annotated[Number, Shown("|1 - G_he|")]
+    coupling: Annotated[Number, Shown("|Z_c|/Z_0")]
+
+
+class DeviceRecord(Part):
+    """The numbers of a device that may be uncertain."""
+
+    mass: Annotated[float, Shown("mass", "kg")]
+    damping: Annotated[float, Shown("damping", "N s/m")]
+    delay: Annotated[float, Shown("delay", "s")]
+
+    def __str__(self) -> str:
+        return ", ".join(f"{row.value} {row.unit}" for row in self.rows() if float(row.value))
+
+
+class ClaimRecord(Part):
+    """A claim, and where and on which device it fails."""
+
+    claim: str
+    verdict: Proof
+    witness_hz: Number
+    witness_device: DeviceRecord | None = None
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what is shown of a claim that is not proved."""
+        yield Row(self.claim, self.verdict, "" if self.witness_hz is None else f"at {text(self.witness_hz, 6)} Hz")
+        if self.witness_device is not None:
+            yield Row(f"  with {self.witness_device}", "", "")
+
+
+class WithoutOperatorRecord(Part):
+    """What the design is worth to hands that do not contain the least operator."""
+
+    verdict: Proof
+    min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
+    worst_hz: Number
+
+
+class CertificateRecord(Part):
+    """What is proved of absolute stability and of the velocity loop."""
+
+    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
+    band_hz: Annotated[Pair, Shown("band", "Hz")]
+    proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz")]
+    proved_ratio: Number
+    min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz")]
+    worst_hz: Number
+    rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]
+    boxes: int
+    claims: list[ClaimRecord]
+    without_operator: WithoutOperatorRecord | None = None
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what is shown of it, and the claims that are not proved."""
+        yield from super().rows()
+        yield from self.without_operator.rows() if self.without_operator else ()
+        for claim in self.claims:
+            yield from claim.rows() if claim.verdict != "proved" else ()
+
+
+class NyquistRecord(Part):
+    """Nyquist's count of the sampled loop."""
+
+    N: int | None
+    P: int
+    Z: Annotated[
+        int | None,
+        Shown("Z = N + P, poles to the right", "N = {N} encirclements of -1, P = {P} in the open loop", detail=True),
+    ]
+
+
+class InnerLoopRecord(Part):
+    """The sampled velocity loop."""
+
+    stable: bool | None
+    spectral_radius: Annotated[Number, Shown("spectral radius", "{stability}")]
+    peak_sensitivity: Annotated[Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz")]
+    peak_sensitivity_hz: Number
+    gain_margin_db: Annotated[Number, Shown("gain margin", "dB")]
+    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg")]
+    delay_margin_s: Annotated[Number, Shown("delay margin", "s")]
+    nyquist: NyquistRecord
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what is shown of it and of Nyquist's count."""
+        yield from super().rows()
+        yield from self.nyquist.rows()
+
+    @property
+    def stability(self) -> str:
+        """Whether it is proved stable."""
+        return {True: "stable", False: "unstable", None: "undecided"}[self.stable]
+
+
+class ActiveRecord(Part):
+    """A demand that holds the design: where, on which device, and at which price."""
+
+    demand: str
+    hz: Number
+    multiplier: float
+    device: DeviceRecord | None = None
+
+
+class RepairRecord(Part):
+    """A change of one number of the problem file after which there is a design."""
+
+    key: str
+    old: Number
+    new: Number
+    change: str
+    needs: str
+    size: Number = None
+    error: Number
+
+
+class GlanceRecord(Part):
+    """The search for a bound at one moment."""
+
+    boxes: int
+    lower_bound: Number
+    error: Number
+    open: int
+
+
+class BoxRecord(Part):
+    """A box of gains and couplings."""
+
+    low: Four
+    high: Four
+
+
+class OptimalityRecord(Part):
+    """What is proved of the error of every admissible design."""
+
+    lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
+    gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
+    verdict: Literal["proved", "open"]
+    boxes: int
+    history: Annotated[list[GlanceRecord], Field(min_length=1)]
+    open: list[BoxRecord]
+
+
+class UncertaintyRecord(Part):
+    """What the design comes to on the devices of its box, and what certainty would be worth."""
+
+    box: dict[str, Pair]
+    objective: str
+    nominal_error: Annotated[Number, Shown("error if certain", "of the best design", optional=True)]
+    robust_error: Number
+    worst_error: Annotated[Number, Shown("worst error", "at {worst_device}")]
+    worst_device: DeviceRecord
+    min_ratio_device: DeviceRecord
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the box, the device on which Re Z_c / R is least, and the errors."""
+        for name, ends in self.box.items():
+            shown = how_shown(DeviceRecord).get(name)
+            yield Row(name, text(ends), shown.unit if shown else "")
+        yield Row("least ratio", "", f"at {self.min_ratio_device}")
+        yield from super().rows()
+
+
+class DesignRecord(Part):
+    """What came of a problem, in SI units and hertz: the object of design.json."""
+
+    GROUPS: ClassVar[dict[str, str]] = {
+        "gains": "gains",
+        "coupling": "coupling",
+        "transparency": "transparency",
+        "certificate": "certificate",
+        "uncertainty": "uncertainty",
+        "optimality": "optimality",
+        "inner_loop": "velocity loop",
+    }
+    """The parts that are shown as rows, in their order, and what they are called."""
+
+    problem: ProblemRecord
+    status: Literal["certified", "violated", "undecided", "infeasible"]
+    reason: str | None
+    gains: GainsRecord | None
+    coupling: CouplingRecord | None
+    transparency: TransparencyRecord | None
+    certificate: CertificateRecord | None
+    inner_loop: InnerLoopRecord | None
+    active: list[ActiveRecord]
+    proved: bool | None = None
+    idle: bool = False
+    repairs: list[RepairRecord] | None = None
+    at_bound: list[str]
+    left_out: list[str]
+    warnings: list[str]
+    solver: dict[str, Any] = Field(default_factory=dict)
+    optimality: OptimalityRecord | None = None
+    versions: dict[str, str | None]
+    uncertainty: UncertaintyRecord | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> DesignRecord:
+        judged = (self.coupling, self.transparency, self.certificate, self.inner_loop)
+        if any((part is None) != (self.gains is None) for part in judged):
+            raise ValueError(
+                "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"
+            )
+        return self
+
+    @property
+    def design(self) -> tuple[Gains, Coupling] | None:
+        """Gains and coupling; None if there is no design."""
+        if self.gains is None or self.coupling is None:
+            return None
+        gains, coupling = self.gains, self.coupling
+        return Gains(gains.velocity, gains.position), Coupling(coupling.damping, coupling.mass, coupling.drag)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of design.json; every number in it is finite or null."""
+        return {"schema": SCHEMA} | self.model_dump(exclude_unset=True)
+
+    def groups(self) -> dict[str, list[Row]]:
+        """Return the rows of a design by group; none where there is no design."""
+        if self.gains is None:
+            return {}
+        parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
+        return {title: list(part.rows()) for title, part in parts.items() if part is not None}
