@@ -16,7 +16,7 @@ from time import perf_counter
 
 from matplotlib.figure import Figure
 
-from vctune.design.bound import Optimality, bound
+from vctune.design.bound.search import Optimality, bound
 from vctune.design.judge import Judgement
 from vctune.design.optimum import improved
 from vctune.design.prepared import prepare
@@ -60,10 +60,10 @@ def measure(folders: list[Path]) -> None:
         for gap in GAPS:
             seconds, found = proved(problem, best, gap)
             verdict = "proved" if found.proved else "open"
-            numbers = f"{seconds:.2f},{found.rest.boxes},{found.incumbent:.6g},{found.bound:.6g}"
+            numbers = f"{seconds:.2f},{found.resume.boxes},{found.incumbent:.6g},{found.bound:.6g}"
             lines.append(f"{name},{gap:g},{numbers},{verdict}")
             print(lines[-1], flush=True)
-            rows.setdefault(name, []).append((found.gap, seconds, found.rest.boxes))
+            rows.setdefault(name, []).append((found.gap, seconds, found.resume.boxes))
     (ROOT / "results" / "bound-gap.csv").write_text("\n".join(lines) + "\n")
     draw(rows)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from vctune.design.nlp import assembled
-from vctune.design.shape import Shape
+from vctune.design.nlp_structure import NlpStructure
 from vctune.simulation.step import Step
 
 
@@ -20,9 +20,9 @@ class NlpSize:
     operations: int
 
 
-def nlp_size(shape: Shape) -> NlpSize:
-    """Return the size of a shape's NLP, with what a solver of second order needs."""
-    nlp = assembled(shape)
+def nlp_size(structure: NlpStructure) -> NlpSize:
+    """Return the size of its NLP, with what a solver of second order needs."""
+    nlp = assembled(structure)
     x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
     multipliers = ca.MX.sym("multipliers", g.shape[0])
     hessian, _ = ca.hessian(f + ca.dot(multipliers, g), x)

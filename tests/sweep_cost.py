@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from vctune.document.study import read_study
 from vctune.report.page import svg
-from vctune.study.executors import crew_of
+from vctune.study.executors import worker_pool
 from vctune.study.rows import open_rows
 from vctune.study.sweep import sweep
 
@@ -42,8 +42,8 @@ def timed(side: int, jobs: int, watch=lambda: None) -> list[tuple]:
         path = Path(folder) / "cost.toml"
         path.write_text(STUDY % (side, side))
         plan, ticks, began = read_study(path), [], perf_counter()
-        with crew_of("processes", jobs) as crew, open_rows(Path(folder) / "rows", plan, restart=False) as rows:
-            sweep(plan, rows, crew, lambda: ticks.append((perf_counter() - began, watch())))
+        with worker_pool("processes", jobs) as pool, open_rows(Path(folder) / "rows", plan, restart=False) as rows:
+            sweep(plan, rows, pool, lambda: ticks.append((perf_counter() - began, watch())))
             assert len(rows.places) == side * side
         return ticks
 

@@ -11,9 +11,10 @@ import pytest
 from sizes import nlp_size, step_size
 
 from vctune.bench.problems import DOCUMENTS, posed
+from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import prepare
-from vctune.design.shape import WorkingSet, places, shape_of
 from vctune.design.variables import coordinates
+from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.step import build
@@ -28,15 +29,17 @@ WHOLE = {
 }
 """A problem with everything that an NLP can have."""
 ANY = Device(1.0, 0.0, 1.0, 0.0, "zoh")
-RATIO, PEAK = places(ANY, (0.003, 0.03, 0.3)), places(ANY, (1.2,))
-FREQUENCIES = WorkingSet(ratio=RATIO, sensitivity=places(ANY, (0.5, 1.0, 2.0)), moving=PEAK)
+RATIO, PEAK = constraint_points(ANY, (0.003, 0.03, 0.3)), constraint_points(ANY, (1.2,))
+FREQUENCIES = WorkingSet(ratio=RATIO, sensitivity=constraint_points(ANY, (0.5, 1.0, 2.0)), tracked_peaks=PEAK)
 """Three demands of each kind, and a peak of |S| that is followed; dimensionless."""
 
 
-def shape(document, frequencies=FREQUENCIES):
+def structure(document, frequencies=FREQUENCIES):
     problem = posed("wheel", document)
     scaled, integrator = prepare(problem).scaled, problem.bounds.position.max > 0
-    return shape_of(scaled, coordinates(scaled.problem, integrator=integrator), frequencies, 4, integrator=integrator)
+    return nlp_structure(
+        scaled, coordinates(scaled.problem, integrator=integrator), frequencies, 4, integrator=integrator
+    )
 
 
 def without(document, table, key=None, value=None):
@@ -52,36 +55,42 @@ def without(document, table, key=None, value=None):
 
 
 @cache
-def whole_shape():
-    return shape(WHOLE)
+def whole_structure():
+    return structure(WHOLE)
 
 
 @cache
 def whole_size():
-    return nlp_size(whole_shape())
+    return nlp_size(whole_structure())
 
 
 def freed(index):
-    return tuple(pair for pair in whole_shape().free if pair[0] != index)
+    return tuple(pair for pair in whole_structure().free if pair[0] != index)
 
 
 def weightless(term):
     weights = {"weights": {term: 0.0}}
-    shape_of_it = replace(whole_shape(), terms=tuple(other for other in whole_shape().terms if other != term))
-    return {**WHOLE, "transparency": {**WHOLE["transparency"], **weights}}, shape_of_it
+    without_term = replace(whole_structure(), terms=tuple(other for other in whole_structure().terms if other != term))
+    return {**WHOLE, "transparency": {**WHOLE["transparency"], **weights}}, without_term
 
 
 NLPS = {
     "free K_p": lambda: (
         without(WHOLE, "gains", "position", 0.0),
-        replace(whole_shape(), free=freed(1), integrator=False),
+        replace(whole_structure(), free=freed(1), integrator=False),
     ),
-    "free b_0": lambda: (without(WHOLE, "coupling", "drag", 0.0), replace(whole_shape(), free=freed(4))),
-    "free m_c": lambda: (without(WHOLE, "coupling", "mass", 0.3), replace(whole_shape(), free=freed(3))),
-    "uncertain delay": lambda: (without(WHOLE, "device", "delay"), replace(whole_shape(), counted=5)),
-    "operator": lambda: (without(WHOLE, "operator"), replace(whole_shape(), held=False)),
-    "uncertainty": lambda: (without(WHOLE, "uncertainty"), replace(whole_shape(), uncertain=False, counted=1)),
-    "worst error": lambda: (without(WHOLE, "uncertainty", "objective"), replace(whole_shape(), counted=1)),
+    "free b_0": lambda: (without(WHOLE, "coupling", "drag", 0.0), replace(whole_structure(), free=freed(4))),
+    "free m_c": lambda: (without(WHOLE, "coupling", "mass", 0.3), replace(whole_structure(), free=freed(3))),
+    "uncertain delay": lambda: (without(WHOLE, "device", "delay"), replace(whole_structure(), objective_devices=5)),
+    "operator": lambda: (without(WHOLE, "operator"), replace(whole_structure(), operator_damping=False)),
+    "uncertainty": lambda: (
+        without(WHOLE, "uncertainty"),
+        replace(whole_structure(), uncertain=False, objective_devices=1),
+    ),
+    "worst error": lambda: (
+        without(WHOLE, "uncertainty", "objective"),
+        replace(whole_structure(), objective_devices=1),
+    ),
     "admittance term": lambda: weightless("admittance"),
     "tracking term": lambda: weightless("tracking"),
     "coupling term": lambda: weightless("coupling"),
@@ -91,17 +100,19 @@ NLPS = {
 @pytest.mark.parametrize("part", NLPS)
 def test_what_a_problem_lacks_is_not_in_its_nlp(part):
     document, by_hand = NLPS[part]()
-    found = nlp_size(shape(document))
+    found = nlp_size(structure(document))
     assert found == nlp_size(by_hand)
     assert found.operations < whole_size().operations
 
 
 def test_demands_that_do_not_act_are_not_in_the_nlp():
-    ratio, _, _, peak = whole_shape().slots
-    unfollowed = WorkingSet(ratio=RATIO, sensitivity=FREQUENCIES.sensitivity)
-    sizes = [nlp_size(shape(WHOLE, frequencies)) for frequencies in (FREQUENCIES, unfollowed, WorkingSet(ratio=RATIO))]
-    assert sizes[1] == nlp_size(replace(whole_shape(), moving=0))
-    assert sizes[2] == nlp_size(replace(whole_shape(), moving=0, slots=(ratio, 0, 0, peak)))
+    ratio, _, _, peak = whole_structure().capacities
+    untracked = WorkingSet(ratio=RATIO, sensitivity=FREQUENCIES.sensitivity)
+    sizes = [
+        nlp_size(structure(WHOLE, frequencies)) for frequencies in (FREQUENCIES, untracked, WorkingSet(ratio=RATIO))
+    ]
+    assert sizes[1] == nlp_size(replace(whole_structure(), tracked_peaks=0))
+    assert sizes[2] == nlp_size(replace(whole_structure(), tracked_peaks=0, capacities=(ratio, 0, 0, peak)))
     assert sizes[2].operations < sizes[1].operations < sizes[0].operations
 
 

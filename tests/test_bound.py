@@ -15,18 +15,18 @@ from dense import NAMES, band, below, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
 from vctune.bench.evaluator import cases, error, required, sensitivity
-from vctune.design.bound import Optimality, bound
+from vctune.design.bound.boxes import DesignBoxes
+from vctune.design.bound.lower_bounds import least_coupling, lower_bounds
+from vctune.design.bound.relaxation import relaxation
+from vctune.design.bound.resume import read_resume, resume_bytes
+from vctune.design.bound.search import Optimality, bound
 from vctune.design.judge import Judgement, Status
-from vctune.design.leaves import ARRAYS, unfinished
 from vctune.design.optimum import improved
 from vctune.design.prepared import pose, prepare
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.problem import Problem, Range
-from vctune.proof.lower_bounds import least_coupling, lower_bounds
-from vctune.proof.quadratics import DesignBoxes
-from vctune.proof.relaxation import relaxation
 
 GAP = 0.03
 RANDOM = 2
@@ -106,7 +106,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)
     boxes = DesignBoxes(inner / (1 + size[0]), inner * (1 + size[1]))
     with np.errstate(all="ignore"):
-        floor, least = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
+        lower, least = lower_bounds(relaxed, boxes), least_coupling(relaxed, boxes)
         needed = least_damping(problem, designs, omega)
     meets = within_bounds(problem, designs) & (b_c >= needed) & np.isfinite(needed)
     quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
@@ -117,9 +117,9 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     at = meets & quiet
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0
-    assert (floor.infeasibility[at] <= rounding).all()
+    assert (lower.infeasibility[at] <= rounding).all()
     errors = error(problem, cases(problem.device, designs), 24 if problem.transparency.norm == "peak" else 2001)
-    assert (floor.error[at] <= errors[at] * (1 + 1e-6)).all()
+    assert (lower.error[at] <= errors[at] * (1 + 1e-6)).all()
 
 
 LOOP = DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n"
@@ -183,7 +183,7 @@ def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
     known = replace(best, gains=gains, coupling=coupling)
     there = bound(pose(problem.in_units(impedance, time)), known, hopeless, gap=0.02)
     assert there.bound == pytest.approx(here.bound, rel=1e-6)
-    assert there.rest.boxes == pytest.approx(here.rest.boxes, rel=0.02)
+    assert there.resume.boxes == pytest.approx(here.resume.boxes, rel=0.02)
 
 
 def infeasible_texts(count: int, seed: int = 7) -> list[tuple[str, str]]:
@@ -274,7 +274,7 @@ def never_empty(problem: Problem, slack: float) -> bool:
     found = bound(pose(posed), None, hopeless, gap=GAP, most_boxes=20_000)
     assert not found.proved
     K_v, K_p, b_c, m_c, b_0 = numbers(best)
-    inner, boxes = np.array([[K_v], [K_p], [m_c / b_c], [b_0]]), found.rest.leaves.boxes
+    inner, boxes = np.array([[K_v], [K_p], [m_c / b_c], [b_0]]), found.resume.nodes.boxes
     assert ((boxes.low * (1 - 1e-15) <= inner) & (inner <= boxes.high * (1 + 1e-15))).all(axis=0).any()
     return True
 
@@ -291,35 +291,37 @@ def test_two_hundred_barely_feasible_problems_are_never_emptied(slack):
     assert sum(never_empty(problem, slack) for problem in random_problems(90, seed=5)) >= 67
 
 
-def test_a_search_that_goes_on_never_goes_back(problems):
+def test_a_search_that_goes_on_never_goes_back(problems, tmp_path):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    whole, rest, reached = bound(pose(problem), best, hopeless, gap=0.01), None, []
+    whole, resume, reached = bound(pose(problem), best, hopeless, gap=0.01), None, []
     for limit in range(1_000, 50_000, 1_000):
-        found = bound(pose(problem), best, hopeless, gap=0.01, most_boxes=limit, rest=rest)
-        reached.append((found.bound, found.rest.boxes))
+        found = bound(pose(problem), best, hopeless, gap=0.01, most_boxes=limit, resume=resume)
+        reached.append((found.bound, found.resume.boxes))
         if found.proved:
             break
-        arrays = found.rest.arrays()
-        assert set(arrays) == ARRAYS
-        rest = unfinished(arrays)
+        path = tmp_path / "bound.npz"
+        path.write_bytes(resume_bytes("one", found.resume))
+        assert read_resume(path, "another") is None
+        resume = read_resume(path, "one")
+        assert resume is not None
     assert found.proved and len(reached) > 5
     assert reached == sorted(reached)
     assert found.bound == pytest.approx(whole.bound, rel=1e-3)
 
 
-def test_a_rest_is_not_gone_on_with_when_it_was_less_strict(problems):
+def test_a_less_strict_search_is_not_resumed(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
     loose = bound(pose(problem), best, hopeless, gap=0.1)
-    assert loose.proved and not len(loose.rest.leaves.bound)
-    strict = bound(pose(problem), best, hopeless, gap=0.01, rest=loose.rest)
+    assert loose.proved and not len(loose.resume.nodes)
+    strict = bound(pose(problem), best, hopeless, gap=0.01, resume=loose.resume)
     assert strict.proved and strict.gap <= 0.01
     worse = replace(best, error=2 * best.error)
-    again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, rest=loose.rest)
-    assert not again.proved and len(again.rest.leaves.bound)
+    again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, resume=loose.resume)
+    assert not again.proved and len(again.resume.nodes)
 
 
 def test_threads_and_the_time_limit_change_no_bound(problems):
@@ -327,11 +329,11 @@ def test_threads_and_the_time_limit_change_no_bound(problems):
     best = solve(problem).judgement
     assert best is not None
     one, two = (bound(pose(problem), best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
-    assert (one.bound, one.rest.boxes) == (two.bound, two.rest.boxes)
+    assert (one.bound, one.resume.boxes) == (two.bound, two.resume.boxes)
     none = bound(pose(problem), best, hopeless, gap=0.02, time_limit=0.0)
     assert not none.proved and none.bound == 0.0 and none.gap == inf
     stopped = bound(pose(problem), best, hopeless, gap=0.02, stopped=lambda: True)
-    assert stopped.rest.boxes == 0
+    assert stopped.resume.boxes == 0
 
 
 def test_a_basin_that_was_missed_is_found(problems):

@@ -12,7 +12,7 @@ from command import run, strict
 from conftest import DEVICE, FIXED, ROOT
 
 from vctune import interrupt
-from vctune.design.bound import bound
+from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.design import read_design

@@ -67,7 +67,7 @@ write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"
 """,
 )
 COMMAND = """
-import vctune.cli, vctune.design.repaired, vctune.design.solve, vctune.report.report, vctune.simulation.experiment
+import vctune.cli, vctune.design.repair, vctune.design.solve, vctune.report.report, vctune.simulation.experiment
 from vctune.document.reading import read_problem
 
 def once(module, name, *arguments):

@@ -15,10 +15,10 @@ from vctune.document.simulation import simulation_beside
 from vctune.document.study import read_study
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import simulate
-from vctune.study.baseline import recheck
 from vctune.study.plane import plane
 from vctune.study.points import points
 from vctune.study.region import Kind, region
+from vctune.study.region_check import recheck
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))

@@ -230,11 +230,11 @@ def test_the_price_of_the_ratio_is_what_a_smaller_factor_saves():
 
 
 def test_an_absent_operator_is_not_in_the_nlp():
-    """The same graph as one built from a device that has never heard of operators: 16 common numbers, no relief."""
-    bare = solve(parse_problem(FRICTION_WHEEL, "p", "p")).polished.shape
-    held = solve(parse_problem(FRICTION_WHEEL + "[operator]\ndamping = 1.0\n", "p", "p")).polished.shape
-    assert not bare.held and held.held
-    same = replace(bare, held=True)
+    """The same graph as one built from a device that has never heard of operators: 15 common numbers, no relief."""
+    bare = solve(parse_problem(FRICTION_WHEEL, "p", "p")).polished.structure
+    held = solve(parse_problem(FRICTION_WHEEL + "[operator]\ndamping = 1.0\n", "p", "p")).polished.structure
+    assert not bare.operator_damping and held.operator_damping
+    same = replace(bare, operator_damping=True)
     without, with_it = assembled(bare), assembled(same)
     assert with_it["p"].numel() - without["p"].numel() == 2
     assert with_it["x"].numel() == without["x"].numel() and with_it["g"].numel() == without["g"].numel()

@@ -18,14 +18,13 @@ from test_bound import infeasible_texts
 
 from vctune.bench.digits import exact
 from vctune.bench.evaluator import cases
-from vctune.design import repaired as repairing
+from vctune.design import repair as repairing
 from vctune.design import solve as solving
 from vctune.design.check import check
 from vctune.design.judge import Status
-from vctune.design.levers import Lever, levers
+from vctune.design.parameter_changes import ParameterChange, parameter_changes
 from vctune.design.record import design_record
-from vctune.design.repair import repairs
-from vctune.design.repaired import repaired
+from vctune.design.repair import find_repairs, with_repairs
 from vctune.design.solve import solve
 from vctune.design.theorems import impossible
 from vctune.document.design import design_of
@@ -114,7 +113,7 @@ def certified(text: str) -> bool:
 def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) -> list[dict]:
     """Write every repair into the file as printed and solve; then nine tenths of it."""
     file = ProblemFile(parsed(text), text)
-    solved = repaired(file, solve(file.problem))
+    solved = with_repairs(file, solve(file.problem))
     record = json.loads(json.dumps(design_record(file, solved), allow_nan=False))
     found = record["repairs"]
     assert len(found) >= at_least
@@ -201,7 +200,7 @@ def test_nothing_found_is_said(tmp_path):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
     document = tomllib.loads(text)
-    assert repairs(document, levers(document, parsed(text))) == []
+    assert find_repairs(document, parameter_changes(document, parsed(text))) == []
     assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
@@ -212,49 +211,51 @@ def test_no_design_found_is_undecided_and_has_repairs_too(monkeypatch):
     solved = solve(file.problem)
     assert (solved.status, solved.infeasibility.proved) == (Status.UNDECIDED, False)
     assert solved.infeasibility.reason.startswith("no admissible design was found, nor proved impossible")
-    record = design_record(file, repaired(file, solved))
+    record = design_record(file, with_repairs(file, solved))
     assert record["repairs"] and f"the smallest repair: {record['repairs'][0]['key']} = " in record["reason"]
 
 
 def test_a_certified_design_needs_no_repairs():
     file = ProblemFile(parsed(DEVICE), DEVICE)
     solved = solve(file.problem)
-    assert repaired(file, solved) is solved
+    assert with_repairs(file, solved) is solved
     assert design_record(file, solved)["repairs"] is None
 
 
 numbers = st.floats(1e-6, 1e6)
 
 
-@given(old=numbers, factor=st.sampled_from([1e-3, 1e3]), strain=st.floats(1e-6, 900), share=st.floats(0.1, 0.9))
-def test_levers_move_one_way_as_far_as_they_say(old, factor, strain, share):
-    lever = Lever(("device", "damping"), "", old, old * factor)
-    new = lever.value(strain)
-    assert lever.strain(new) == pytest.approx(strain, rel=1e-6)
-    assert lever.size(new) == pytest.approx(abs(new - old) / max(new, old), rel=1e-6)
-    assert lever.part(new, share) - old == pytest.approx(share * (new - old))
-    short = lever.rounded(strain, 0.03)
-    assert strain * (1 - 1e-9) <= lever.strain(short) <= strain * 1.031
+@given(old=numbers, factor=st.sampled_from([1e-3, 1e3]), relative=st.floats(1e-6, 900), share=st.floats(0.1, 0.9))
+def test_changes_move_one_way_as_far_as_they_say(old, factor, relative, share):
+    change = ParameterChange(("device", "damping"), "", old, old * factor)
+    new = change.value(relative)
+    assert change.relative_change(new) == pytest.approx(relative, rel=1e-6)
+    assert change.size(new) == pytest.approx(abs(new - old) / max(new, old), rel=1e-6)
+    assert change.partial(new, share) - old == pytest.approx(share * (new - old))
+    short = change.rounded(relative, 0.03)
+    assert relative * (1 - 1e-9) <= change.relative_change(short) <= relative * 1.031
 
 
-@given(natural=numbers, strain=st.floats(1e-6, 9.0))
-def test_levers_from_0_and_from_infinity(natural, strain):
-    up = Lever(("coupling", "drag"), "", 0.0, 10 * natural, natural)
-    down = Lever(("stability", "band_hz", 1), "", inf, natural / 10, natural, 1e-9)
-    for lever in (up, down):
-        assert lever.strain(lever.value(strain)) == pytest.approx(strain)
-        assert strain * (1 - 1e-9) <= lever.strain(lever.rounded(strain, 0.03)) <= strain * 1.031
-    assert down.part(down.value(strain), 0.9) == pytest.approx(down.value(strain) / 0.9)
+@given(scale=numbers, relative=st.floats(1e-6, 9.0))
+def test_changes_from_0_and_from_infinity(scale, relative):
+    up = ParameterChange(("coupling", "drag"), "", 0.0, 10 * scale, scale)
+    down = ParameterChange(("stability", "band_hz", 1), "", inf, scale / 10, scale, 1e-9)
+    for change in (up, down):
+        assert change.relative_change(change.value(relative)) == pytest.approx(relative)
+        assert relative * (1 - 1e-9) <= change.relative_change(change.rounded(relative, 0.03)) <= relative * 1.031
+    assert down.partial(down.value(relative), 0.9) == pytest.approx(down.value(relative) / 0.9)
 
 
-def test_levers_leave_alone_what_the_file_does_not_say():
-    keys = {lever.key for lever in levers(tomllib.loads(DEVICE), parsed(DEVICE))}
+def test_changes_leave_alone_what_the_file_does_not_say():
+    keys = {change.key for change in parameter_changes(tomllib.loads(DEVICE), parsed(DEVICE))}
     assert not any(key.startswith(("gains.", "coupling.damping", "coupling.mass", "device.delay")) for key in keys)
     assert {"device.damping", "operator.damping", "coupling.drag", "stability.band_hz[0]"} <= keys
     text = DEVICE + "[gains]\nposition = { min = 1.0, max = 1e4 }\n"
-    lever = next(one for one in levers(tomllib.loads(text), parsed(text)) if one.key == "gains.position.min")
-    assert lever.line(0.5) == "gains.position = { min = 0.5, max = 10000.0 }"
-    assert lever.applied(tomllib.loads(text), 0.5) == tomllib.loads(text.replace("1.0,", "0.5,"))
+    change = next(
+        one for one in parameter_changes(tomllib.loads(text), parsed(text)) if one.key == "gains.position.min"
+    )
+    assert change.line(0.5) == "gains.position = { min = 0.5, max = 10000.0 }"
+    assert change.applied(tomllib.loads(text), 0.5) == tomllib.loads(text.replace("1.0,", "0.5,"))
 
 
 def random_request(rng: np.random.Generator, far: bool) -> str:
@@ -372,10 +373,10 @@ def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
 
 
 def test_a_sweep_looks_for_no_repairs(tmp_path, monkeypatch):
-    from vctune.study.outcome import work
+    from vctune.study.row import solve_point
 
-    monkeypatch.setattr(repairing, "levers", None)
-    assert work(parsed(QUICK["gains too high"]))["status"] == "infeasible"
+    monkeypatch.setattr(repairing, "parameter_changes", None)
+    assert solve_point(parsed(QUICK["gains too high"]))["status"] == "infeasible"
 
 
 @pytest.mark.slow
@@ -393,14 +394,14 @@ def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_pat
 @pytest.mark.parametrize("band", ["[0.0, 1e-9]", "[499.0, 500.0]", "[400.0, inf]", "[1.0, 1.5]"])
 def test_odd_bands_have_valid_levers(band):
     text = LAG.format(2.0) + f"[stability]\nband_hz = {band}\n"
-    for lever in levers(tomllib.loads(text), parsed(text)):
-        for strain in lever.strains():
-            new = lever.value(strain)
-            assert new != lever.old
+    for change in parameter_changes(tomllib.loads(text), parsed(text)):
+        for relative in change.relative_changes():
+            new = change.value(relative)
+            assert new != change.old
             try:
-                parsed(changed(text, lever.key, new, lever.line(new)))
+                parsed(changed(text, change.key, new, change.line(new)))
             except InputError as error:
-                raise AssertionError(f"{lever.line(new)}: {error}") from None
+                raise AssertionError(f"{change.line(new)}: {error}") from None
 
 
 IDLE = "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = 5e-4\n[stability]\nband_hz = [0.25, 200.0]\n"
@@ -416,7 +417,7 @@ def tracking_of(text: str) -> float:
 def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path):
     """Every cure, written into the file and solved, gives a loop in use; nine tenths of it do not."""
     file = ProblemFile(parsed(IDLE), IDLE)
-    record = design_record(file, repaired(file, solve(file.problem)))
+    record = design_record(file, with_repairs(file, solve(file.problem)))
     assert (record["status"], record["idle"]) == ("certified", True) and record["transparency"]["tracking"] > 0.9
     assert {"stability.band_hz[1]", "stability.max_sensitivity"} <= {cure["key"] for cure in record["repairs"]}
     for cure in record["repairs"]:
@@ -445,7 +446,7 @@ def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
 
 
 def test_a_design_in_use_is_searched_no_cure_for(monkeypatch):
-    monkeypatch.setattr(repairing, "cures", None)
+    monkeypatch.setattr(repairing, "find_cures", None)
     file = ProblemFile(parsed(DEVICE), DEVICE)
-    record = design_record(file, repairing.repaired(file, solve(file.problem)))
+    record = design_record(file, repairing.with_repairs(file, solve(file.problem)))
     assert (record["idle"], record["repairs"]) == (False, None)

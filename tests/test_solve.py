@@ -17,13 +17,14 @@ from vctune.design.ipopt import numbers_of
 from vctune.design.ipopt import solve as ipopt
 from vctune.design.judge import Status, judge
 from vctune.design.nlp_record import left_out
+from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import prepare
 from vctune.design.record import design_record, warnings
 from vctune.design.rounding import rounded
 from vctune.design.scan import scan
-from vctune.design.shape import WorkingSet, places, shape_of, stacked
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates, design_of, point
+from vctune.design.working_set import WorkingSet, constraint_points, stacked
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
@@ -117,10 +118,10 @@ def test_fixed_variables_zero_weights_and_idle_demands_are_not_in_the_nlp():
         "[transparency]\nweights = { admittance = 0.0 }\n"
     )
     solved = solve(parse(text))
-    shape = solved.polished.shape
-    assert [index for index, _ in shape.free] == [2]
-    assert shape.terms == ("tracking", "coupling")
-    assert shape.slots[1:] == (0, 0, 0)
+    structure = solved.polished.structure
+    assert [index for index, _ in structure.free] == [2]
+    assert structure.terms == ("tracking", "coupling")
+    assert structure.capacities[1:] == (0, 0, 0)
     reasons = "\n".join(left_out(solved))
     for part in (
         "gains.velocity: fixed at 150",
@@ -284,14 +285,14 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
     free = coordinates(problem, integrator=start.gains.position > 0)
     band, inner = problem.stability.band, problem.transparency.band
     frequencies = WorkingSet(
-        ratio=places(problem.device, np.geomspace(band.min, band.max, 9)),
-        sensitivity=places(problem.device, np.geomspace(0.3, pi, 9)),
-        peak=places(problem.device, np.geomspace(inner.min, inner.max, 9)) if norm == "peak" else [],
+        ratio=constraint_points(problem.device, np.geomspace(band.min, band.max, 9)),
+        sensitivity=constraint_points(problem.device, np.geomspace(0.3, pi, 9)),
+        peak=constraint_points(problem.device, np.geomspace(inner.min, inner.max, 9)) if norm == "peak" else [],
     )
-    shape = shape_of(posed, free, frequencies, 4, integrator=start.gains.position > 0)
+    structure = nlp_structure(posed, free, frequencies, 4, integrator=start.gains.position > 0)
     values = point(start.gains, start.coupling)
     z = np.array([c.to_z(values[c.index]) for c in free])
-    solution = ipopt(shape, numbers_of(posed, shape, free, values, (z - 1, z + 1), frequencies, 0.0))
+    solution = ipopt(structure, numbers_of(posed, structure, free, values, (z - 1, z + 1), frequencies, 0.0))
     assert solution.converged
     from vctune.analysis.demands import error_terms, stability_ratio, transparency_error, weighted_square
     from vctune.analysis.sampled_loop import sensitivity_of

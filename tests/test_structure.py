@@ -60,12 +60,22 @@ def test_the_proof_knows_no_optimiser_and_no_estimate():
             assert not name.startswith(("casadi", "vctune.design", "vctune.analysis")), path
 
 
+def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
+    known = {"bound", "prepared", "variables", "judge"}
+    proved = {"boxes.py", "quadratics.py", "relaxation.py", "lower_bounds.py"}
+    for path in (PACKAGE / "design/bound").glob("*.py"):
+        for name in imports(path):
+            if name.startswith("vctune.design."):
+                assert name.split(".")[2] in known, f"{path} imports {name}"
+            assert path.name not in proved or not name.startswith(("casadi", "vctune.analysis")), path
+
+
 def test_heavy_libraries_stay_in_their_rooms():
     homes = {
         # the simulation's step runs in CasADi's virtual machine; a benchmark runs CasADi's other solvers on the NLP
         "casadi": ("design/nlp.py", "simulation/step.py", "bench/dense.py"),
         "pydantic": "document",
-        "flint": "proof",
+        "flint": ("proof", "design/bound/relaxation.py"),
         "click": "cli",
         "rich": "cli",
         "matplotlib": "report",

@@ -25,10 +25,10 @@ from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.study import read_study
 from vctune.exits import ExitCode
-from vctune.study import outcome
 from vctune.study import sweep as sweeping
-from vctune.study.executors import crew_of
+from vctune.study.executors import worker_pool
 from vctune.study.front import nondominated
+from vctune.study.row import solve_point
 from vctune.study.rows import key_of, open_rows
 from vctune.study.summary import summary
 from vctune.study.sweep import sweep
@@ -64,8 +64,8 @@ def rows_in(path):
 
 def swept(path, folder, *, jobs=1, executor="processes", restart=False):
     plan = read_study(path)
-    with crew_of(executor, jobs) as crew, open_rows(folder / "rows.jsonl", plan, restart=restart) as rows:
-        return table_of(plan, rows, sweep(plan, rows, crew))
+    with worker_pool(executor, jobs) as pool, open_rows(folder / "rows.jsonl", plan, restart=restart) as rows:
+        return table_of(plan, rows, sweep(plan, rows, pool))
 
 
 def test_a_row_is_what_solve_says_of_the_point(tmp_path):
@@ -269,17 +269,17 @@ def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
 def dies_at_two(problem):
     if problem.device.damping == 2.0:
         os._exit(9)
-    return outcome.work(problem)
+    return solve_point(problem)
 
 
 def breaks_at_two(problem):
-    return outcome.work(None if problem.device.damping == 2.0 else problem)
+    return solve_point(None if problem.device.damping == 2.0 else problem)
 
 
 @pytest.mark.parametrize(("work", "reason"), [(dies_at_two, "died"), (breaks_at_two, "internal error: AttributeError")])
 def test_a_point_that_breaks_its_worker_is_a_failed_row_until_it_is_mended(tmp_path, monkeypatch, work, reason):
     path = write_study(tmp_path, '"device.damping" = [1.0, 1.5, 2.0, 3.0, 4.0]', FIXED)
-    monkeypatch.setattr(sweeping, "work", work)
+    monkeypatch.setattr(sweeping, "solve_point", work)
     table = swept(path, tmp_path, jobs=2)
     assert [status == "failed" for status in table.status] == [False, False, True, False, False]
     assert reason in table.reason[2] and isnan(table.numbers["error"][2])

@@ -22,14 +22,15 @@ from random_problems import corners, on_devices, random_devices, random_texts
 from sizes import nlp_size
 
 from vctune.bench.evaluator import error, spectral_radius, stability_ratio
-from vctune.design.bound import bound
+from vctune.design.bound.search import bound
 from vctune.design.judge import Status, judge
 from vctune.design.nlp import assembled
+from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import pose, prepare
 from vctune.design.scan import scan
-from vctune.design.shape import WorkingSet, places, shape_of
 from vctune.design.solve import solve
 from vctune.design.variables import coordinates
+from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.document.reading import parse_problem
 from vctune.model.problem import Uncertainty
 from vctune.model.quantities import Coupling, Device, Gains
@@ -121,17 +122,20 @@ def test_without_uncertainty_nothing_grows():
     certain = problem("friction-wheel")
     posed = prepare(certain).scaled
     scaled = posed.problem
-    free, first = coordinates(scaled, integrator=True), places(scaled.device, [0.01, 0.1, 1.0])
-    known = WorkingSet(ratio=first, sensitivity=first, moving=first[:1])
-    shape = shape_of(posed, free, known, 4, integrator=True)
-    size = nlp_size(shape)
-    parameters = assembled(shape)["p"].numel()
-    assert parameters == 15 + 4 * 32 + 3 * shape.slots[0] + 4 * shape.slots[1] + 3 * shape.slots[2] + 8
-    assert size.variables == 4 + 1 and size.constraints == sum(shape.slots) + 2
-    uncertain = shape_of(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
+    free, first = coordinates(scaled, integrator=True), constraint_points(scaled.device, [0.01, 0.1, 1.0])
+    known = WorkingSet(ratio=first, sensitivity=first, tracked_peaks=first[:1])
+    structure = nlp_structure(posed, free, known, 4, integrator=True)
+    size = nlp_size(structure)
+    parameters = assembled(structure)["p"].numel()
+    assert (
+        parameters
+        == 15 + 4 * 32 + 3 * structure.capacities[0] + 4 * structure.capacities[1] + 3 * structure.capacities[2] + 8
+    )
+    assert size.variables == 4 + 1 and size.constraints == sum(structure.capacities) + 2
+    uncertain = nlp_structure(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
     more = nlp_size(uncertain)
     assert more.variables == size.variables and more.constraints == size.constraints
-    assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + shape.slots[0])
+    assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + structure.capacities[0])
     design = numbers(solved("friction-wheel").judgement)
     alone = judge(problem("friction-wheel", "[uncertainty]\ndelay = 0.5\n"), Gains(*design[:2]), Coupling(*design[2:]))
     assert alone.certificate.boxes == solved("friction-wheel").judgement.certificate.boxes

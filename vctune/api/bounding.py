@@ -11,11 +11,11 @@ from typing import Any
 
 from vctune.api.files import DESIGN, json_text, write_record
 from vctune.api.solving import require_gap, solve
-from vctune.design.bound import Optimality
-from vctune.design.bound import bound as search
+from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
+from vctune.design.bound.search import Optimality
+from vctune.design.bound.search import bound as search
 from vctune.design.infeasible import OPENINGS
 from vctune.design.judge import Judgement, Status, judge
-from vctune.design.leaves import ARRAYS, Unfinished, unfinished
 from vctune.design.nlp import ipopt_version
 from vctune.design.optimum import Progress, improved
 from vctune.design.prepared import prepare
@@ -28,7 +28,6 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
-from vctune.document.unfinished import read_unfinished, unfinished_bytes
 from vctune.markup import html_facts
 from vctune.report.contents import report_paths
 
@@ -43,12 +42,12 @@ class Known:
     ----------
     record : of its design
     best : what is proved of its design today; None if it has none
-    rest : what an earlier search has left to do; None if there was none
+    resume : where an earlier search stood; None if there was none
     """
 
     record: DesignRecord
     best: Judgement | None
-    rest: Unfinished | None = None
+    resume: ResumeState | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +134,7 @@ def bound(
         gap=gap,
         time_limit=time_limit,
         jobs=jobs,
-        rest=known.rest,
+        resume=known.resume,
         stopped=stopped,
         progress=lambda at: progress(str(at)),
     )
@@ -174,8 +173,8 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
     InputError
         If it has to be there, and is not, is of another problem, or is not proved.
     """
-    arrays = read_unfinished(path.parent / SAVED, file.sha256, ARRAYS)
-    if arrays is None and not given:
+    resume = read_resume(path.parent / SAVED, file.sha256)
+    if resume is None and not given:
         return None
     try:
         record, best = _read(file, path)
@@ -184,7 +183,7 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
             raise
         return None
     infeasible = record.status == Status.INFEASIBLE.value
-    return None if infeasible else Known(record, best, unfinished(arrays) if arrays else None)
+    return None if infeasible else Known(record, best, resume)
 
 
 def write_bounded(bounded: Bounded, path: Path) -> None:
@@ -199,7 +198,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
     if found is not None and found.proved:
         saved.unlink(missing_ok=True)
     elif found is not None:
-        write_together({saved: unfinished_bytes(file.sha256, found.rest.arrays())})
+        write_together({saved: resume_bytes(file.sha256, found.resume)})
     if path.name == DESIGN:
         write_record(path.parent, file, bounded.record)
     else:
@@ -213,8 +212,8 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
     if known is not None:
         return known
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
-    rest = solved.optimality.rest if solved.optimality is not None else None
-    return Known(record_of(file, solved, ipopt_version()), solved.judgement, rest)
+    resume = solved.optimality.resume if solved.optimality is not None else None
+    return Known(record_of(file, solved, ipopt_version()), solved.judgement, resume)
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:

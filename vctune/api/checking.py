@@ -11,8 +11,8 @@ from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.files import make_folder, write_together
 from vctune.model.quantities import Coupling, Gains
-from vctune.study.baseline import Recheck
-from vctune.study.guard import guard
+from vctune.study.region_check import Recheck
+from vctune.study.region_check import check_region as prove_again
 
 LOST = ("lost.json", "lost.svg")
 
@@ -58,7 +58,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     InputError
         If problem or baseline are none, or the problem no longer has such a region.
     """
-    return guard(problem_of(problem), Path(baseline))[0]
+    return prove_again(problem_of(problem), Path(baseline))[0]
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:

@@ -20,10 +20,10 @@ from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.markup import html_facts
 from vctune.model.quantities import Coupling, Gains
-from vctune.study.baseline import region_record
-from vctune.study.plane import obstacles, plane
+from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
+from vctune.study.region_json import region_record
 
 FINEST, COARSEST = 1 / 2048, 1 / 8
 """Least and greatest side of the smallest cell, as a share of the plane's."""
@@ -117,7 +117,7 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
         If it has none.
     """
     unknown = [Mistake(key, f"is no variable; there are: {', '.join(KEYS)}") for key in (x, y) if key not in KEYS]
-    if mistakes := unknown or obstacles(file.problem, x, y):
+    if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from vctune.design.optimum import Progress
-from vctune.design.repaired import repaired
+from vctune.design.repair import with_repairs
 from vctune.design.result import Solved
 from vctune.design.solve import solve as find
 from vctune.document.building import ProblemSource
@@ -37,7 +37,7 @@ def solve(problem: ProblemSource, *, gap: float | None = None, progress: Progres
     if gap is not None:
         require_gap(gap)
     file = problem_of(problem)
-    return repaired(file, find(file.problem, progress, gap=gap), progress)
+    return with_repairs(file, find(file.problem, progress, gap=gap), progress)
 
 
 def require_gap(gap: float) -> None:

@@ -15,15 +15,15 @@ from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import make_folder, write_together
 from vctune.document.study import Study, build_study, read_study
-from vctune.study.executors import Crew, available_cores, crew_of
+from vctune.study.executors import WorkerPool, available_cores, worker_pool
 from vctune.study.front import band_front, band_study, terms_front, terms_study
 from vctune.study.rows import open_rows
 from vctune.study.summary import summary
-from vctune.study.sweep import Tick
+from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
 from vctune.study.table import Table, table_files, table_of
 
-Bar = Callable[[str, int], AbstractContextManager[Tick]]
+Bar = Callable[[str, int], AbstractContextManager[OnDone]]
 """Shows how a study of a name and a number of points gets on."""
 
 
@@ -77,7 +77,7 @@ def sweep(
     jobs: int | None = None,
     executor: str = "serial",
     restart: bool = False,
-    tick: Tick = lambda: None,
+    on_done: OnDone = lambda: None,
 ) -> Swept:
     """Solve a problem at many points.
 
@@ -93,7 +93,7 @@ def sweep(
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
     restart : begin anew instead of going on
-    tick : called once a point
+    on_done : called once a point
 
     Returns
     -------
@@ -106,8 +106,8 @@ def sweep(
         If problem or study are none, or the folder cannot be written.
     """
     study = _study(problem, axes, sample)
-    with crew_of(executor, jobs or available_cores()) as crew, _kept(folder) as place:
-        swept = _swept(study, place / "rows.jsonl", crew, tick, restart=restart)
+    with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
+        swept = _swept(study, place / "rows.jsonl", pool, on_done, restart=restart)
         if folder is not None:
             _write(swept, place)
     return swept
@@ -140,11 +140,11 @@ def front(
     """
     file = require_free(problem_of(problem), "trade")
     studies = (terms_study(file.document, file.problem), band_study(file.document, file.problem))
-    with crew_of(executor, jobs or available_cores()) as crew, _kept(folder) as place:
+    with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
         tables = []
         for study in studies:
-            with bar(study.name, study.count) as tick:
-                tables.append(_swept(study, place / f"{study.name}.rows.jsonl", crew, tick, restart=False).table)
+            with bar(study.name, study.count) as on_done:
+                tables.append(_swept(study, place / f"{study.name}.rows.jsonl", pool, on_done, restart=False).table)
         fronts = Fronts(terms_front(tables[0]), band_front(tables[1]))
         if folder is not None:
             _write_fronts(fronts, file.problem.transparency.band.hz[1], place)
@@ -172,9 +172,9 @@ def _kept(folder: str | Path | None) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _swept(study: Study, path: Path, crew: Crew, tick: Tick, *, restart: bool) -> Swept:
+def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, restart: bool) -> Swept:
     with open_rows(path, study, restart=restart) as rows:
-        return Swept(study, table_of(study, rows, run(study, rows, crew, tick)), rows.dropped)
+        return Swept(study, table_of(study, rows, run(study, rows, pool, on_done)), rows.dropped)
 
 
 def _write(swept: Swept, folder: Path) -> None:

@@ -16,11 +16,12 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.design.ipopt import NlpNumbers, numbers_of
 from vctune.design.nlp import OPTIONS, assembled
+from vctune.design.nlp_structure import NlpStructure, nlp_structure
 from vctune.design.prepared import Prepared
 from vctune.design.rounding import rounded
-from vctune.design.shape import Shape, WorkingSet, places, shape_of
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.interrupt import interrupt_deferred
 from vctune.model.quantities import Coupling, Gains
 
@@ -32,17 +33,17 @@ SETTINGS: dict[str, Any] = {**OPTIONS, "ipopt.max_iter": 500}
 
 @dataclass(frozen=True, slots=True)
 class Dense:
-    """A problem on a fixed grid of frequencies, from one start.
+    """A problem on a fixed grid of working_set, from one start.
 
     Attributes
     ----------
     prepared : the problem
-    shape, free, fixed : what the NLP contains, its variables, and the values of the others
+    structure, free, fixed : what the NLP contains, its variables, and the values of the others
     numbers : where to start, parameters, bounds
     """
 
     prepared: Prepared
-    shape: Shape
+    structure: NlpStructure
     free: tuple[Coordinate, ...]
     fixed: Point
     numbers: NlpNumbers
@@ -52,18 +53,18 @@ class Dense:
 
         Where Re G_hh <= 0 there is no logarithm: such a demand is missed by `MISSED`.
         """
-        f, g = functions(self.shape).values(z, self.numbers.parameters)
+        f, g = functions(self.structure).values(z, self.numbers.parameters)
         beyond = np.nan_to_num(np.array(g).ravel()[self.posed] - self.levels, nan=-MISSED, neginf=-MISSED)
         return np.nan_to_num(np.array(f).ravel(), nan=MISSED, posinf=MISSED), beyond
 
     def slopes(self, z: Floats) -> tuple[Floats, Floats]:
         """Return the gradient of the objective and the Jacobian of the demands."""
-        df, dg = functions(self.shape).slopes(z, self.numbers.parameters)
+        df, dg = functions(self.structure).slopes(z, self.numbers.parameters)
         return np.array(df).ravel(), np.array(dg)[self.posed]
 
     @property
     def posed(self) -> Any:
-        """Which of the shape's constraints are demands, not slots that nobody uses."""
+        """Which of the structure's constraints are demands, not slots that nobody uses."""
         return self.numbers.least > -np.inf
 
     @property
@@ -88,10 +89,10 @@ class Functions:
 
 
 @lru_cache(maxsize=16)
-def functions(shape: Shape) -> Functions:
-    """Return the functions of a shape's NLP, compiled."""
+def functions(structure: NlpStructure) -> Functions:
+    """Return the functions of a structure's NLP, compiled."""
     with interrupt_deferred():
-        nlp = assembled(shape)
+        nlp = assembled(structure)
         x, p, f, g = nlp["x"], nlp["p"], nlp["f"], nlp["g"]
         return Functions(
             ca.Function("values", [x, p], [f, g]).expand(),
@@ -114,17 +115,19 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     free = coordinates(scaled, integrator=integrator)
     low, high = posed.span
     band = scaled.transparency.band
-    frequencies = WorkingSet(
-        ratio=places(scaled.device, np.geomspace(low, high, count)),
-        sensitivity=places(scaled.device, np.geomspace(min(band.min, 1e-3 * scaled.nyquist), scaled.nyquist, count)),
-        peak=places(scaled.device, np.geomspace(band.min, band.max, count))
+    working_set = WorkingSet(
+        ratio=constraint_points(scaled.device, np.geomspace(low, high, count)),
+        sensitivity=constraint_points(
+            scaled.device, np.geomspace(min(band.min, 1e-3 * scaled.nyquist), scaled.nyquist, count)
+        ),
+        peak=constraint_points(scaled.device, np.geomspace(band.min, band.max, count))
         if scaled.transparency.norm == "peak"
         else [],
     )
-    shape = shape_of(posed, free, frequencies, PANELS, integrator=integrator)
+    structure = nlp_structure(posed, free, working_set, PANELS, integrator=integrator)
     fixed = point(start.gains, start.coupling)
     box = (np.array([c.low for c in free]), np.array([c.high for c in free]))
-    return Dense(prepared, shape, free, fixed, numbers_of(posed, shape, free, fixed, box, frequencies, reserve))
+    return Dense(prepared, structure, free, fixed, numbers_of(posed, structure, free, fixed, box, working_set, reserve))
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,16 +139,16 @@ class Stopped:
 
 
 @lru_cache(maxsize=32)
-def compiled(shape: Shape) -> ca.Function:
-    """Return IPOPT for a shape."""
-    return ca.nlpsol("peer", "ipopt", assembled(shape), SETTINGS)
+def compiled(structure: NlpStructure) -> ca.Function:
+    """Return IPOPT for a structure."""
+    return ca.nlpsol("peer", "ipopt", assembled(structure), SETTINGS)
 
 
 def ipopt(dense: Dense) -> Stopped:
     """Solve by IPOPT."""
     given = dense.numbers
     with interrupt_deferred():
-        solver = compiled(dense.shape)
+        solver = compiled(dense.structure)
         found = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )

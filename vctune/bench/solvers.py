@@ -144,7 +144,7 @@ def _theirs(name: str, prepared: Prepared, seen: ScanResult, peer: Peer) -> Row:
         given.values(given.numbers.guess)
         given.slopes(given.numbers.guess)
         if peer.work is ipopt:
-            compiled(given.shape)
+            compiled(given.structure)
     times: list[float] = []
     paces = []
     while not times or (len(times) < REPEATS and times[0] < SLOW):

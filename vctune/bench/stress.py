@@ -25,7 +25,7 @@ from vctune.design.judge import Judgement
 from vctune.design.solve import solve
 from vctune.model.problem import Problem, Range
 from vctune.report.benchmarks import Panel, Series
-from vctune.study.executors import available_cores, crew_of
+from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000
 PATIENCE = 20.0
@@ -65,8 +65,8 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     need("mpmath")
     count = QUICK if quick else FULL
     rows = []
-    with crew_of("processes", available_cores()) as crew:
-        for future in [crew.executor.submit(examined, seed, number) for number in range(count)]:
+    with worker_pool("processes", available_cores()) as pool:
+        for future in [pool.executor.submit(examined, seed, number) for number in range(count)]:
             rows.append(future.result())
             tick(f"{len(rows)} of {count} devices")
     return Measured(

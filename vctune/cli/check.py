@@ -62,9 +62,9 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     from vctune.design.check import check as check_files
     from vctune.document.files import folder_name
     from vctune.document.reading import read_problem
-    from vctune.study.guard import guard
+    from vctune.study.region_check import check_region
 
-    checked, again = guard(read_problem(files[0]), baseline)
+    checked, again = check_region(read_problem(files[0]), baseline)
     folder = out / folder_name(checked.name)
     if again.lost:
         write_lost(checked, again, folder)

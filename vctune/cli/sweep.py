@@ -59,8 +59,8 @@ def sweep(study: Path, out: Path, jobs: int | None, executor: str, resume: bool,
 
     from vctune.api.studies import sweep as run
 
-    with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as tick:
-        swept = run(plan, folder=folder, jobs=jobs, executor=executor, restart=not resume, tick=tick)
+    with bar_on_stderr(f"vctune sweep {study.name}", plan.count) as on_done:
+        swept = run(plan, folder=folder, jobs=jobs, executor=executor, restart=not resume, on_done=on_done)
     if swept.dropped:
         click.echo(f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped", err=True)
     _print(swept.summary, folder, style)

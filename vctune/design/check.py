@@ -15,9 +15,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
-from vctune.design.levers import levers
+from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
-from vctune.design.repair import CUT_SHORT, LONGEST, Repair, repairs
+from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
 from vctune.design.result import Solved
 from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
@@ -38,7 +38,7 @@ class Checked:
     source : the file that holds the numbers
     name : of the problem
     verdict : what is proved, as an exit code
-    message : one line: proved, or what fails and what would mend it, or what is wrong with the input
+    message : one line: proved, or what fails and what would repair it, or what is wrong with the input
     line : of the source, that the message is about
     finding : None for bad input
     strict : whether a warning fails the check
@@ -212,20 +212,20 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
     checks = []
     for (source, _, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        mends = _mends(file, judgement)
+        repairs = _repairs(file, judgement)
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        found += warnings(file.problem, judgement, mends)
-        if judgement.idle and mends is None:
+        found += warnings(file.problem, judgement, repairs)
+        if judgement.idle and repairs is None:
             found.append("solving the problem finds a design that does use its velocity loop")
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
-        finding = DesignFinding(file, judgement, mends, found, proving + perf_counter() - began)
-        code, message = EXIT_CODES[judgement.status], _message(judgement, mends)
-        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, mends), finding))
+        finding = DesignFinding(file, judgement, repairs, found, proving + perf_counter() - began)
+        code, message = EXIT_CODES[judgement.status], _message(judgement, repairs)
+        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, repairs), finding))
     return checks
 
 
-def _mends(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
+def _repairs(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
     """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others."""
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None
@@ -234,15 +234,13 @@ def _mends(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
     problem, _ = pose(pasted, file.problem.name)
     assert problem is not None, "a valid problem with valid gains is one"
     if not judgement.idle:
-        return repairs(pasted, levers(pasted, problem))
-    from vctune.design.repaired import cures, has_design_in_use  # the optimiser, for the sake of idle gains alone
-
+        return find_repairs(pasted, parameter_changes(pasted, problem))
     if has_design_in_use(file.problem):
         return None
-    return cures(pasted, problem) if file.problem.bounds.fixed else cures(stated, file.problem)
+    return find_cures(pasted, problem) if file.problem.bounds.fixed else find_cures(stated, file.problem)
 
 
-def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
+def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:
     if judgement.status is Status.CERTIFIED:
         demands = judgement.certificate.demands
         low, high = (edge / (2 * pi) for edge in demands.band)
@@ -252,21 +250,21 @@ def _message(judgement: Judgement, mends: list[Repair] | None) -> str:
         )
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
     known = judgement.reserve_missed or worst
-    return "; ".join([*judgement.open_claims, known, *([_remedy(mends)] if mends is not None else [])])
+    return "; ".join([*judgement.open_claims, known, *([_remedy(repairs)] if repairs is not None else [])])
 
 
-def _remedy(mends: list[Repair]) -> str:
+def _remedy(repairs: list[Repair]) -> str:
     """Return the least change of one gain that would do, and the other changes that would."""
-    if not mends:
+    if not repairs:
         return "no change of one number passes"
-    of_gain = [mend for mend in mends if mend.key in KEYS]
-    first, *others = [*of_gain[:1], *(mend for mend in mends if mend.key not in KEYS)]
+    of_gain = [repair for repair in repairs if repair.key in KEYS]
+    first, *others = [*of_gain[:1], *(repair for repair in repairs if repair.key not in KEYS)]
     so = f"; so would {', or '.join(map(str, others))}" if others else ""
     return f"{first} would pass{so}"
 
 
-def _line(text: str, mends: list[Repair] | None) -> int:
+def _line(text: str, repairs: list[Repair] | None) -> int:
     """Return the line of the gain to change, or of the table that has the gains."""
     lines = toml.Lines(text)
-    paths = [tuple(mend.key.split(".")) for mend in mends or [] if mend.key in KEYS]
+    paths = [tuple(repair.key.split(".")) for repair in repairs or [] if repair.key in KEYS]
     return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)

@@ -12,36 +12,44 @@ from math import exp, inf
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.ipopt import NEAR_SIDE, numbers_of, solve
+from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
-from vctune.design.shape import Place, WorkingSet, places, shape_of
+from vctune.design.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.design.violations import Violations, least_resistance, near_peak, violations
+from vctune.design.violations import Violations, near_peak, violations
+from vctune.design.working_set import ConstraintPoint, WorkingSet, constraint_points
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.proof.interval import Verdict
-from vctune.proof.poles import prove_model_poles
-from vctune.proof.sampled_loop import prove_sampled_poles
+from vctune.model.quantities import Coupling
+
+# tests/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
+"""By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
+error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
 ROUNDS = 40
+"""NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
 RADIUS = 2.0
+"""Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
+a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
+"""By what the box grows after an answer that is worth something; it is halved after any other."""
 LEAST_RADIUS = 1e-3
+"""Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9
-PULLED_IN = (1.0, 0.99, 0.95, 0.9, 0.8, 0.6, 0.4, 0.2)
-STABILITY_MARGIN = 1e-4
-"""Least distance from the stability boundary, as a share of the open loop's F, where nothing else stops a design."""
-MAX_CUTS = 24
+"""Log-spaced frequencies of each demand to begin with: enough that the first answer violates no demand grossly. What is
+missing joins; half takes a round or two more, twice makes every round slower."""
 PANELS = 4
 MAX_PANELS = 256
+"""Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
+`OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
 OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
 """By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
-only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time."""
+only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time. Half or twice is
+that much of error."""
 UPHILL = 1e-4
 """By what share an answer must be worse than a known design to count as one of another basin: beyond what the
 tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which basins are worth telling apart."""
@@ -50,7 +58,7 @@ tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which bas
 def polish(
     posed: Posed,
     start: Start,
-    seen: ScanResult,
+    scanned: ScanResult,
     *,
     incumbent: float = inf,
     tightening: float = TIGHTENING,
@@ -62,22 +70,22 @@ def polish(
     ----------
     posed : dimensionless
     start : from the scan
-    seen : what the scan saw, which decides which demands the NLP begins with
+    scanned : what the scan saw, which decides which demands the NLP begins with
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
-    witnesses : places that a proof has refuted, to begin with
+    witnesses : points that a proof has refuted, to begin with
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
-    refuted = dict.fromkeys(place.device for place in (*witnesses.ratio, *witnesses.sensitivity))
+    refuted = dict.fromkeys(point.device for point in (*witnesses.ratio, *witnesses.sensitivity))
     known = {case.device for case in cases}
     cases += [with_device(posed.problem, device) for device in refuted if device not in known]
-    reference = _pulled_in(posed.problem, cases, start)
+    reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
-    frequencies = _first_frequencies(posed, start, seen)
-    _join(frequencies, Violations(witnesses.ratio, witnesses.sensitivity))
-    _follow(frequencies, near_peak(cases, design_of(reference)[0]))
-    search = _Search(start, cases, tightening, incumbent, frequencies, reference, reference, reference)
+    working_set = _first_working_set(posed, start, scanned)
+    _add_violated(working_set, Violations(witnesses.ratio, witnesses.sensitivity))
+    _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
+    search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(posed, search)
     return search.best
@@ -91,105 +99,107 @@ class _Search:
     ----------
     cases : the devices at which the demands are posed
     reference : the last point with sound loops, centre of the box
-    warm : where IPOPT starts
+    warm_start : where IPOPT starts
     radius : half the box's width in log coordinates
     known, known_error : the best admissible design that is known, an answer or the start
-    looked : whether the start was looked at for that
+    start_examined : whether the start was looked at for that
     """
 
     start: Start
     cases: list[Problem]
     tightening: float
     incumbent: float
-    frequencies: WorkingSet
+    working_set: WorkingSet
     reference: Point
-    warm: Point
+    warm_start: Point
     known: Point
-    radius: float = RADIUS
-    panels: int = PANELS
+    radius: float
+    panels: int
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
     known_error: float = inf
-    looked: bool = False
+    start_examined: bool = False
     finished: bool = False
 
 
 def _step(posed: Posed, search: _Search) -> None:
     """Solve one NLP, see what its answer is worth, and prepare the next."""
-    problem, frequencies, integrator = posed.problem, search.frequencies, search.start.gains.position > 0
+    problem, working_set, integrator = posed.problem, search.working_set, search.start.gains.position > 0
     tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
     free = coordinates(problem, integrator=integrator)
-    shape = shape_of(posed, free, frequencies, search.panels, integrator=integrator)
+    structure = nlp_structure(posed, free, working_set, search.panels, integrator=integrator)
     box = _box(free, search.reference, search.radius)
-    solution = solve(shape, numbers_of(posed, shape, free, search.warm, box, frequencies, search.tightening))
+    solution = solve(
+        structure, numbers_of(posed, structure, free, search.warm_start, box, working_set, search.tightening)
+    )
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
-    unstable = next((case for case in search.cases if not _stable(case, gains)), None)
-    settled = solution.converged and solution.followed and not _at_box(free, solution.z, box)
+    unstable = next((case for case in search.cases if not stable(case, gains)), None)
+    settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
     search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
     demands = violations(posed, search.cases, values, search.tightening)
-    search.rounds.append(Round(sum(frequencies.sizes()), solution))
+    search.rounds.append(Round(sum(working_set.sizes()), solution))
     if unstable is not None:
-        if not _guard(unstable, frequencies, design_of(search.reference)[0], gains):
+        if not add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains):
             search.radius /= 2
-        search.warm = search.reference
+        search.warm_start = search.reference
         return
-    asked = frequencies.copy()
-    _follow(frequencies, demands.near_peak)
-    joined, admissible = _join(frequencies, demands), demands.positive and demands.greatest == 0
+    asked = working_set.copy()
+    _track_peak(working_set, demands.near_peak)
+    joined, admissible = _add_violated(working_set, demands), demands.positive and demands.greatest == 0
     uphill = False
     if admissible:
         error = posed.error(*design_of(values))
-        _look_at_start(posed, search, error)
+        _examine_start(posed, search, error)
         uphill = error > (1 + UPHILL) * search.known_error
-        _know(search, values, error)
-        found = Polished(search.start, values, error, shape, asked, solution, search.rounds)
-        search.best = min(search.best or found, found, key=lambda design: design.error)
-        search.finished = settled and not uphill and not _sharper_objective(problem, search, found, joined=joined)
+        _remember(search, values, error)
+        design = Polished(search.start, values, error, structure, asked, solution, search.rounds)
+        search.best = min(search.best or design, design, key=lambda each: each.error)
+        search.finished = settled and not uphill and not _sharper_objective(problem, search, design, joined=joined)
     if uphill:
         search.reference = search.known
     elif demands.positive:
         search.reference = values
-    search.warm = search.reference
+    search.warm_start = search.reference
     progress = not uphill and (joined or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
-def _look_at_start(posed: Posed, search: _Search, error: float) -> None:
+def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     """Get to know the start, its coupling raised by what it lacks, if it may be better than an admissible answer.
 
     IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
     """
-    if search.looked or not (1 + UPHILL) * search.start.error < error:
+    if search.start_examined or not (1 + UPHILL) * search.start.error < error:
         return
-    search.looked = True
+    search.start_examined = True
     gains, coupling, bounds = search.start.gains, search.start.coupling, posed.problem.bounds
     demands = violations(posed, search.cases, point(gains, coupling), search.tightening)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
     raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
     bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
     bounded = bounded and raised.drag <= bounds.drag.max
-    stable = all(_stable(case, gains) for case in search.cases)
-    if stable and demands.positive and not demands.sensitivity and bounded:
-        _know(search, point(gains, raised), posed.error(gains, raised))
+    sound = all(stable(case, gains) for case in search.cases)
+    if sound and demands.positive and not demands.sensitivity and bounded:
+        _remember(search, point(gains, raised), posed.error(gains, raised))
 
 
-def _know(search: _Search, values: Point, error: float) -> None:
+def _remember(search: _Search, values: Point, error: float) -> None:
     if error < search.known_error:
         search.known, search.known_error = values, error
 
 
-def _sharper_objective(problem: Problem, search: _Search, found: Polished, *, joined: bool) -> bool:
+def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
     """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
 
     Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
     was new: an NLP that knows none of them understates the error, and its optimum is none.
     """
     norm = problem.transparency.norm
-    error = min(found.error, search.best.error) if norm == "peak" and search.best else found.error
-    if abs(found.solution.error - error) <= OBJECTIVE_TOLERANCE[norm] * error:
+    error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
+    if abs(design.solution.error - error) <= OBJECTIVE_TOLERANCE[norm] * error:
         return False
     if norm == "peak":
         return joined
@@ -197,34 +207,18 @@ def _sharper_objective(problem: Problem, search: _Search, found: Polished, *, jo
     return search.panels <= MAX_PANELS
 
 
-def _pulled_in(problem: Problem, cases: list[Problem], start: Start) -> Point | None:
-    """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
-
-    That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
-    """
-    bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
-    stable: Point | None = None
-    for velocity, position in ((v * K_v, share * K_p) for share in PULLED_IN for v in (1.0, share)):
-        gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
-        if all(_stable(case, gains) for case in cases):
-            if all(least_resistance(case, gains).value[0] > 0 for case in cases):
-                return point(gains, start.coupling)
-            stable = stable or point(gains, start.coupling)
-    return stable
-
-
-def _first_frequencies(posed: Posed, start: Start, seen: ScanResult) -> WorkingSet:
+def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
     """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
     if problem.bounds.velocity.max > 0 or start.gains.position > 0:
-        first.ratio.extend(places(problem.device, coarse))
-    if seen.peak_sensitivity > problem.stability.max_sensitivity:
+        first.ratio.extend(constraint_points(problem.device, coarse))
+    if scanned.peak_sensitivity > problem.stability.max_sensitivity:
         upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
-        first.sensitivity.extend(places(problem.device, upto))
+        first.sensitivity.extend(constraint_points(problem.device, upto))
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
-        first.peak.extend(places(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
+        first.peak.extend(constraint_points(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
     return first
 
 
@@ -250,48 +244,26 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
     return tuple(values)  # type: ignore[return-value]
 
 
-def _stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do."""
-    return all(_loop_stable(device, gains) for device in problem.device.loops)
+def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:
+    """Track the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
+    working_set.tracked_peaks[:] = [] if peak is None else [peak]
 
 
-def _loop_stable(device: Device, gains: Gains) -> bool:
-    estimate = clearly_stable(device, gains)
-    if estimate is not None:
-        return estimate
-    return all(prove(device, gains).verdict is Verdict.PROVED for prove in (prove_sampled_poles, prove_model_poles))
-
-
-def _guard(problem: Problem, frequencies: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new."""
-    cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
-    new = [cut for cut in cuts if cut is not None and cut not in frequencies.stability]
-    if len(frequencies.stability) + len(new) > MAX_CUTS:
-        return False
-    frequencies.stability.extend(new)
-    return bool(new)
-
-
-def _follow(frequencies: WorkingSet, peak: Place | None) -> None:
-    """Let the NLP follow the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
-    frequencies.moving[:] = [] if peak is None else [peak]
-
-
-def _join(frequencies: WorkingSet, demands: Violations) -> bool:
-    """Add failing frequencies to the working set; return whether any was new."""
+def _add_violated(working_set: WorkingSet, demands: Violations) -> bool:
+    """Add violated points to the working set; return whether any was new."""
     added = [
-        _extend(frequencies.ratio, demands.ratio),
-        _extend(frequencies.sensitivity, demands.sensitivity),
-        _extend(frequencies.peak, demands.peak),
+        _add(working_set.ratio, demands.ratio),
+        _add(working_set.sensitivity, demands.sensitivity),
+        _add(working_set.peak, demands.peak),
     ]
     return any(added)
 
 
-def _extend(known: list[Place], candidates: list[Place]) -> bool:
-    new = [place for place in candidates if not any(_same(place, other) for other in known)]
+def _add(known: list[ConstraintPoint], candidates: list[ConstraintPoint]) -> bool:
+    new = [point for point in candidates if not any(_same(point, other) for other in known)]
     known.extend(new)
     return bool(new)
 
 
-def _same(place: Place, other: Place) -> bool:
-    return abs(place.omega - other.omega) <= 1e-7 * other.omega and place.device == other.device
+def _same(point: ConstraintPoint, other: ConstraintPoint) -> bool:
+    return abs(point.omega - other.omega) <= 1e-7 * other.omega and point.device == other.device

@@ -42,19 +42,19 @@ class Infeasibility:
         return f"{self.cause}; {self.advice}"
 
 
-def nearest_miss(prepared: Prepared, seen: ScanResult, *, proved: bool) -> Infeasibility:
+def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
     """Describe how the scanned point that fails least fails.
 
     Parameters
     ----------
     prepared : the problem
-    seen : the scan's result
+    scanned : the scan's result
     proved : whether every box of gains has been searched in vain
     """
     opening = OPENINGS[proved]
-    if not seen.starts:
+    if not scanned.starts:
         return Infeasibility(opening, "widen the bounds", proved)
-    start = seen.starts[0]
+    start = scanned.starts[0]
     gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
     prefix = f"{opening}; the nearest miss has velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
     cause, advice = _first_failure(prepared.problem, gains, coupling)

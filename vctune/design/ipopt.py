@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, log, pi
+from typing import Any
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
-from vctune.design.nlp import COLUMN, PULSE, compiled
+from vctune.design.nlp import compiled
+from vctune.design.nlp_parameters import SAMPLED_PLANT, STABILITY_CUT, Layout, packed, tables
+from vctune.design.nlp_structure import TERMS, NlpStructure
 from vctune.design.prepared import Posed
 from vctune.design.result import Solution
-from vctune.design.shape import TERMS, Place, Shape, WorkingSet, stacked
 from vctune.design.variables import Coordinate, Point
+from vctune.design.working_set import ConstraintPoint, WorkingSet, stacked
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.loop import hold_response
@@ -23,14 +26,24 @@ from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
 
 NEAR_SIDE = 1e-2
-"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its barrier."""
-REACH = 0.5
-"""How far the NLP may follow a peak of |S|, in log frequency."""
+"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
+barrier. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
+TRACKING_REACH = 0.5
+"""How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
+puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
+come down on another stationary point of |S|."""
 
 
 @dataclass(frozen=True, slots=True)
 class NlpNumbers:
-    """The numbers of an NLP: where to start, its parameters, bounds of its variables and of its constraints."""
+    """The numbers of an NLP.
+
+    Attributes
+    ----------
+    guess, low, high : where to start, and bounds of the variables
+    parameters : in the order of `nlp_parameters.tables`
+    least, most : bounds of the constraints; -inf for one that is not used
+    """
 
     guess: Floats
     parameters: Floats
@@ -42,118 +55,120 @@ class NlpNumbers:
 
 def numbers_of(
     posed: Posed,
-    shape: Shape,
+    structure: NlpStructure,
     free: tuple[Coordinate, ...],
     start: Point,
     box: tuple[Floats, Floats],
-    frequencies: WorkingSet,
+    working_set: WorkingSet,
     tightening: float,
 ) -> NlpNumbers:
-    """Return the numbers of the NLP of a dimensionless problem on the given frequencies.
+    """Return the numbers of the NLP of a dimensionless problem on a working set.
 
     Parameters
     ----------
+    posed : dimensionless
+    structure : of the NLP
+    free : its n variables
     start : the five numbers to start from; those that are not free stay
-    box : bounds of the coordinates
+    box : least and greatest coordinates, each of shape (n,)
+    working_set : where the demands are posed
     tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
     """
-    problem = posed.problem
     low, high = (list(bound) for bound in box)
     guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
-    y = [log(place.omega) for place in frequencies.moving]
-    low, high, guess = [*low, *(at - REACH for at in y)], [*high, *(min(at + REACH, log(pi)) for at in y)], [*guess, *y]
-    if shape.epigraph:
+    y = [log(point.omega) for point in working_set.tracked_peaks]
+    low += [at - TRACKING_REACH for at in y]
+    high += [min(at + TRACKING_REACH, log(pi)) for at in y]
+    guess += y
+    if structure.epigraph:
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
-    least, most = _demands(problem, shape, frequencies, tightening)
-    parameters = _parameters(posed, shape, free, start, frequencies)
+    least, most = _demands(posed.problem, structure, working_set, tightening)
+    parameters = _parameters(posed, structure, free, start, working_set)
     return NlpNumbers(np.array(guess), parameters, np.array(low), np.array(high), least, most)
 
 
-def solve(shape: Shape, given: NlpNumbers) -> Solution:
-    """Solve the NLP of a shape with the given numbers. Ctrl-C waits for IPOPT's answer."""
+def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
+    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer."""
     with interrupt_deferred():
-        solver = compiled(shape)
+        solver = compiled(structure)
         result = solver(
             x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
         )
         z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
         stats = solver.stats()
-    gains = len(shape.free)
-    peaks = slice(gains, gains + shape.moving)
+    first = len(structure.free)
+    peaks = slice(first, first + structure.tracked_peaks)
     room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
     return Solution(
-        z=z[:gains],
+        z=z[:first],
         error=float(np.exp(error[0])),
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
-        followed=bool(np.all(room > NEAR_SIDE)),
+        peak_tracked=bool(np.all(room > NEAR_SIDE)),
         iterations=int(stats["iter_count"]),
         multipliers=np.abs(multipliers[given.least > -inf]),
     )
 
 
 def _parameters(
-    posed: Posed, shape: Shape, free: tuple[Coordinate, ...], start: Point, frequencies: WorkingSet
+    posed: Posed, structure: NlpStructure, free: tuple[Coordinate, ...], start: Point, working_set: WorkingSet
 ) -> Floats:
-    problem = posed.problem
-    device, weights = problem.device, problem.transparency.weights
-    scales = np.zeros(5)
+    band, position = posed.problem.transparency.band, structure.integrator
+    numbers = {"common": _common(posed.problem, structure, free, start)}
+    if structure.norm == "rms":
+        omega, weight = log_quadrature(band.min, band.max, structure.panels)
+        devices = [_at_frequencies(structure, case.device, omega) | {"weight": weight} for case in posed.objective]
+        numbers["node"] = {name: np.hstack([device[name] for device in devices]) for name in devices[0]}
+    if working_set.ratio:
+        numbers["ratio"] = _at_frequencies(structure, *stacked(working_set.ratio))
+    if working_set.sensitivity:
+        numbers["sensitivity"] = _pulse_transfer(working_set.sensitivity, position=position)
+    if working_set.stability:
+        numbers["stability"] = _by_name(STABILITY_CUT, working_set.stability)
+    if working_set.peak:
+        numbers["peak"] = _at_frequencies(structure, *stacked(working_set.peak))
+    if working_set.tracked_peaks:
+        plants = [plant_of(point.device) for point in working_set.tracked_peaks]
+        numbers["tracked_peaks"] = _by_name(SAMPLED_PLANT, plants)
+    return packed(tables(structure), numbers)
+
+
+def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, ...], start: Point) -> dict[str, Any]:
+    device, weights, scales = problem.device, problem.transparency.weights, np.zeros(len(start))
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale
-    common = [device.mass, device.damping, *scales, *start, *(getattr(weights, term) for term in TERMS)]
-    if shape.held and device.operator is not None:
-        common += [device.operator.damping, problem.stability.safety_factor]
-    parts = [np.array(common)]
-    if shape.norm == "rms":
-        band = problem.transparency.band
-        nodes, averages = log_quadrature(band.min, band.max, shape.panels)
-        for case in posed.objective:
-            columns = _columns(shape, case.device, nodes)
-            parts.append(np.vstack((columns, averages)).ravel(order="F"))
-    cuts = np.array([(cut.open, cut.velocity, cut.position) for cut in frequencies.stability]).reshape(-1, 3).T
-    for count, columns in zip(
-        shape.slots,
-        (
-            _at_places(shape, frequencies.ratio),
-            _pulses(frequencies.sensitivity, position=shape.integrator),
-            cuts,
-            _at_places(shape, frequencies.peak),
-        ),
-        strict=True,
-    ):
-        last = columns[:, -1:] if columns.shape[1] else np.zeros((columns.shape[0], 1))
-        filling = np.repeat(last, count - columns.shape[1], axis=1)
-        parts.append(np.hstack((columns, filling)).ravel(order="F"))
-    parts += [_plant(place.device) for place in frequencies.moving]
-    return np.concatenate(parts)
+    common = {
+        "mass": device.mass,
+        "damping": device.damping,
+        "scales": scales,
+        "fixed": start,
+        "weights": [getattr(weights, term) for term in TERMS],
+    }
+    if structure.operator_damping and device.operator is not None:
+        common |= {"operator_damping": device.operator.damping, "safety_factor": problem.stability.safety_factor}
+    return common
 
 
-def _at_places(shape: Shape, places: Sequence[Place]) -> Floats:
-    return _columns(shape, *stacked(places)) if places else np.zeros((COLUMN[shape.uncertain], 0))
-
-
-def _pulses(places: Sequence[Place], *, position: bool) -> Floats:
-    if not places:
-        return np.zeros((PULSE, 0))
-    G_v, G_x = pulse_transfer(*stacked(places), position=position)
-    return np.vstack((G_v.real, G_v.imag, G_x.real, G_x.imag))
-
-
-def _plant(device: Device) -> Floats:
-    plant = plant_of(device)
-    return np.array(
-        [plant.pole, plant.one_minus_pole, plant.drift, *plant.velocity, *plant.position, plant.whole_samples]
-    )
-
-
-def _columns(shape: Shape, device: Device, omega: Floats) -> Floats:
+def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
     hold = hold_response(device, omega, FLOATS)
-    rows = [omega, hold.re, hold.lag]
-    if shape.uncertain:
-        rows += [np.broadcast_to(device.mass, omega.shape), np.broadcast_to(device.damping, omega.shape)]
-    return np.vstack(rows)
+    numbers = {"omega": omega, "hold_re": hold.re, "hold_lag": hold.lag}
+    if structure.uncertain:
+        numbers |= {name: np.broadcast_to(getattr(device, name), omega.shape) for name in ("mass", "damping")}
+    return numbers
 
 
-def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening: float) -> tuple[Floats, Floats]:
+def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dict[str, Any]:
+    G_v, G_x = pulse_transfer(*stacked(points), position=position)
+    return {"re_G_v": G_v.real, "im_G_v": G_v.imag, "re_G_x": G_x.real, "im_G_x": G_x.imag}
+
+
+def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:
+    """Return the fields of objects, a column for each."""
+    return {name: np.array([getattr(each, name) for each in objects]).T for name in layout}
+
+
+def _demands(
+    problem: Problem, structure: NlpStructure, working_set: WorkingSet, tightening: float
+) -> tuple[Floats, Floats]:
     stability = problem.stability
     levels = (
         log(stability.safety_factor) + tightening,
@@ -163,8 +178,9 @@ def _demands(problem: Problem, shape: Shape, frequencies: WorkingSet, tightening
     )
     lower = [
         np.where(np.arange(count) < used, level, -inf)
-        for count, used, level in zip(shape.slots, frequencies.sizes(), levels, strict=True)
+        for count, used, level in zip(structure.capacities, working_set.sizes(), levels, strict=True)
     ]
-    followed = np.tile([levels[1], 0.0], shape.moving)
-    free = (np.full(sum(shape.slots), inf), np.tile([inf, 0.0], shape.moving), np.full(shape.errors, inf))
-    return np.concatenate((*lower, followed, np.zeros(shape.errors))), np.concatenate(free)
+    tracked = np.tile([levels[1], 0.0], structure.tracked_peaks)
+    mean_errors, peaks = structure.mean_errors, structure.tracked_peaks
+    upper = np.full(sum(structure.capacities), inf), np.tile([inf, 0.0], peaks), np.full(mean_errors, inf)
+    return np.concatenate((*lower, tracked, np.zeros(mean_errors))), np.concatenate(upper)

@@ -51,7 +51,9 @@ EXIT_CODES = {
 
 
 IDLE = 0.5
-"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used; without a loop it is 1."""
+"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and half of what
+the operator should feel is lost at 0.5. It decides on a warning and its cures, not on a design: with half of it more
+designs are warned of; twice as much is warned of none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,8 +1,6 @@
-"""The design problem on a finite set of frequencies as a CasADi NLP. The only place that imports casadi.
+"""The design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
 
-See design/README.md, section 7.
-
-Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its shape.
+Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its structure.
 """
 
 from __future__ import annotations
@@ -10,14 +8,24 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
 from typing import Any
 
 import casadi as ca
 
-from vctune.design.shape import DEMANDS, TERMS, Shape
+from vctune.design.nlp_parameters import (
+    PULSE_TRANSFER,
+    SAMPLED_PLANT,
+    STABILITY_CUT,
+    Layout,
+    common_layout,
+    frequency_layout,
+    tables,
+    unpacked,
+)
+from vctune.design.nlp_structure import DEMANDS, TERMS, NlpStructure
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
@@ -48,12 +56,6 @@ OPTIONS: dict[str, Any] = {
     "ipopt.max_refinement_steps": 1,
 }
 """The last six are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
-COMMON = {False: 15, True: 17}
-"""Numbers common to all frequencies; two more where an operator eases the conditions: its damping, the factor."""
-COLUMN = {False: 3, True: 5}
-"""Numbers of a place: omega and the hold; of an uncertain device its mass and damping, too."""
-PULSE, PLANT = 4, 8
-"""Numbers of a place of |S|: G_v and G_x there; of a peak of |S| that is followed: the sampled plant."""
 
 
 class _SymbolArithmetic:
@@ -106,8 +108,8 @@ class _AtOneFrequency:
 
     Attributes
     ----------
-    z, common, epigraph : free variables, numbers common to all frequencies, epigraph variable
-    inputs, values : per kind of frequency, its numbers and the objective's share or the constraint's value
+    z, common, epigraph : free variables, parameters common to all frequencies, epigraph variable
+    inputs, values : per kind of frequency, its parameters and the objective's share or the constraint's value
     """
 
     z: ca.SX
@@ -117,99 +119,123 @@ class _AtOneFrequency:
     values: dict[str, Number]
 
 
-def _at_one_frequency(shape: Shape) -> _AtOneFrequency:
-    z, common, epigraph = ca.SX.sym("z", len(shape.free)), ca.SX.sym("common", COMMON[shape.held]), ca.SX.sym("t")
-    operator = LeastOperator(0.0, common[15]) if shape.held else None
-    device = Device(common[0], common[1], 1.0, 0.0, "zoh", operator)
-    scale, fixed, weights = common[2:7], common[7:12], dict(zip(TERMS, ca.vertsplit(common[12:15]), strict=True))
-    values = ca.vertsplit(fixed)
-    for k, (index, from_zero) in enumerate(shape.free):
-        values[index] = scale[index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
-    gains = Gains(values[0], values[1] if shape.integrator else 0.0)
-    coupling = Coupling(values[2], values[3], values[4])
+def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
+    z, epigraph, weight, y = ca.SX.sym("z", len(structure.free)), ca.SX.sym("t"), ca.SX.sym("weight"), ca.SX.sym("y")
+    common_column, common = _symbols("common", common_layout(structure))
+    frequency_column, frequency = _symbols("frequency", frequency_layout(structure))
+    pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
+    cut_column, cut = _symbols("cut", STABILITY_CUT)
+    plant_column, plant = _symbols("plant", SAMPLED_PLANT)
 
-    column, weight, cut = ca.SX.sym("column", COLUMN[shape.uncertain]), ca.SX.sym("weight"), ca.SX.sym("cut", 3)
-    here = replace(device, mass=column[3], damping=column[4]) if shape.uncertain else device
-    hold = HoldResponse(column[1], column[2])
-    loop = loop_response(here, gains, column[0], hold, SYMBOLS)
-    Z_c = coupling_impedance(coupling, column[0])
+    gains, coupling = _design(structure, z, common)
+    device = _device(structure, common, frequency)
+    hold = HoldResponse(frequency["hold_re"], frequency["hold_lag"])
+    loop = loop_response(device, gains, frequency["omega"], hold, SYMBOLS)
+    Z_c = coupling_impedance(coupling, frequency["omega"])
     squares = squared_terms(loop, Z_c, 1.0)
-    error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in shape.terms), start=ca.SX(0))
+    weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
+    error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * Z_c.re
     if loop.operator_relief is not None:  # R may be negative and has no logarithm then
-        offered += common[16] * loop.operator_relief
-    pulse, y, plant = ca.SX.sym("pulse", PULSE), ca.SX.sym("y"), ca.SX.sym("plant", PLANT)
-    inverse_S = Pair(1 + gains.velocity * pulse[0], gains.velocity * pulse[1])
-    if shape.integrator:
-        inverse_S += Pair(pulse[2], pulse[3]).scaled(gains.position)
-    sampled = SampledPlant(plant[0], plant[1], plant[2], (plant[3], plant[4]), (plant[5], plant[6]), plant[7], True)
-    followed = return_difference(sampled, ca.exp(y), SYMBOLS, position=shape.integrator)
-    log_peak = ca.log(sensitivity_abs2(followed, gains)) / 2
+        offered += common["safety_factor"] * loop.operator_relief
+    inverse_S = Pair(1 + gains.velocity * pulse["re_G_v"], gains.velocity * pulse["im_G_v"])
+    if structure.integrator:
+        inverse_S += Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position)
+    on_peak = return_difference(_sampled_plant(plant), ca.exp(y), SYMBOLS, position=structure.integrator)
+    log_peak = ca.log(sensitivity_abs2(on_peak, gains)) / 2
     return _AtOneFrequency(
         z,
-        common,
+        common_column,
         epigraph,
         inputs={
-            "node": ca.vertcat(column, weight),
-            "ratio": column,
-            "sensitivity": pulse,
-            "stability": cut,
-            "peak": column,
-            "moving": ca.vertcat(y, plant),
+            "node": ca.vertcat(frequency_column, weight),
+            "ratio": frequency_column,
+            "sensitivity": pulse_column,
+            "stability": cut_column,
+            "peak": frequency_column,
+            "tracked_peaks": ca.vertcat(y, plant_column),
         },
         values={
             "node": weight * error2,
             "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
             "sensitivity": ca.log(inverse_S.abs2()) / 2,
-            "stability": cut[0] + gains.velocity * cut[1] + gains.position * cut[2],
+            "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
-            "moving": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
+            "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
 
 
+def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
+    """Return a column of symbols, and its parts by name."""
+    column = ca.SX.sym(name, sum(layout.values()))
+    return column, unpacked(layout, column)
+
+
+def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, Coupling]:
+    values = ca.vertsplit(common["fixed"])
+    for k, (index, from_zero) in enumerate(structure.free):
+        values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
+    K_v, K_p, b_c, m_c, b_0 = values
+    return Gains(K_v, K_p if structure.integrator else 0.0), Coupling(b_c, m_c, b_0)
+
+
+def _device(structure: NlpStructure, common: dict[str, ca.SX], frequency: dict[str, ca.SX]) -> Device:
+    """Return the device of a frequency, its own where the device is uncertain."""
+    operator = LeastOperator(0.0, common["operator_damping"]) if structure.operator_damping else None
+    numbers = frequency if structure.uncertain else common
+    return Device(numbers["mass"], numbers["damping"], 1.0, 0.0, "zoh", operator)
+
+
+def _sampled_plant(plant: dict[str, ca.SX]) -> SampledPlant:
+    (v_1, v_2), (x_1, x_2) = (ca.vertsplit(plant[name]) for name in ("velocity", "position"))
+    return SampledPlant(
+        plant["pole"], plant["one_minus_pole"], plant["drift"], (v_1, v_2), (x_1, x_2), plant["whole_samples"], True
+    )
+
+
 @lru_cache(maxsize=16)
-def compiled(shape: Shape) -> ca.Function:
-    """Return the solver of a shape."""
-    return ca.nlpsol("design", "ipopt", assembled(shape), OPTIONS)
+def compiled(structure: NlpStructure) -> ca.Function:
+    """Return the solver of a structure."""
+    return ca.nlpsol("design", "ipopt", assembled(structure), OPTIONS)
 
 
-def assembled(shape: Shape) -> dict[str, ca.MX]:
-    """Return the NLP of a shape: parameters are `common`, then the columns of each kind of frequency."""
-    one = _at_one_frequency(shape)
-    z, common = ca.MX.sym("z", one.z.numel()), ca.MX.sym("common", one.common.numel())
-    epigraph = ca.MX.sym("t") if shape.epigraph else ca.MX(0)
-    y = ca.MX.sym("y", shape.moving)
-    parameters: list[ca.MX] = [common]
+def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
+    """Return the NLP of a structure.
 
-    def columns(name: str, rows: int, count: int) -> ca.MX:
-        numbers = ca.MX.sym(name, rows, count)
-        parameters.append(ca.vec(numbers))
-        return numbers
+    Returns
+    -------
+    dict
+        x, f, g and p as `casadi.nlpsol` wants them: the free coordinates, log frequencies of tracked peaks and the
+        epigraph variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of
+        the errors in the mean; parameters as `nlp_parameters.packed` packs them.
+    """
+    one = _at_one_frequency(structure)
+    columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
+    z, common, y = ca.MX.sym("z", len(structure.free)), columns["common"], ca.MX.sym("y", structure.tracked_peaks)
+    epigraph = ca.MX.sym("t") if structure.epigraph else ca.MX(0)
 
-    def at_each(kind: str, count: int) -> ca.MX:
-        inputs = one.inputs[kind]
-        value = ca.Function(kind, [one.z, one.common, one.epigraph, inputs], [one.values[kind]])
-        return value.map(count)(z, common, epigraph, columns(kind, inputs.numel(), count)).T
+    def at_each(kind: str, inputs: ca.MX) -> ca.MX:
+        arguments = [one.z, one.common, one.epigraph, one.inputs[kind]]
+        value = ca.Function(kind, arguments, [one.values[kind]])
+        return value.map(inputs.columns())(z, common, epigraph, inputs)
 
-    errors = [_mean_errors(shape, at_each)] if shape.norm == "rms" else []
-    demands = [at_each(kind, count) for kind, count in zip(DEMANDS, shape.slots, strict=True) if count]
-    if shape.moving:
-        follow = ca.Function("moving", [one.z, one.common, one.inputs["moving"]], [one.values["moving"]])
-        places = ca.vertcat(y.T, columns("plants", PLANT, shape.moving))
-        demands.append(ca.vec(follow.map(shape.moving)(z, common, places)))
-    if shape.epigraph:
+    errors = [_mean_errors(structure, at_each("node", columns["node"]).T)] if structure.norm == "rms" else []
+    demands = [at_each(kind, columns[kind]).T for kind in DEMANDS if columns[kind].columns()]
+    if structure.tracked_peaks:
+        demands.append(ca.vec(at_each("tracked_peaks", ca.vertcat(y.T, columns["tracked_peaks"]))))
+    if structure.epigraph:
         unknowns, objective = ca.vertcat(z, y, epigraph), epigraph
-        demands += [epigraph - error for error in errors if shape.errors]
+        demands += [epigraph - error for error in errors if structure.mean_errors]
     else:
         unknowns, objective = ca.vertcat(z, y), errors[0]
-    return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": ca.vertcat(*parameters)}
+    parameters = ca.vertcat(*(ca.vec(table) for table in columns.values()))
+    return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": parameters}
 
 
-def _mean_errors(shape: Shape, at_each: Callable[[str, int], ca.MX]) -> ca.MX:
-    """Return the logarithm of the error in the mean for each device that counts."""
-    nodes = PANEL_NODES * shape.panels
-    squares = at_each("node", nodes * shape.counted)
-    if shape.counted > 1:
-        squares = ca.reshape(squares, nodes, shape.counted)
+def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
+    """Return the logarithm of the error in the mean for each device that counts, from the squares at all nodes."""
+    devices = structure.objective_devices
+    if devices > 1:
+        squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)
     return ca.log(ca.sum1(squares)).T / 2

@@ -7,9 +7,10 @@ from typing import Any
 
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
+from vctune.design.nlp_structure import DEMANDS
 from vctune.design.result import Polished, Solved
-from vctune.design.shape import DEMANDS, Place, size, stacked
 from vctune.design.variables import KEYS, design_of, ranges
+from vctune.design.working_set import ConstraintPoint, stacked
 from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
@@ -17,6 +18,7 @@ from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN
 
 ACTIVE = 1e-5
+"""Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
 
 
 def active(solved: Solved) -> list[ActiveRecord]:
@@ -26,15 +28,15 @@ def active(solved: Solved) -> list[ActiveRecord]:
     """
     if solved.polished is None:
         return []
-    posed, multipliers = solved.polished.frequencies, [float(m) for m in _priced(solved.polished)]
+    posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
-    where: list[tuple[str, Place | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
+    where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
-    for at in posed.moving:
+    for at in posed.tracked_peaks:
         where += [("|S| <= max_sensitivity", at), ("", None)]
-    where += [("greatest error", None)] * solved.polished.shape.errors
+    where += [("greatest error", None)] * solved.polished.structure.mean_errors
     held = [
         ActiveRecord(
             demand=demand,
@@ -48,7 +50,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     return sorted(held, key=lambda row: -row.multiplier)
 
 
-def _device(problem: Problem, place: Place) -> DeviceRecord:
+def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
     """Return the device of a dimensionless place in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
     scaled = place.device
@@ -62,8 +64,8 @@ def _priced(polished: Polished) -> Floats:
 
     In the hand of an operator the NLP has written it with both terms of the factor on different sides.
     """
-    multipliers, ratio = polished.solution.multipliers.copy(), polished.frequencies.ratio
-    if polished.shape.held and ratio:
+    multipliers, ratio = polished.solution.multipliers.copy(), polished.working_set.ratio
+    if polished.structure.operator_damping and ratio:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)
         multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
@@ -86,34 +88,36 @@ def left_out(solved: Solved) -> list[str]:
             for name in UNCERTAIN
             if getattr(problem.uncertainty, name) > 0 and getattr(problem.device, name) == 0
         ]
-    if solved.polished is None or solved.seen is None:
+    if solved.polished is None or solved.scanned is None:
         return found
-    shape = solved.polished.shape
-    if not shape.integrator and not problem.bounds.position.fixed:
+    structure = solved.polished.structure
+    if not structure.integrator and not problem.bounds.position.fixed:
         found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
-    if shape.slots[1] == 0:
+    if structure.capacities[DEMANDS.index("sensitivity")] == 0:
         found.append(
-            f"stability.max_sensitivity: |S| stays below {solved.seen.peak_sensitivity:.4g} wherever the scan looked, "
-            f"the limit is {problem.stability.max_sensitivity:g}"
+            f"stability.max_sensitivity: |S| stays below {solved.scanned.peak_sensitivity:.4g} wherever the scan "
+            f"looked, the limit is {problem.stability.max_sensitivity:g}"
         )
-    if not solved.polished.frequencies.stability:
+    if not solved.polished.working_set.stability:
         found.append("stability of the sampled loop: no step of the search left it")
     return found
 
 
 def solver_record(solved: Solved) -> dict[str, Any]:
     """Return how the NLP was solved; nothing where none was."""
-    if solved.polished is None or solved.seen is None:
+    if solved.polished is None or solved.scanned is None:
         return {}
     polished = solved.polished
     return {
         "name": "ipopt",
         "converged": polished.solution.converged,
-        "starts": len(solved.seen.starts),
+        "starts": len(solved.scanned.starts),
         "optima": solved.optima,
-        "variables": size(polished.shape),
-        "constraints": sum(polished.frequencies.sizes()) + 2 * polished.shape.moving + polished.shape.errors,
-        "frequencies": dict(zip(DEMANDS, polished.frequencies.sizes(), strict=True)),
+        "variables": polished.structure.variables,
+        "constraints": sum(polished.working_set.sizes())
+        + 2 * polished.structure.tracked_peaks
+        + polished.structure.mean_errors,
+        "frequencies": dict(zip(DEMANDS, polished.working_set.sizes(), strict=True)),
         "rounds": len(polished.rounds),
         "iterations": sum(each.solution.iterations for each in polished.rounds),
     }

@@ -15,10 +15,10 @@ from vctune.design.prepared import Posed, Prepared, prepare
 from vctune.design.result import Polished
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
-from vctune.design.shape import Place, WorkingSet
 from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, point
+from vctune.design.working_set import ConstraintPoint, WorkingSet
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 from vctune.model.transparency import Terms
@@ -26,15 +26,23 @@ from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
 
 WORTH_POLISHING = 1.05
-"""A start is polished if its scanned error is at most this much above the best polished one."""
+"""A start is polished if its scanned error is at most this much above the best polished one: about what the refined
+grid may miss of a local minimum. With less a start is passed over that polishing would have made the best, with more
+starts are polished that do not win."""
 PROOF_ROUNDS, MORE_DIGITS = 4, 2
+"""How often a refuted optimum is polished again, and how many digits more are then written. With 4 rounds the demands
+are sharpened up to 1e-3, where a design costs 0.1 % more than it must. Half gives up designs that a third round proves,
+twice tries what costs more than another start."""
 LONG_SHOTS = 2
-"""How many starts are polished when none is admissible."""
+"""How many starts are polished when none is admissible: the nearest misses may be admissible between the points of the
+grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
 NEARLY = 0.1
-"""A start that misses a demand by more than this share is not polished where only an opinion is wanted."""
+"""A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
+refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
-the boxes that it takes grow with the inverse of what is left to spare."""
+the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
+costs proofs."""
 
 Progress = Callable[[str], None]
 
@@ -57,24 +65,24 @@ class Optimum:
     seconds: dict[str, float]
 
 
-def optimum(prepared: Prepared, seen: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
+def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
     """Return the best design that starts lead to.
 
     Parameters
     ----------
     prepared : of a problem that leaves something free
-    seen : what a scan of it saw, dimensionless
+    scanned : what a scan of it saw, dimensionless
     progress : told the stage of the work
     """
     began, scaled = perf_counter(), prepared.scaled
-    optima = _optima(scaled, seen, progress)
+    optima = _optima(scaled, scanned, progress, WORTH_POLISHING)
     polished = perf_counter()
     progress("proving")
-    best, judgement = _best_proved(prepared, seen, optima)
+    best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
         tried = [optimum.start for optimum in optima]
-        optima = _optima(scaled, replace(seen, starts=[s for s in seen.starts if s not in tried]), progress, worth=inf)
-        best, judgement = _best_proved(prepared, seen, optima)
+        optima = _optima(scaled, replace(scanned, starts=[s for s in scanned.starts if s not in tried]), progress, inf)
+        best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(prepared, judgement)
     seconds = {"polish": polished - began, "prove": perf_counter() - polished}
@@ -100,11 +108,11 @@ def attained(problem: Problem) -> Judgement | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
-    seen = scan(prepared.scaled)
-    for start in [start for start in seen.starts[:LONG_SHOTS] if start.admissible] or seen.starts[:1]:
+    scanned = scan(prepared.scaled)
+    for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:
         hopeful = start.workable and start.violation < NEARLY
-        optimum = polish(prepared.scaled, start, seen) if hopeful else None
-        judgement = _best_proved(prepared, seen, [optimum])[1] if optimum is not None else None
+        optimum = polish(prepared.scaled, start, scanned) if hopeful else None
+        judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
         if judgement is not None and judgement.status is Status.CERTIFIED:
             return judgement
     return None
@@ -118,46 +126,46 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     target = incumbent / units.error
     if start is None or start.error >= target:
         return None
-    seen = scan(scaled)
-    optimum = polish(scaled, start, seen, incumbent=target)
-    judgement = _best_proved(prepared, seen, [optimum])[1] if optimum is not None else None
+    scanned = scan(scaled)
+    optimum = polish(scaled, start, scanned, incumbent=target)
+    judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
     if judgement is None or judgement.status is not Status.CERTIFIED or judgement.error >= incumbent:
         return None
     return judgement
 
 
-def _optima(scaled: Posed, seen: ScanResult, progress: Progress, worth: float = WORTH_POLISHING) -> list[Polished]:
+def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first."""
     optima: list[Polished] = []
     done: list[Start] = []
-    for number, start in enumerate(seen.starts, 1):
+    for number, start in enumerate(scanned.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
         if start.error > worth * least or hopeless or start in done:
             continue
-        progress(f"polishing start {number} of {len(seen.starts)}")
-        polished = polish(scaled, start, seen, incumbent=least if worth < inf else inf)
+        progress(f"polishing start {number} of {len(scanned.starts)}")
+        polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
-            left = [each for each in seen.starts[number:] if each.error <= worth * polished.error]
+            left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
             done += in_same_basin(scaled, left, design_of(polished.values)[0])
     optima.sort(key=lambda optimum: optimum.error)
     if optima:
         nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress("polishing once more")
-            better = polish(scaled, nearby, seen, incumbent=optima[0].error)
+            better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
             optima = [better, *optima] if better is not None else optima
     return sorted(optima, key=lambda optimum: optimum.error)
 
 
 def _best_proved(
-    prepared: Prepared, seen: ScanResult, optima: list[Polished]
+    prepared: Prepared, scanned: ScanResult, optima: list[Polished]
 ) -> tuple[Polished | None, Judgement | None]:
     """Return the best design that is proved; failing that the best one that is merely undecided."""
     doubtful: tuple[Polished, Judgement] | None = None
     for optimum in optima:
-        for polished, judgement in _attempts(prepared, seen, optimum):
+        for polished, judgement in _attempts(prepared, scanned, optimum):
             if judgement.status is Status.CERTIFIED:
                 return polished, judgement
             if judgement.status is Status.UNDECIDED and doubtful is None:
@@ -165,7 +173,7 @@ def _best_proved(
     return doubtful if doubtful is not None else (None, None)
 
 
-def _attempts(prepared: Prepared, seen: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
+def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
     """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits."""
     polished: Polished | None = optimum
     tightening, witnesses = TIGHTENING, WorkingSet()
@@ -182,17 +190,17 @@ def _attempts(prepared: Prepared, seen: ScanResult, optimum: Polished) -> Iterat
         tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)
-        polished = polish(prepared.scaled, optimum.start, seen, tightening=tightening, witnesses=witnesses)
+        polished = polish(prepared.scaled, optimum.start, scanned, tightening=tightening, witnesses=witnesses)
 
 
 def _undecided(judgement: Judgement) -> bool:
     return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
 
 
-def _collect(known: list[Place], outcome: Outcome, prepared: Prepared) -> None:
+def _collect(known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         device = prepared.on_device(outcome.device or prepared.problem.device)
-        known.append(Place(outcome.witness * prepared.units.time, device))
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device))
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:

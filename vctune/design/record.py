@@ -49,7 +49,7 @@ from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Optimality
+    from vctune.design.bound.search import Optimality
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
@@ -222,19 +222,19 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
 
 def optimality_record(found: Optimality) -> OptimalityRecord:
     """Return what is proved of every design: bound, gap, history, and the boxes that are open."""
-    leaves = found.rest.leaves
-    lowest = np.argsort(leaves.bound, kind="stable")[:SHOWN]
+    nodes = found.resume.nodes
+    lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
     every = max(1, len(found.history) // SHOWN)
     return OptimalityRecord(
         lower_bound=found.bound,
         gap=found.gap,
         verdict="proved" if found.proved else "open",
-        boxes=found.rest.boxes,
+        boxes=found.resume.boxes,
         history=[
             GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
             for at in [*found.history[:-1:every], found.history[-1]]
         ],
-        open=[BoxRecord(low=leaves.boxes.low[:, i].tolist(), high=leaves.boxes.high[:, i].tolist()) for i in lowest],
+        open=[BoxRecord(low=nodes.boxes.low[:, i].tolist(), high=nodes.boxes.high[:, i].tolist()) for i in lowest],
     )
 
 

@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING
 from vctune.analysis.extrema import Floats
 from vctune.design.infeasible import Infeasibility
 from vctune.design.judge import Judgement, Status
+from vctune.design.nlp_structure import NlpStructure
 from vctune.design.scan import ScanResult
-from vctune.design.shape import Shape, WorkingSet
 from vctune.design.start import Start
 from vctune.design.variables import Point
+from vctune.design.working_set import WorkingSet
 from vctune.markup import html_facts
 from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Optimality
+    from vctune.design.bound.search import Optimality
     from vctune.design.repair import Repair
 
 
@@ -29,7 +30,7 @@ class Solution:
     z : coordinates of the free variables
     error : objective there
     converged : whether IPOPT says so; no evidence of anything
-    followed : whether the peak of |S| that it was to follow stayed within its reach
+    peak_tracked : whether the tracked peak of |S| stayed within its reach
     iterations : number of IPOPT iterations
     multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
     """
@@ -37,7 +38,7 @@ class Solution:
     z: Floats
     error: float
     converged: bool
-    followed: bool
+    peak_tracked: bool
     iterations: int
     multipliers: Floats
 
@@ -65,15 +66,15 @@ class Polished:
     start : where it began
     values : K_v, K_p, b_c, m_c, b_0
     error : transparency error
-    shape, frequencies, solution : the last NLP, its frequencies and where IPOPT stopped
+    structure, working_set, solution : the last NLP, its working set and where IPOPT stopped
     rounds : history
     """
 
     start: Start
     values: Point
     error: float
-    shape: Shape
-    frequencies: WorkingSet
+    structure: NlpStructure
+    working_set: WorkingSet
     solution: Solution
     rounds: list[Round]
 
@@ -89,7 +90,7 @@ class Solved:
     polished : the local optimum it was rounded from, None when nothing was optimised
     optima : how many local optima were found
     infeasibility : why there is no design, else None
-    seen : what the scan saw, None when nothing was scanned
+    scanned : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
     nominal_error : of the best design for the nominal device alone, None when no device is uncertain
@@ -101,7 +102,7 @@ class Solved:
     polished: Polished | None = None
     optima: int = 0
     infeasibility: Infeasibility | None = None
-    seen: ScanResult | None = None
+    scanned: ScanResult | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     optimality: Optimality | None = None
     nominal_error: float | None = None

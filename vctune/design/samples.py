@@ -79,8 +79,8 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
         nodes = np.geomspace(band.min, band.max, nodes.size)
 
     def samples(device: Device, others: list[Samples]) -> Samples:
-        band, seen = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
+        band, quadrature = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
         circles = [unit_circle(loop, first, position=integrator) for loop in device.loops]
-        return Samples(device, integrator, band, seen, averages, circles, len(posed.objective), others)
+        return Samples(device, integrator, band, quadrature, averages, circles, len(posed.objective), others)
 
     return samples(problem.device, [samples(case.device, []) for case in posed.cases[1:]])

@@ -19,16 +19,19 @@ from vctune.design.theorems import impossible
 from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
-    from vctune.design.bound import Glance, Optimality
-    from vctune.design.leaves import Unfinished
+    from vctune.design.bound.resume import ResumeState
+    from vctune.design.bound.search import Optimality, SearchState
 
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
-devices at which a box is looked at; how good a design it is content with."""
+devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
+infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
 EARLY_BOXES = 20_000
-"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none."""
+"""Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
+share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
 BOUND_BOXES = 20_000_000
-"""Effort of the search for a bound that was asked for."""
+"""Effort of the search for a bound that was asked for: as good as unlimited. Ctrl-C and a time limit end it
+before, and leave the bound reached."""
 
 
 @np.errstate(all="ignore")
@@ -54,58 +57,58 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         return Solved(problem=problem, infeasibility=theorem)
     progress("scanning")
     prepared = prepare(problem)
-    seen = scan(prepared.scaled)
+    scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
-    early = None if any(start.admissible for start in seen.starts) else _early(prepared)
+    early = None if any(start.admissible for start in scanned.starts) else _early(prepared)
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
-        miss = nearest_miss(prepared, seen, proved=True)
-        return Solved(problem=problem, infeasibility=miss, seen=seen, seconds=seconds, optimality=early)
+        miss = nearest_miss(prepared, scanned, proved=True)
+        return Solved(problem=problem, infeasibility=miss, scanned=scanned, seconds=seconds, optimality=early)
     waited = perf_counter()
     nominal = nominal_start(prepared) if problem.uncertainty is not None else None
     if problem.uncertainty is not None:
         seconds["nominal"] = perf_counter() - waited
-    starts = [nominal, *seen.starts] if nominal is not None else seen.starts
-    best = optimum(prepared, replace(seen, starts=starts), progress)
+    starts = [nominal, *scanned.starts] if nominal is not None else scanned.starts
+    best = optimum(prepared, replace(scanned, starts=starts), progress)
     nominal_error = nominal.error * prepared.units.error if nominal is not None else None
     solved = Solved(
         problem=problem,
         judgement=best.judgement,
         polished=best.polished,
         optima=best.optima,
-        seen=seen,
+        scanned=scanned,
         seconds=seconds | best.seconds,
         nominal_error=nominal_error,
     )
     if solved.judgement is None or gap is not None:
-        solved = _searched(prepared, solved, progress, gap, early.rest if early else None)
+        solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
-        solved = replace(solved, infeasibility=nearest_miss(prepared, seen, proved=proved))
+        solved = replace(solved, infeasibility=nearest_miss(prepared, scanned, proved=proved))
     return solved
 
 
 def _early(prepared: Prepared) -> Optimality:
     """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
-    from vctune.design.bound import bound
+    from vctune.design.bound.search import bound
 
     return bound(prepared.given, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
 
 
 def _searched(
-    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, rest: Unfinished | None
+    prepared: Prepared, solved: Solved, progress: Progress, gap: float | None, resume: ResumeState | None
 ) -> Solved:
     """Search the boxes that are left, or all: for a design where there is none, for a bound where it was asked for."""
-    from vctune.design.bound import bound
+    from vctune.design.bound.search import bound
 
     began = perf_counter()
 
-    def tell(at: Glance) -> None:
+    def tell(at: SearchState) -> None:
         progress(f"searching every box: {at}")
 
     most, within = (SEARCH_BOXES // len(prepared.given.cases), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
     improve = partial(improved, prepared)
-    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, rest=rest, progress=tell)
+    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, resume=resume, progress=tell)
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)

@@ -46,6 +46,11 @@ class Coordinate:
     low: float
     high: float
 
+    @property
+    def name(self) -> str:
+        """Its name, of `NAMES`."""
+        return NAMES[self.index]
+
     def to_z(self, x: float) -> float:
         """Return the coordinate of x."""
         return log1p(x / self.scale) if self.scale > 0 else log(x)

@@ -20,14 +20,15 @@ from vctune.analysis.demands import (
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
 from vctune.design.prepared import Posed
-from vctune.design.shape import Place, places
 from vctune.design.variables import Point, design_of
+from vctune.design.working_set import ConstraintPoint, constraint_points
 from vctune.design.worst import worst_inside
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
-FOLLOWED = 0.8
-"""Share of its limit from which on the peak of |S| is followed."""
+TRACKED_FROM = 0.8
+"""Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
+the next answer brings to the limit, which takes another round; with less peaks are tracked that do not bind."""
 
 
 @dataclass(slots=True)
@@ -36,17 +37,17 @@ class Violations:
 
     Attributes
     ----------
-    ratio, sensitivity, peak : places
+    ratio, sensitivity, peak : points
     greatest : by how much at most
     near_peak : where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
     """
 
-    ratio: list[Place] = field(default_factory=list)
-    sensitivity: list[Place] = field(default_factory=list)
-    peak: list[Place] = field(default_factory=list)
+    ratio: list[ConstraintPoint] = field(default_factory=list)
+    sensitivity: list[ConstraintPoint] = field(default_factory=list)
+    peak: list[ConstraintPoint] = field(default_factory=list)
     greatest: float = 0.0
-    near_peak: Place | None = None
+    near_peak: ConstraintPoint | None = None
     positive: bool = True
 
 
@@ -59,9 +60,9 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
         parts.append(_inside(posed, gains, coupling, tightening))
     counted = posed.objective if posed.problem.transparency.norm == "peak" else ()
     return Violations(
-        ratio=[place for part in parts for place in part.ratio],
-        sensitivity=[place for part in parts for place in part.sensitivity],
-        peak=[place for case in counted for place in _error_peaks(case, gains, coupling)],
+        ratio=[point for part in parts for point in part.ratio],
+        sensitivity=[point for part in parts for point in part.sensitivity],
+        peak=[point for case in counted for point in _error_peaks(case, gains, coupling)],
         greatest=max(part.greatest for part in parts),
         near_peak=_near_peak(cases, gains, peaks),
         positive=all(part.positive for part in parts),
@@ -72,12 +73,12 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
     device, stability, found = problem.device, problem.stability, Violations()
     ratio = _lowest_ratios(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
-    found.ratio = places(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
+    found.ratio = constraint_points(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
     if ratio.value[0] <= 0:
         found.positive = False
-        found.ratio += places(device, least_resistance(problem, gains).omega[:1])
+        found.ratio += constraint_points(device, least_resistance(problem, gains).omega[:1])
     over = np.log(-peaks.value / stability.max_sensitivity) + tightening
-    found.sensitivity = places(device, peaks.omega[over > tightening / 2])
+    found.sensitivity = constraint_points(device, peaks.omega[over > tightening / 2])
     found.greatest = max(max(float(short[0]), float(over[0]), 0.0) - tightening / 2, 0.0)
     return found
 
@@ -88,7 +89,7 @@ def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -
     for worst in worst_inside(posed, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))
         if short > tightening / 2:
-            found.ratio.append(Place(worst.omega, worst.device))
+            found.ratio.append(ConstraintPoint(worst.omega, worst.device))
         found.greatest = max(found.greatest, short - tightening / 2)
         found.positive = found.positive and worst.ratio > 0
     return found
@@ -105,20 +106,24 @@ def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima
     return Minima(omega[order], value[order])
 
 
-def near_peak(cases: list[Problem], gains: Gains) -> Place | None:
+def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
 
-    None where no gain is free: the NLP could not follow the peak, whose rounding alone may have passed the limit.
+    None where no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
     """
     return _near_peak(cases, gains, [sensitivity_maxima(case, gains) for case in cases])
 
 
-def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> Place | None:
+def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> ConstraintPoint | None:
     case, there = min(zip(cases, peaks, strict=True), key=lambda pair: float(pair[1].value[0]))
     if case.bounds.velocity.fixed and (case.bounds.position.fixed or gains.position == 0):
         return None
-    near = -there.value[0] > FOLLOWED * case.stability.max_sensitivity
-    return Place(float(there.omega[0]), case.device) if near and there.omega[0] < case.nyquist * (1 - 1e-6) else None
+    near = -there.value[0] > TRACKED_FROM * case.stability.max_sensitivity
+    return (
+        ConstraintPoint(float(there.omega[0]), case.device)
+        if near and there.omega[0] < case.nyquist * (1 - 1e-6)
+        else None
+    )
 
 
 def least_resistance(problem: Problem, gains: Gains) -> Minima:
@@ -127,10 +132,12 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
-def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[Place]:
+def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[ConstraintPoint]:
     band, weights = problem.transparency.band, problem.transparency.weights
 
     def negative_error(omega: Floats) -> Floats:
         return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
 
-    return places(problem.device, local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega)
+    return constraint_points(
+        problem.device, local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega
+    )

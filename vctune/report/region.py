@@ -21,9 +21,10 @@ from vctune.design.variables import KEYS, point
 from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
-from vctune.study.baseline import Design, Recheck
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
+from vctune.study.region_check import Recheck
+from vctune.study.region_json import Design
 
 GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
 """Colour and hatching, apart for every kind of sight and in grey."""

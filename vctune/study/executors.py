@@ -22,8 +22,9 @@ from typing import Any
 from vctune.document.errors import InputError, Mistake
 from vctune.version import __version__
 
-AHEAD = 3
-"""Points handed out for each worker, so that none waits for its next one."""
+PENDING_PER_WORKER = 3
+"""Points handed out for each worker, so that none waits for its next one: solving takes tens of milliseconds at least,
+handing one out takes one. With half as many a worker on another machine may wait, with twice as many none does less."""
 CONNECT_SECONDS = 5
 ENVIRONMENT = {
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
@@ -34,22 +35,22 @@ ENVIRONMENT = {
 
 
 @dataclass(slots=True)
-class Crew:
+class WorkerPool:
     """Workers that solve points.
 
     Attributes
     ----------
     executor : to submit to
-    ahead : how many points to hand out at once
-    lost : exceptions that say that the worker died
-    gone : exceptions that say that all of them are out of reach
+    max_pending : how many points to hand out at once
+    worker_died : exceptions that say so
+    unreachable : exceptions that say that all of them are out of reach
     renew : makes the executor fit to go on after a worker has died
     """
 
     executor: Executor
-    ahead: int
-    lost: tuple[type[BaseException], ...]
-    gone: tuple[type[BaseException], ...]
+    max_pending: int
+    worker_died: tuple[type[BaseException], ...]
+    unreachable: tuple[type[BaseException], ...]
     renew: Callable[[], None]
 
 
@@ -59,7 +60,7 @@ def available_cores() -> int:
 
 
 @contextmanager
-def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
+def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
     """Start workers, or join them, and let them go at the end.
 
     Parameters
@@ -75,13 +76,13 @@ def crew_of(choice: str, jobs: int) -> Iterator[Crew]:
     """
     kind, _, address = choice.partition(":")
     if kind == "dask":
-        with _dask_crew(choice, address, jobs) as crew:
-            yield crew
+        with _dask_pool(choice, address, jobs) as pool:
+            yield pool
     elif choice == "processes":
-        with _process_crew(jobs) as crew:
-            yield crew
+        with _process_pool(jobs) as pool:
+            yield pool
     elif choice == "serial":
-        yield Crew(_Serial(), 1, (), (), lambda: None)
+        yield WorkerPool(_Serial(), 1, (), (), lambda: None)
     else:
         raise _refusal(choice, 'is not "serial", "processes", "dask" or "dask:ADDRESS"')
 
@@ -96,20 +97,20 @@ class _Serial(Executor):
 
 
 @contextmanager
-def _process_crew(jobs: int) -> Iterator[Crew]:
+def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     with _for_workers():
         context = _context()
-    start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_settle_in)
+    start = partial(ProcessPoolExecutor, jobs, mp_context=context, initializer=_begin_worker)
 
     def renew() -> None:
-        crew.executor.shutdown(wait=False, cancel_futures=True)
-        crew.executor = start()
+        pool.executor.shutdown(wait=False, cancel_futures=True)
+        pool.executor = start()
 
-    crew = Crew(start(), AHEAD * jobs, (BrokenExecutor,), (), renew)
+    pool = WorkerPool(start(), PENDING_PER_WORKER * jobs, (BrokenExecutor,), (), renew)
     try:
-        yield crew
+        yield pool
     finally:
-        crew.executor.shutdown(wait=False, cancel_futures=True)
+        pool.executor.shutdown(wait=False, cancel_futures=True)
 
 
 def _context() -> BaseContext:
@@ -122,7 +123,7 @@ def _context() -> BaseContext:
     from multiprocessing.forkserver import ensure_running
 
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["vctune.study.outcome"])
+    context.set_forkserver_preload(["vctune.study.row"])
     ensure_running()
     return context
 
@@ -142,7 +143,7 @@ def _for_workers() -> Iterator[None]:
             signal.signal(signal.SIGINT, handler)
 
 
-def _settle_in() -> None:
+def _begin_worker() -> None:
     """Begin a worker process: leave Ctrl-C to the parent, and end when the parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -156,7 +157,7 @@ def _end_with_parent() -> None:
 
 
 @contextmanager
-def _dask_crew(choice: str, address: str, jobs: int) -> Iterator[Crew]:
+def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
     try:
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
@@ -169,7 +170,9 @@ def _dask_crew(choice: str, address: str, jobs: int) -> Iterator[Crew]:
         _check_versions(choice, client)
         executor = client.get_executor(pure=False)
         try:
-            yield Crew(executor, AHEAD * threads, (KilledWorker,), (CancelledError, CommClosedError), lambda: None)
+            yield WorkerPool(
+                executor, PENDING_PER_WORKER * threads, (KilledWorker,), (CancelledError, CommClosedError), lambda: None
+            )
         finally:
             executor.shutdown(wait=False)
 
@@ -206,11 +209,11 @@ def _client(choice: str, address: str, jobs: int) -> Iterator[Any]:
 def _check_versions(choice: str, client: Any) -> None:
     """Make sure that every worker has this vctune: another one would make other rows."""
     try:
-        found = ", ".join(sorted(set(client.run(_version).values())))
+        versions = ", ".join(sorted(set(client.run(_version).values())))
     except Exception as error:  # whatever keeps a worker from running vctune comes back as its own kind of failure
-        found = f"none that runs ({error})"
-    if found != __version__:
-        raise _refusal(choice, f"its workers need vctune {__version__} and have {found}; install it on each of them")
+        versions = f"none that runs ({error})"
+    if versions != __version__:
+        raise _refusal(choice, f"its workers need vctune {__version__} and have {versions}; install it on each of them")
 
 
 def _version() -> str:

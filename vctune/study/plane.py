@@ -70,7 +70,7 @@ class Plane:
         return (squares[1] - squares[0]) * (squares[3] - squares[2]) / side**2
 
 
-def obstacles(problem: Problem, x: str, y: str) -> list[Mistake]:
+def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     """Return why the region of a problem in the plane of x and y cannot be found, if so."""
     bounds = dict(zip(KEYS, ranges(problem.bounds), strict=True))
     found: list[Mistake] = []
@@ -98,7 +98,7 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
 
     Parameters
     ----------
-    problem : one without `obstacles` in this plane
+    problem : one without `plane_errors` in this plane
     x, y : dotted keys
     levels : the finest cell is 2^-levels of a side
     """

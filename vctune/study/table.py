@@ -16,8 +16,8 @@ from vctune.analysis.extrema import Floats
 from vctune.design.judge import Status
 from vctune.document.study import Study
 from vctune.markup import html_table
-from vctune.study.outcome import NUMBERS
 from vctune.study.points import points
+from vctune.study.row import NUMBERS
 from vctune.study.rows import Rows
 
 MOST_SHOWN = 50
@@ -32,7 +32,7 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    numbers : error, terms, design and ratio (`vctune.study.outcome.NUMBERS`), nan where there is none
+    numbers : error, terms, design and ratio (`vctune.study.row.NUMBERS`), nan where there is none
     """
 
     axes: dict[str, Floats]

@@ -13,17 +13,18 @@ from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
 from vctune.model.problem import Problem
 
-STRAINS = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
-FROM_NOTHING = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
 """Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0.
 
 A gain that is changed too far fails again: up to a factor of 4 no window wider than 30 % is stepped over.
 """
 FURTHEST = 1e6
-"""How far a bound, or a gain, is moved at most."""
-FINEST, FINEST_OF_NOTHING = 1e-9, 1e-18
-"""Strains below which a change is none."""
+"""How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
+FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
+"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
 DIGITS = 12
+"""Significant digits of a new value at most."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
@@ -31,27 +32,27 @@ ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
 
 
 @dataclass(frozen=True, slots=True)
-class Lever:
+class ParameterChange:
     """A number of a problem file that may be changed one way.
 
-    The strain of a change is its size relative to the smaller of the old and the new value. Where the old value is 0 it
-    is relative to the natural size, and where it is infinite the same holds of the reciprocals.
+    Changes are relative to the smaller of the old and the new value. Where the old value is 0 they are relative to the
+    natural size, and where it is infinite the same holds of the reciprocals.
 
     Attributes
     ----------
     path : where it stands in the file
-    change : what changing it means
+    meaning : what changing it means
     old : the value that the file, or a default, gives it
     limit : the furthest value worth trying, above `old` or below it
-    natural : natural size, where `old` is 0 or infinite
+    scale : natural size, where `old` is 0 or infinite
     other : the other edge of a band or end of a range, which the file must state with it
     """
 
     path: KeyPath
-    change: str
+    meaning: str
     old: float
     limit: float
-    natural: float = 1.0
+    scale: float = 1.0
     other: float | None = None
 
     @property
@@ -61,54 +62,54 @@ class Lever:
 
     @property
     def least(self) -> float:
-        """The least strain worth trying; from infinity the change to the natural size is the least there is."""
-        return FINEST_OF_NOTHING if self.old == 0 else FINEST if self.old < inf else 1.0
+        """The least relative change worth trying; from infinity that to the natural size is the least there is."""
+        return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
 
-    def value(self, strain: float) -> float:
-        """Return the value after a change of a given strain, as far as the limit."""
+    def value(self, relative: float) -> float:
+        """Return the value after a given relative change, as far as the limit."""
         if self.old == 0:
-            return min(self.natural * strain, self.limit)
+            return min(self.scale * relative, self.limit)
         if self.old == inf:
-            return max(self.natural / strain, self.limit)
+            return max(self.scale / relative, self.limit)
         if self.limit > self.old:
-            return min(self.old * (1 + strain), self.limit)
-        return max(self.old / (1 + strain), self.limit)
+            return min(self.old * (1 + relative), self.limit)
+        return max(self.old / (1 + relative), self.limit)
 
-    def strain(self, new: float) -> float:
-        """Return the strain of the change to a new value; inf for one to 0."""
+    def relative_change(self, new: float) -> float:
+        """Return the relative change to a new value; inf for one to 0."""
         if self.old == 0:
-            return new / self.natural
+            return new / self.scale
         if self.old == inf:
-            return self.natural / new
+            return self.scale / new
         return abs(new - self.old) / min(new, self.old) if new > 0 else inf
 
     def size(self, new: float) -> float:
-        """Return the size of a change, by which changes of all levers are compared: strain/(1 + strain), at most 1.
+        """Return the size of a change, by which changes of all numbers are compared: r/(1 + r), r the relative change.
 
-        It is the change relative to the greater of the old and the new value.
+        It is at most 1, the change relative to the greater of the old and the new value.
         """
-        strain = self.strain(new)
-        return strain / (1 + strain) if strain < inf else 1.0
+        relative = self.relative_change(new)
+        return relative / (1 + relative) if relative < inf else 1.0
 
-    def part(self, new: float, share: float) -> float:
+    def partial(self, new: float, share: float) -> float:
         """Return the value after a share of a change; of the reciprocals where the old value is infinite."""
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
-    def strains(self) -> Iterator[float]:
-        """Yield the strains to try, up to the limit."""
-        last = self.strain(self.limit)
-        steps = FROM_NOTHING if self.old == 0 else STRAINS
-        yield from (strain for strain in steps if self.least <= strain < last)
+    def relative_changes(self) -> Iterator[float]:
+        """Yield the relative changes to try, up to the limit."""
+        last = self.relative_change(self.limit)
+        steps = CHANGES_FROM_ZERO if self.old == 0 else RELATIVE_CHANGES
+        yield from (relative for relative in steps if self.least <= relative < last)
         yield last
 
-    def rounded(self, strain: float, growth: float) -> float:
-        """Return the shortest decimal of which the strain is not less and greater by at most a share of `growth`."""
-        exact, upwards = self.value(strain), self.limit > self.old
+    def rounded(self, relative: float, growth: float) -> float:
+        """Return the shortest decimal after a relative change that is greater by a share of `growth` at most."""
+        exact, upwards = self.value(relative), self.limit > self.old
         for digits in range(1, DIGITS):
             context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
             new = float(context.create_decimal(Decimal(exact)))
             within = new <= self.limit if upwards else new >= self.limit
-            if within and self.strain(new) <= strain * (1 + growth):
+            if within and self.relative_change(new) <= relative * (1 + growth):
                 return new
         return exact
 
@@ -126,7 +127,7 @@ class Lever:
         return placed(document, (*beside, (self.path, new)))
 
 
-def levers(document: dict[str, Any], problem: Problem) -> list[Lever]:
+def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
     """Return what may be changed about a problem: the device, the demands, and the bounds or gains that it states.
 
     Parameters
@@ -134,26 +135,30 @@ def levers(document: dict[str, Any], problem: Problem) -> list[Lever]:
     document : parsed TOML
     problem : that it states
     """
-    return [*_of_device(problem), *levers_of_demands(document, problem)]
+    return [*_of_device(problem), *changes_of_demands(document, problem)]
 
 
-def levers_of_demands(document: dict[str, Any], problem: Problem) -> list[Lever]:
+def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
     """Return what may be changed about a problem while its device stays as it is."""
     return [*_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
 
 
-def _of_device(problem: Problem) -> Iterator[Lever]:
+def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     device = problem.device
     loop = device.mass / device.loop_lag
-    yield Lever(("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop)
+    yield ParameterChange(
+        ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
+    )
     b_h = device.operator.damping if device.operator is not None else 0.0
-    yield Lever(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
-    yield Lever(("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100)
+    yield ParameterChange(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
+    yield ParameterChange(
+        ("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100
+    )
     if device.delay > 0:
-        yield Lever(("device", "delay"), "less delay", device.delay, 0.0)
+        yield ParameterChange(("device", "delay"), "less delay", device.delay, 0.0)
 
 
-def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
+def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield narrower stability bands, of an octave at least."""
     band, path = problem.stability.band, ("stability", "band_hz")
     low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
@@ -161,10 +166,10 @@ def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
     lowest, highest = max(2 * low, inner / 100), min(high / 2, nyquist)
     if lowest < min(high, nyquist):
         change = "a lower upper edge of the stability band"
-        yield Lever((*path, 1), change, high, lowest, nyquist, low)
+        yield ParameterChange((*path, 1), change, high, lowest, nyquist, low)
     if highest > low:
         change = "a higher lower edge of the stability band"
-        yield Lever((*path, 0), change, low, highest, inner, high)
+        yield ParameterChange((*path, 0), change, low, highest, inner, high)
 
 
 def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
@@ -173,15 +178,15 @@ def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
     return float(f"{omega / (2 * pi):.{DIGITS}g}") if stated is None else stated
 
 
-def _of_demands(problem: Problem) -> Iterator[Lever]:
+def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
     stability = problem.stability
     most, factor = stability.max_sensitivity, stability.safety_factor
-    yield Lever(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
+    yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
     if factor > 1:
-        yield Lever(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
+        yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
 
 
-def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
+def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
     tau = problem.device.loop_lag
     loop = problem.device.mass / tau + problem.device.damping
@@ -192,15 +197,17 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[Lever]:
         downwards = key not in ONLY_UPWARDS
         if number_at(document, *path, "max") is not None:
             furthest, unit = _upwards(bounds.max, natural[key]), natural[key]
-            yield Lever((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
+            yield ParameterChange((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
             if downwards and bounds.min > 0:
                 furthest = _downwards(bounds.min, key)
-                yield Lever((*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max)
+                yield ParameterChange(
+                    (*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max
+                )
         elif number_at(document, *path) is not None or key == "coupling.drag":
             greater = "some drag" if key == "coupling.drag" and bounds.min == 0 else f"a greater {symbol}"
-            yield Lever(path, greater, bounds.min, _upwards(bounds.min, natural[key]), natural[key])
+            yield ParameterChange(path, greater, bounds.min, _upwards(bounds.min, natural[key]), natural[key])
             if downwards and bounds.min > 0:
-                yield Lever(path, f"a smaller {symbol}", bounds.min, _downwards(bounds.min, key))
+                yield ParameterChange(path, f"a smaller {symbol}", bounds.min, _downwards(bounds.min, key))
 
 
 def _upwards(old: float, natural: float) -> float:

@@ -1,6 +1,6 @@
 """The least that the designs of a box cost, from a relaxation of their problem.
 
-See model/README.md, section 8; proof/README.md, section 10.
+See model/README.md, section 8; design/bound/README.md, section 1.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from math import inf, log
 
 import numpy as np
 
+from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes
+from vctune.design.bound.quadratics import GUARD
+from vctune.design.bound.relaxation import Conditions, Relaxation
 from vctune.model.problem import Problem
 from vctune.proof.array_intervals import Flags, Floats
-from vctune.proof.quadratics import GUARD, DesignBoxes
-from vctune.proof.relaxation import Demand, Relaxation
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,10 +63,13 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
     infeasibility = np.fmax(
         infeasibility, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max)
     )
-    none = least.none | (infeasibility > 1 + 4 * GUARD) | ((boxes.low[1] > 0) & without_integrator(problem, boxes))
+    none = least.none | (infeasibility > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
     admittance, tracking = (term.numerator / term.D2.greatest(boxes) for term in (relaxed.admittance, relaxed.tracking))
     loop = admittance + tracking
-    b_0, factor = boxes.low[3], (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2
+    b_0, factor = (
+        boxes.low[B_0],
+        (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2,
+    )
     if relaxed.omega is None:
         coupling = _coupling(least, boxes, partial(_mean_transmitted, problem))
         mean = loop.reshape(len(boxes), relaxed.n_objective_devices, -1).sum(axis=2).max(axis=1)
@@ -93,8 +97,8 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
         return np.zeros(len(boxes), bool)
     b, gripped, tau = problem.device.damping, problem.device.with_operator.damping, problem.device.loop_lag
     b_h, factor = gripped - b, problem.stability.safety_factor
-    most = (gripped + boxes.high[0]) * (1 + GUARD) - tau * boxes.low[1] * (1 - GUARD)
-    eased = 4 * (most * boxes.high[3] + factor * b_h * np.maximum(most - gripped, 0.0))
+    most = (gripped + boxes.high[K_V]) * (1 + GUARD) - tau * boxes.low[K_P] * (1 - GUARD)
+    eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - gripped, 0.0))
     return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
 
@@ -104,25 +108,25 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
     (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega.
     """
-    at, bounds = relaxed.demand, relaxed.problem.bounds
+    at, bounds = relaxed.conditions, relaxed.problem.bounds
     R, none = _least_resistance(at, boxes)
-    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[3][:, None], 0.0)
-    shortest, longest = (edge[2][:, None] for edge in (boxes.low, boxes.high))
+    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[B_0][:, None], 0.0)
+    shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
     nearest = np.clip(1 / at.omega, shortest, longest)
     damping = (needed * (1 + 1 / np.square(at.omega * longest))).max(axis=1)
     mass = (needed * (nearest + 1 / (np.square(at.omega) * nearest))).max(axis=1)
-    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[2])
-    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[2])
+    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[TAU_C])
+    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[TAU_C])
     return LeastCoupling(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
 
 
-def _least_resistance(at: Demand, boxes: DesignBoxes) -> tuple[Floats, Flags]:
+def _least_resistance(at: Conditions, boxes: DesignBoxes) -> tuple[Floats, Flags]:
     """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
 
     R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
     """
     low, high = (
-        sum(np.minimum(*(im[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (0, 1))
+        sum(np.minimum(*(im[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (K_V, K_P))
         for im in (at.im_low, tuple(-part for part in at.im_high))
     )
     im = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)  # the least |Im(C conj Z_d)|
@@ -141,9 +145,9 @@ def _coupling(least: LeastCoupling, boxes: DesignBoxes, transmitted: Callable[[F
 
     s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
     """
-    b_c, m_c, b_0 = least.damping, least.mass, boxes.low[3]
-    light, heavy = transmitted(boxes.low[2]), transmitted(boxes.high[2])
-    return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[2]) * heavy)
+    b_c, m_c, b_0 = least.damping, least.mass, boxes.low[B_0]
+    light, heavy = transmitted(boxes.low[TAU_C]), transmitted(boxes.high[TAU_C])
+    return 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / boxes.high[TAU_C]) * heavy)
 
 
 def _transmitted(omega: Floats, tau_c: Floats) -> Floats:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vctune.proof.array_intervals import Enclosure, Flags, Floats
+from vctune.design.bound.boxes import K_P, K_V, DesignBoxes
+from vctune.proof.array_intervals import Enclosure, Floats
 
 GUARD = 1e-14
 """Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
@@ -16,7 +16,7 @@ It is 90 units of u = 2^-53. A coefficient of such a quadratic is a result of at
 pass its term on into the value: gain (linear + gain square), and two sums. So the value is off by at most 10 u times
 the sum of the moduli of its terms (Higham 2002, section 3.1), and since no gain is negative, coefficients raised by
 `GUARD` of their modulus each raise it by more. The minimum of a convex quadratic is attained where its slope is 0, so
-that the rounding of that point counts to second order only. In `vctune.proof.lower_bounds` a factor 1 - 10 `GUARD`
+that the rounding of that point counts to second order only. In `lower_bounds.py` a factor 1 - 10 `GUARD`
 covers 900 u, of some 30 operations, and a logarithm of 8 units in the last place.
 Half and twice it change the bound by as many units of its fourteenth digit.
 """
@@ -41,9 +41,9 @@ class Quadratic:
     def greatest(self, boxes: DesignBoxes) -> Floats:
         """Return the greatest value over each box of gains, at a vertex because it is convex; shape (boxes, points)."""
         if self.cross is None:
-            return self.constant + self._greatest_part(0, boxes) + self._greatest_part(1, boxes)
-        vertices = ((K_v[:, None], K_p[:, None]) for K_v in self._ends(0, boxes) for K_p in self._ends(1, boxes))
-        values = (self._part(0, K_v) + self._part(1, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
+            return self.constant + self._greatest_part(K_V, boxes) + self._greatest_part(K_P, boxes)
+        vertices = ((K_v[:, None], K_p[:, None]) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes))
+        values = (self._part(K_V, K_v) + self._part(K_P, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
         return self.constant + np.maximum.reduce(list(values))
 
     def _greatest_part(self, axis: int, boxes: DesignBoxes) -> Floats:
@@ -57,44 +57,13 @@ class Quadratic:
     def least(self, boxes: DesignBoxes) -> Floats:
         """Return the least value over each box of gains without a cross term, shape (boxes, points)."""
         total = self.constant
-        for axis in (0, 1):
+        for axis in (K_V, K_P):
             low, high = (edge[axis][:, None] for edge in (boxes.low, boxes.high))
             total = total + self._part(axis, np.clip(-0.5 * self.linear[axis] / self.square[axis], low, high))
         return total
 
     def _part(self, axis: int, gain: Floats) -> Floats:
         return gain * (self.linear[axis] + gain * self.square[axis])
-
-
-@dataclass(frozen=True, slots=True)
-class BoundedQuotient:
-    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
-
-    A point is a frequency, or an interval over which the term is averaged.
-
-    Attributes
-    ----------
-    numerator : lower bounds, of what does not depend on the gains
-    D2 : upper bounds, weighted like the numerator
-    """
-
-    numerator: Floats
-    D2: Quadratic
-
-
-@dataclass(frozen=True, slots=True)
-class DesignBoxes:
-    """Boxes of designs: [low, high] in each of K_v, K_p, tau_c = m_c/b_c and b_0; arrays of shape (4, n)."""
-
-    low: Floats
-    high: Floats
-
-    def __len__(self) -> int:
-        return int(self.low.shape[1])
-
-    def subset(self, at: NDArray[np.intp] | Flags) -> DesignBoxes:
-        """Return some of the boxes."""
-        return DesignBoxes(self.low[:, at], self.high[:, at])
 
 
 def rounded_up(x: Enclosure) -> Floats:

@@ -1,6 +1,6 @@
 """A design problem made easier, so that boxes of designs can be judged at once.
 
-See model/README.md, section 8; proof/README.md, section 10.
+See model/README.md, section 8; design/bound/README.md, section 1.
 
 C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
 
@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from flint import acb, arb, ctx
 
+from vctune.design.bound.quadratics import GUARD, Quadratic, both_down, both_up, rounded_down, rounded_up
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.loop import hold_response, loop_response
@@ -31,7 +32,6 @@ from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.devices import UNCERTAIN
 from vctune.proof.jets import ENCLOSURES
-from vctune.proof.quadratics import GUARD, BoundedQuotient, Quadratic, both_down, both_up, rounded_down, rounded_up
 
 PRECISION = 2.0**-44
 """Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
@@ -72,19 +72,16 @@ def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients
     two = loop_response(device, Gains(0, 1), omega, hold, ops)
     squared = omega * omega
     return Coefficients(
-        Z2=one.Z_d_scaled.abs2(),
-        re_Zd_conj_C=(
-            re_conj_product(one.Z_d_scaled, one.C_scaled),
-            re_conj_product(two.Z_d_scaled, two.C_scaled) / squared,
-        ),
-        C2=(one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
-        im_C_conj_Zd=(one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
-        re_C=(one.resistance - device.damping, two.resistance - device.damping),
+        one.Z_d_scaled.abs2(),
+        (re_conj_product(one.Z_d_scaled, one.C_scaled), re_conj_product(two.Z_d_scaled, two.C_scaled) / squared),
+        (one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
+        (one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
+        (one.resistance - device.damping, two.resistance - device.damping),
     )
 
 
 @dataclass(frozen=True, slots=True)
-class Demand:
+class Conditions:
     """Llewellyn's conditions at some frequencies.
 
     Attributes
@@ -109,6 +106,22 @@ class Demand:
 
 
 @dataclass(frozen=True, slots=True)
+class BoundedQuotient:
+    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
+
+    A point is a frequency, or an interval over which the term is averaged.
+
+    Attributes
+    ----------
+    numerator : lower bounds, of what does not depend on the gains
+    D2 : upper bounds, weighted like the numerator
+    """
+
+    numerator: Floats
+    D2: Quadratic
+
+
+@dataclass(frozen=True, slots=True)
 class Relaxation:
     """A design problem made easier: fewer frequencies, and bounds in place of values.
 
@@ -116,7 +129,7 @@ class Relaxation:
     ----------
     problem : the problem
     devices : at which the demands are posed
-    demand : on the coupling
+    conditions : on the coupling
     omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
         are posed at each vertex of its box too
     admittance, tracking : terms of the squared error
@@ -127,7 +140,7 @@ class Relaxation:
 
     problem: Problem
     devices: list[Device]
-    demand: Demand
+    conditions: Conditions
     omega_S: Floats
     sensitivity: BoundedQuotient
     admittance: BoundedQuotient
@@ -166,25 +179,15 @@ def relaxation(
         BoundedQuotient(term.numerator * (factor * (1 - GUARD)), term.D2)
         for term, factor in zip(terms, scale, strict=True)
     )
-    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return Relaxation(
-        problem=problem,
-        devices=devices,
-        demand=demand,
-        omega_S=omega_S,
-        sensitivity=sensitivity,
-        admittance=admittance,
-        tracking=tracking,
-        omega=omega_e,
-        n_objective_devices=len(objective),
-    )
+    conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
+    return Relaxation(problem, devices, conditions, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
     """Return the relaxation with its demands at other frequencies."""
     devices = relaxed.devices
-    demand, sensitivity = _demand(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return replace(relaxed, demand=demand, omega_S=omega_S, sensitivity=sensitivity)
+    conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
+    return replace(relaxed, conditions=conditions, omega_S=omega_S, sensitivity=sensitivity)
 
 
 def _everywhere(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:
@@ -213,20 +216,20 @@ def _concatenated(terms: Sequence[BoundedQuotient]) -> BoundedQuotient:
     return BoundedQuotient(row(lambda term: term.numerator), D2)
 
 
-def _demand(device: Device, omega: Floats) -> Demand:
+def _conditions(device: Device, omega: Floats) -> Conditions:
     at, none = _enclosed(device, omega), np.zeros(len(omega))
     damping = device.converted(decimal).with_operator.damping
-    return Demand(
-        omega=omega,
-        operator=float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
-        D2=_squared(at),
-        C2=Quadratic(none, (none, none), both_up(at.C2)),
-        P=Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
-        resistance=Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
-        D2_low=Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
-        C2_low=Quadratic(none, (none, none), both_down(at.C2)),
-        im_low=both_down(at.im_C_conj_Zd),
-        im_high=both_up(at.im_C_conj_Zd),
+    return Conditions(
+        omega,
+        float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
+        _squared(at),
+        Quadratic(none, (none, none), both_up(at.C2)),
+        Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
+        Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
+        Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
+        Quadratic(none, (none, none), both_down(at.C2)),
+        both_down(at.im_C_conj_Zd),
+        both_up(at.im_C_conj_Zd),
     )
 
 

@@ -21,27 +21,27 @@ _ONE_AT_A_TIME = threading.Lock()
 """Solvers and ball arithmetic are shared by the threads of a process."""
 
 
-def work(problem: Problem) -> dict[str, Any]:
+def solve_point(problem: Problem) -> dict[str, Any]:
     """Solve a point and return what its row says, the seconds it took last; never raises."""
     with _ONE_AT_A_TIME:
         began = perf_counter()
         try:
-            content = outcome(solve(problem))
+            content = row_of(solve(problem))
         except Exception as error:  # a fault of ours is this point's row, not the end of the run
-            content = nothing(FAILED, f"internal error: {type(error).__name__}: {error}")
+            content = row_without_design(FAILED, f"internal error: {type(error).__name__}: {error}")
         return {**content, "seconds": round(perf_counter() - began, 6)}
 
 
-def nothing(status: str, reason: str) -> dict[str, Any]:
+def row_without_design(status: str, reason: str) -> dict[str, Any]:
     """Return the row of a point without a design."""
     return {"status": status, "reason": reason, **dict.fromkeys(NUMBERS)}
 
 
-def outcome(solved: Solved) -> dict[str, Any]:
+def row_of(solved: Solved) -> dict[str, Any]:
     """Return what a row says of a solved problem."""
     judgement = solved.judgement
     if judgement is None:
-        return nothing(solved.status.value, solved.infeasibility.reason if solved.infeasibility else "")
+        return row_without_design(solved.status.value, solved.infeasibility.reason if solved.infeasibility else "")
     numbers = (
         *(getattr(judgement.transparency, term) for term in TERMS),
         *point(judgement.gains, judgement.coupling),

@@ -7,18 +7,61 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from vctune.design.check import Checked
-from vctune.design.variables import KEYS, point
+from vctune.design.judge import Status, judge_all
+from vctune.design.variables import KEYS, point, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
-from vctune.document.region import read_region
+from vctune.document.region import RegionDocument, read_region
 from vctune.exits import ExitCode
-from vctune.study.baseline import Recheck, recheck
-from vctune.study.plane import Squares, obstacles
-from vctune.study.region import Kind
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Gains
+from vctune.study.plane import Plane, Squares, plane_errors
+from vctune.study.region import Kind, Region, region
+from vctune.study.region_json import Design
 
 SCHEMA = "vctune/region-check/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Recheck:
+    """What became of a baseline's proofs.
+
+    Attributes
+    ----------
+    region : the cells that the baseline had proved feasible, divided further where they are not as a whole
+    designs : the gain sets that the baseline lists
+    certified : which of them still are
+    """
+
+    region: Region
+    designs: list[Design]
+    certified: list[bool]
+
+    @property
+    def lost(self) -> bool:
+        """Whether anything has lost its proof."""
+        return bool((self.region.kinds != Kind.FEASIBLE).any()) or not all(self.certified)
+
+
+def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
+    """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be admissible.
+
+    The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
+    """
+    axes = (KEYS.index(baseline.axes.x), KEYS.index(baseline.axes.y))
+    plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem.bounds))
+    feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
+    rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T)
+    designs = [
+        (Gains(d.gains.velocity, d.gains.position), Coupling(d.coupling.damping, d.coupling.mass, d.coupling.drag))
+        for d in baseline.designs
+    ]
+    certified = [judgement.status is Status.CERTIFIED for judgement in judge_all(problem, designs)] if designs else []
+    return Recheck(rechecked, designs, certified)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +86,7 @@ class RegionFinding:
         again, plane = self.again, self.again.region.plane
         x, y = (KEYS[axis] for axis in plane.axes)
         x_edges, y_edges = plane.edges
-        gone = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
+        lost_designs = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
         return {
             "schema": SCHEMA,
             "problem": {"name": self.file.problem.name, "sha256": self.file.sha256},
@@ -51,12 +94,12 @@ class RegionFinding:
             "axes": {"x": x, "y": y},
             "areas": {"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
             "lost_cells": [[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in _lost(again).T],
-            "lost_designs": [dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in gone],
+            "lost_designs": [dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in lost_designs],
             "warnings": self.warnings,
         }
 
 
-def guard(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
+def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
 
     Raises
@@ -66,7 +109,7 @@ def guard(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     """
     began = perf_counter()
     old = read_region(baseline)
-    if mistakes := obstacles(file.problem, old.axes.x, old.axes.y):
+    if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old)
     warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]

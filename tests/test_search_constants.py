@@ -1,0 +1,150 @@
+"""The search's constants are not tuned: with each of them halved and doubled the designs are as good."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from vctune.design import (
+    exchange,
+    gain_limit,
+    grid,
+    ipopt,
+    nlp_structure,
+    optimum,
+    refine,
+    samples,
+    scan,
+    stabilise,
+    violations,
+)
+from vctune.design import solve as solving
+from vctune.design.judge import Status
+from vctune.document.reading import read_problem
+
+PROBLEMS = {
+    path.stem: path for name in ("reference", "basins") for path in sorted((ROOT / "tests" / name).glob("*.toml"))
+}
+AS_GOOD = 3e-3
+
+Scaled = Callable[[Any, float], Any]
+"""A value and the factor that its size is changed by."""
+
+
+def times(value: float, factor: float) -> float:
+    return value * factor
+
+
+def count(value: int, factor: float) -> int:
+    return max(1, round(value * factor))
+
+
+def beside_one(value: Any, factor: float) -> Any:
+    """Scale the distance from 1, of factors on a logarithmic scale."""
+    return np.asarray(value) ** factor if isinstance(value, np.ndarray) else value**factor
+
+
+def below_one(value: float, factor: float) -> float:
+    """Scale the distance of a share from 1, down to 0."""
+    return max(0.0, 1 - (1 - value) * factor)
+
+
+def each(scaled: Scaled, values: Any, factor: float) -> Any:
+    if isinstance(values, dict):
+        return {key: scaled(value, factor) for key, value in values.items()}
+    return tuple(scaled(value, factor) for value in values)
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant, the modules that have it, and how it is scaled."""
+
+    name: str
+    modules: tuple[Any, ...]
+    scaled: Scaled
+
+    def __str__(self) -> str:
+        return f"{self.modules[0].__name__.rsplit('.', 1)[-1]}.{self.name}"
+
+
+CONSTANTS = [
+    Constant("COUNTS", (grid,), partial(each, count)),
+    Constant("PER_DECADE", (grid,), times),
+    Constant("FREQUENCIES", (samples,), count),
+    Constant("PANELS", (samples,), count),
+    Constant("STARTS", (scan,), count),
+    Constant("CLOSE", (scan,), times),
+    Constant("AROUND", (scan,), partial(each, beside_one)),
+    Constant("STEPS", (scan,), count),
+    Constant("FLAT", (scan,), beside_one),
+    Constant("WORTH_ANOTHER", (scan,), beside_one),
+    Constant("PROMISING", (scan,), times),
+    Constant("HALVINGS", (refine,), count),
+    Constant("ROUNDS", (gain_limit,), count),
+    Constant("PARTS", (gain_limit,), count),
+    Constant("BELOW", (gain_limit,), beside_one),
+    Constant("ABOVE", (gain_limit,), beside_one),
+    Constant("WORTH_POLISHING", (optimum,), beside_one),
+    Constant("PROOF_ROUNDS", (optimum,), count),
+    Constant("MORE_DIGITS", (optimum,), count),
+    Constant("LONG_SHOTS", (optimum,), count),
+    Constant("SHARPENING", (optimum,), times),
+    Constant("DECIDABLE", (optimum,), times),
+    Constant("TIGHTENING", (exchange, optimum), times),
+    Constant("ROUNDS", (exchange,), count),
+    Constant("RADIUS", (exchange,), times),
+    Constant("GROWTH", (exchange,), beside_one),
+    Constant("LEAST_RADIUS", (exchange,), times),
+    Constant("FIRST_FREQUENCIES", (exchange,), count),
+    Constant("GAIN_REDUCTIONS", (stabilise,), partial(each, below_one)),
+    Constant("STABILITY_MARGIN", (stabilise,), times),
+    Constant("MAX_CUTS", (stabilise,), count),
+    Constant("PANELS", (exchange,), count),
+    Constant("MAX_PANELS", (exchange,), count),
+    Constant("OBJECTIVE_TOLERANCE", (exchange,), partial(each, times)),
+    Constant("UPHILL", (exchange,), times),
+    Constant("NEAR_SIDE", (ipopt, exchange), times),
+    Constant("TRACKING_REACH", (ipopt,), times),
+    Constant("TRACKED_FROM", (violations,), below_one),
+    Constant("CAPACITY_STEPS", (nlp_structure,), partial(each, count)),
+    Constant("EARLY_BOXES", (solving,), count),
+    Constant("SEARCH_BOXES", (solving,), count),
+]
+"""Those that decide which design is found.
+
+Left out are the constants of what a solved problem is looked at for, `worst.py`, and of the bound, whose own tests
+compare it with designs: they choose what is looked at next, not what is found; those of speed (`LOOPS_AT_ONCE`) and of
+a form (digits written); and options of IPOPT. `NEARLY` and the constants of repairs decide which changes are tried.
+"""
+
+
+@cache
+def error(name: str) -> float:
+    judgement = solving.solve(read_problem(PROBLEMS[name]).problem).judgement
+    assert judgement is not None and judgement.status is Status.CERTIFIED
+    return judgement.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", CONSTANTS, ids=str)
+def test_half_and_twice_a_constant_give_designs_as_good(constant, factor, monkeypatch):
+    known = {name: error(name) for name in PROBLEMS}
+    changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
+    for module in constant.modules:
+        monkeypatch.setattr(module, constant.name, changed)
+    if constant.name == "TIGHTENING":
+        monkeypatch.setitem(exchange.polish.__kwdefaults__, "tightening", changed)
+    worse = {}
+    for name, path in PROBLEMS.items():
+        judgement = solving.solve(read_problem(path).problem).judgement
+        ratio = judgement.error / known[name] if judgement and judgement.status is Status.CERTIFIED else float("inf")
+        if abs(ratio - 1) > AS_GOOD:
+            worse[name] = round(ratio, 5)
+    assert not worse

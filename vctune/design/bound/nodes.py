@@ -1,0 +1,52 @@
+"""The open nodes of the branch and bound: boxes that may still hold a better design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.design.bound.boxes import Axis, DesignBoxes, all_designs
+from vctune.design.bound.boxes import joined as joined_boxes
+from vctune.proof.array_intervals import Flags, Floats
+
+
+@dataclass(frozen=True, slots=True)
+class OpenNodes:
+    """Boxes that are still open.
+
+    Attributes
+    ----------
+    boxes : n boxes
+    bound : a lower bound on the error in each, shape (n,)
+    stable : whether all of its loops are proved stable, shape (n,)
+    """
+
+    boxes: DesignBoxes
+    bound: Floats
+    stable: Flags
+
+    def __len__(self) -> int:
+        return len(self.bound)
+
+    def subset(self, which: Flags) -> OpenNodes:
+        """Return some of the nodes."""
+        return OpenNodes(self.boxes.subset(which), self.bound[which], self.stable[which])
+
+    @property
+    def lowest(self) -> float:
+        """The least lower bound; inf where no node is open."""
+        return float(self.bound.min(initial=np.inf))
+
+
+def root(axes: tuple[Axis, ...]) -> OpenNodes:
+    """Return the node of all designs."""
+    return OpenNodes(all_designs(axes), np.zeros(1), np.zeros(1, bool))
+
+
+def joined(parts: list[OpenNodes]) -> OpenNodes:
+    """Return several sets of nodes as one."""
+    boxes = joined_boxes([part.boxes for part in parts])
+    return OpenNodes(
+        boxes, np.concatenate([part.bound for part in parts]), np.concatenate([part.stable for part in parts])
+    )

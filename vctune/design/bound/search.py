@@ -1,0 +1,255 @@
+"""How much better any design could be: a lower bound on the error of all of them, by branch and bound.
+
+See design/bound/README.md.
+
+Boxes of (K_v, K_p, tau_c, b_0) are halved, the most promising first, and pruned when even their lower bound is within
+the gap of the best design known, when no design in them meets the demands, or when their loops are unstable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
+from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
+from vctune.design.bound.branching import Halved, halved
+from vctune.design.bound.lower_bounds import least_coupling
+from vctune.design.bound.nodes import OpenNodes, joined, root
+from vctune.design.bound.relaxation import Relaxation, at_frequencies, relaxation
+from vctune.design.bound.resume import ResumeState
+from vctune.design.bound.stability import proved_stability
+from vctune.design.judge import Judgement
+from vctune.design.prepared import Posed
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Device, Gains
+
+FREQUENCIES, INTERVALS = 40, 48
+"""Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band. They cost time in
+proportion; fewer make the bounds weaker, so that more boxes are needed."""
+MOST_FREQUENCIES = 160
+"""Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
+of a bound. Near the end of a search no other demand is broken than those that are known."""
+CHUNK = 1024
+"""Boxes halved together: enough that NumPy's calls cost little, few enough that the bounds of all halves (4 axes, 2
+halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
+little more time each; twice as many the other way round."""
+TRY_EVERY = 8
+"""After how many rounds the best box is tried: for frequencies that it violates, for a better
+design. Half finds better designs earlier, twice wastes less."""
+VIOLATED = 1e-4
+"""By what share a demand must be missed for its frequency to be added: less would not raise a bound that matters."""
+BETTER = 1e-3
+"""A design counts as better than the incumbent when its error is lower by this share: below a usual gap of 1 %, above
+what the polish of one optimum from two starts differs by."""
+
+Improve = Callable[[Gains, float], Judgement | None]
+"""Return a certified design found from given gains with an error below a limit, or None."""
+
+
+@dataclass(frozen=True, slots=True)
+class SearchState:
+    """Where the search stood: boxes worked out, lower bound, error of the best design known, open boxes."""
+
+    boxes: int
+    bound: float
+    incumbent: float
+    open: int
+
+    @property
+    def gap(self) -> float:
+        """By which share the incumbent's error is above the bound at most."""
+        return self.incumbent / self.bound - 1 if 0 < self.bound < inf else inf
+
+    def __str__(self) -> str:
+        return f"error {self.incumbent:.5g}, bound {self.bound:.5g}, gap {self.gap:.2%}, {self.open} boxes open"
+
+
+@dataclass(frozen=True, slots=True)
+class Optimality:
+    """What is proved of the error of every admissible design.
+
+    Attributes
+    ----------
+    bound : no admissible design has a lower error; inf if there is none
+    incumbent : error of the best design known, inf if none is
+    proved : whether the bound is within the gap that was asked for
+    improved : a better design than the one given, if the search has met one
+    history : of the search, the last of it now
+    resume : what is left to do; no open node when it is proved
+    """
+
+    bound: float
+    incumbent: float
+    proved: bool
+    improved: Judgement | None
+    history: list[SearchState]
+    resume: ResumeState
+
+    @property
+    def gap(self) -> float:
+        """By which share the incumbent's error is above the bound at most."""
+        return self.history[-1].gap
+
+
+@dataclass(slots=True)
+class _Search:
+    """What changes as the search goes on.
+
+    Attributes
+    ----------
+    relaxed : the relaxation, with the frequencies known so far
+    incumbent : error of the best design known
+    improved : that design, if the search has found it
+    pruned_bound : the least lower bound of the boxes that were pruned
+    boxes : lower bounds worked out
+    history : so far
+    """
+
+    relaxed: Relaxation
+    incumbent: float
+    improved: Judgement | None
+    pruned_bound: float
+    boxes: int
+    history: list[SearchState]
+
+
+def bound(
+    posed: Posed,
+    best: Judgement | None,
+    improve: Improve,
+    *,
+    gap: float,
+    most_boxes: float = inf,
+    time_limit: float = inf,
+    jobs: int = 1,
+    resume: ResumeState | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Callable[[SearchState], None] = lambda state: None,
+) -> Optimality:
+    """Prove a lower bound on the error of every admissible design of a problem.
+
+    Parameters
+    ----------
+    posed : a problem in SI units that leaves something free
+    best : the best design known; None if none is
+    improve : looks for a design with a lower error near given gains
+    gap : stop when the incumbent's error is at most 1 + gap times the bound
+    most_boxes, time_limit : when to give up; s, from when the problem is relaxed on
+    jobs : threads
+    resume : where an earlier search of the same problem stood, taken up unless it has pruned what this gap must not
+    stopped : whether to give up now
+    progress : told where the search stands, every round
+
+    Returns
+    -------
+    Optimality
+        The bound is valid whenever the search ends.
+    """
+    axes = axes_of(posed.problem)
+    incumbent = best.error if best else inf
+    nodes, pruned_bound, boxes = root(axes), inf, 0
+    if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
+        nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
+    search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
+    rounds, ready = 0, perf_counter()
+    with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
+        while True:
+            nodes = _pruned(nodes, search, gap)
+            search.history.append(_state(search, nodes))
+            progress(search.history[-1])
+            late = perf_counter() - ready > time_limit
+            if not len(nodes) or search.boxes > most_boxes or late or stopped():
+                break
+            if rounds % TRY_EVERY == 0:
+                _try_best_node(posed, search, nodes, improve)
+            promising, others = _most_promising(nodes)
+            young = halved(search.relaxed, axes, promising, search.incumbent, pool)
+            search.boxes += young.worked_out
+            nodes = joined([others, _with_stability(posed, search, young)])
+            rounds += 1
+    last, proved = search.history[-1], not len(nodes)
+    left = ResumeState(nodes, search.pruned_bound, search.boxes)
+    return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, left)
+
+
+def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
+    """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
+    problem, omega = posed.problem, [np.geomspace(*posed.span, FREQUENCIES)]
+    slowest = slowest_resonance(problem, problem.bounds.velocity.min)
+    omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
+    if best is not None:
+        for case in posed.cases:
+            omega.append(ratio_minima(case, best.gains, best.coupling).omega)
+            omega_S.append(sensitivity_maxima(case, best.gains).omega)
+    first, first_S = np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S))
+    return relaxation(problem, _devices(posed.cases), _devices(posed.objective), first, first_S, INTERVALS)
+
+
+def _devices(cases: tuple[Problem, ...]) -> list[Device]:
+    return [case.device for case in cases]
+
+
+def _pruned(nodes: OpenNodes, search: _Search, gap: float) -> OpenNodes:
+    """Drop what cannot hold a design better than the incumbent by more than the gap."""
+    open_ = nodes.bound < search.incumbent / (1 + gap)
+    search.pruned_bound = min(search.pruned_bound, nodes.subset(~open_).lowest)
+    return nodes.subset(open_)
+
+
+def _state(search: _Search, nodes: OpenNodes) -> SearchState:
+    reached = min(search.pruned_bound, nodes.lowest, search.incumbent)
+    return SearchState(search.boxes, reached, search.incumbent, len(nodes))
+
+
+def _most_promising(nodes: OpenNodes) -> tuple[OpenNodes, OpenNodes]:
+    """Return the nodes with the least bounds, and the others."""
+    chosen = np.zeros(len(nodes), bool)
+    chosen[np.argsort(nodes.bound, kind="stable")[:CHUNK]] = True
+    return nodes.subset(chosen), nodes.subset(~chosen)
+
+
+def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
+    """Mark the boxes whose loops have just become provably stable, and close those whose loops are all unstable."""
+    nodes = young.nodes
+    unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
+    if len(unknown):
+        stable, unstable = proved_stability(posed, nodes.boxes.subset(unknown))
+        nodes.stable[unknown] = stable
+        nodes.bound[unknown[unstable]] = inf
+    return nodes
+
+
+def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Improve) -> None:
+    """Look at the middle of the most promising box: which demands does it break, and is there a better design?"""
+    axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
+    low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
+    middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
+    bounds = posed.problem.bounds
+    least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
+    b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
+    K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
+    if high[K_P, 0] <= axes[K_P].scale:  # so little position gain is none
+        K_p = 0.0
+    _add_frequencies(posed, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
+    better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
+    if better is not None:
+        search.improved, search.incumbent = better, better.error
+
+
+def _add_frequencies(posed: Posed, search: _Search, gains: Gains, coupling: Coupling) -> None:
+    """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
+    relaxed, stability = search.relaxed, posed.problem.stability
+    known, known_S = np.unique(relaxed.conditions.omega), relaxed.omega_S
+    more, more_S = known, known_S
+    for case in posed.cases:
+        ratio, peaks = ratio_minima(case, gains, coupling), sensitivity_maxima(case, gains)
+        more = np.union1d(more, ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)])
+        more_S = np.union1d(more_S, peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)])
+    if len(known) < MOST_FREQUENCIES and len(more) + len(more_S) > len(known) + len(known_S):
+        search.relaxed = at_frequencies(relaxed, more, more_S)
