@@ -63,7 +63,9 @@ class Device:
         """Return the device in numbers of another arithmetic."""
         operator = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
         mass, damping, sample_time, delay = map(number, (self.mass, self.damping, self.sample_time, self.delay))
-        return Device(mass, damping, sample_time, delay, self.hold, operator)
+        return Device(
+            mass=mass, damping=damping, sample_time=sample_time, delay=delay, hold=self.hold, operator=operator
+        )
 
     @property
     def loops(self) -> tuple[Device, ...]:

@@ -52,13 +52,13 @@ class SampledPlant:
         (beta_0, beta_1), (gamma_0, gamma_1) = self.velocity, self.position
         older = (number(beta_1), number(gamma_1)) if self.fractional else (beta_1, gamma_1)
         return SampledPlant(
-            number(self.pole),
-            number(self.one_minus_pole),
-            number(self.drift),
-            (number(beta_0), older[0]),
-            (number(gamma_0), older[1]),
-            self.whole_samples,
-            self.fractional,
+            pole=number(self.pole),
+            one_minus_pole=number(self.one_minus_pole),
+            drift=number(self.drift),
+            velocity=(number(beta_0), older[0]),
+            position=(number(gamma_0), older[1]),
+            whole_samples=self.whole_samples,
+            fractional=self.fractional,
         )
 
 
@@ -125,7 +125,13 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
         gamma_1 = position_step(t_1) + v_1 * (t_0 * ops.phi_1(rate * t_0))
     drift = T * ops.phi_1(rate * T)
     return SampledPlant(
-        ops.exp(-(rate * T)), rate * drift, drift, (beta_0, beta_1), (gamma_0, gamma_1), whole_samples, fractional
+        pole=ops.exp(-(rate * T)),
+        one_minus_pole=rate * drift,
+        drift=drift,
+        velocity=(beta_0, beta_1),
+        position=(gamma_0, gamma_1),
+        whole_samples=whole_samples,
+        fractional=fractional,
     )
 
 

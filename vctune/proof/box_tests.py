@@ -103,7 +103,13 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
             return value.re * re + value.im * im
 
         decided = _without_failures(_by_slopes(component, boxes, rows).decided)
-        return Decided(decided.proved | missed, decided.fails, decided.point, decided.cost, decided.known)
+        return Decided(
+            proved=decided.proved | missed,
+            fails=decided.fails,
+            point=decided.point,
+            cost=decided.cost,
+            known=decided.known,
+        )
 
     return partial(_kind_by_kind, test)
 
@@ -157,7 +163,11 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
         return test(boxes)
     n = len(boxes)
     found = Decided(
-        np.zeros(n, bool), np.zeros(n, bool), np.zeros_like(boxes.low), np.zeros_like(boxes.low), np.zeros(n, bool)
+        proved=np.zeros(n, bool),
+        fails=np.zeros(n, bool),
+        point=np.zeros_like(boxes.low),
+        cost=np.zeros_like(boxes.low),
+        known=np.zeros(n, bool),
     )
     for kind in kinds:
         decided = test(boxes.subset(kind))
@@ -178,12 +188,18 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
-    return Decided(proved, none, 0.5 * (boxes.low + boxes.high), cost, none)
+    return Decided(proved=proved, fails=none, point=0.5 * (boxes.low + boxes.high), cost=cost, known=none)
 
 
 def _without_failures(decided: Decided) -> Decided:
     """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
-    return Decided(decided.proved, np.zeros_like(decided.fails), decided.point, decided.cost, decided.known)
+    return Decided(
+        proved=decided.proved,
+        fails=np.zeros_like(decided.fails),
+        point=decided.point,
+        cost=decided.cost,
+        known=decided.known,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,7 +242,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
-    return _Bounded(bound, Decided(np.asarray(bound > 0), fails, point, cost, known))
+    return _Bounded(bound, Decided(proved=np.asarray(bound > 0), fails=fails, point=point, cost=cost, known=known))
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

@@ -91,7 +91,13 @@ class Boxes:
 
     def subset(self, at: Any) -> Boxes:
         """Return some of the boxes."""
-        return Boxes(self.names, self.low[:, at], self.high[:, at], self.owner[at], self.whole_samples[at])
+        return Boxes(
+            names=self.names,
+            low=self.low[:, at],
+            high=self.high[:, at],
+            owner=self.owner[at],
+            whole_samples=self.whole_samples[at],
+        )
 
     def count(self, owners: int) -> Integers:
         """Return how many boxes each owner has."""
@@ -130,7 +136,7 @@ def joined(*parts: Boxes) -> Boxes:
     low, high, owner, whole_samples = (
         np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
     )
-    return Boxes(parts[0].names, low, high, owner, whole_samples)
+    return Boxes(names=parts[0].names, low=low, high=high, owner=owner, whole_samples=whole_samples)
 
 
 def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
@@ -171,7 +177,9 @@ def over_band(
         for frequency, edge in zip(band, (low, high), strict=True)
     )
     owner = np.repeat(np.arange(owners), intervals)
-    return Boxes((FREQUENCY, *names), left, right, owner, np.full(owner.size, whole_samples))
+    return Boxes(
+        names=(FREQUENCY, *names), low=left, high=right, owner=owner, whole_samples=np.full(owner.size, whole_samples)
+    )
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
@@ -183,7 +191,7 @@ def over_each(cells: Cells, omega: Floats) -> Boxes:
     """Return each cell at one frequency of its own."""
     low, high = (np.vstack((omega, edge)) for edge in (cells.low, cells.high))
     owner = np.arange(len(cells))
-    return Boxes((FREQUENCY, *DESIGN), low, high, owner, np.zeros_like(owner))
+    return Boxes(names=(FREQUENCY, *DESIGN), low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

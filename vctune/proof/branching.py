@@ -108,7 +108,9 @@ def prove(
         stays = left & ~goes_on
         open_[:, boxes.owner[stays]] = decided.point[:, stays]
         boxes = boxes.subset(goes_on).halved(axis[goes_on])
-    return Proofs(np.isnan(open_[0]) & np.isnan(failing[0]), failing, open_, count, total)
+    return Proofs(
+        proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
+    )
 
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:

@@ -140,7 +140,7 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         }
         missed = demands.factor > 1 and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
-    return Certificate(design, demands, outcomes, without_factor, box)
+    return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:

@@ -124,7 +124,14 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
         force = force + law.integral * integral
     if law.limit is not None:
         force = ops.maximum(-law.limit, ops.minimum(law.limit, force))
-    remembered = State(reference, desired, coupling, integral, position if law.smoothing else state.measured, filtered)
+    remembered = State(
+        reference=reference,
+        desired=desired,
+        coupling=coupling,
+        integral=integral,
+        measured=position if law.smoothing else state.measured,
+        filtered=filtered,
+    )
     return remembered, Command(force, environment)
 
 

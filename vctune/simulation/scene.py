@@ -111,4 +111,11 @@ def _scene(
         smoothing=None if sensors.filter_hz is None else 1 - exp(-2 * pi * sensors.filter_hz * device.sample_time),
         limit=experiment.limit,
     )
-    return Scene(device, experiment.operator, experiment.friction, law, sensors.force_noise, sensors.seed)
+    return Scene(
+        device=device,
+        operator=experiment.operator,
+        friction=experiment.friction,
+        law=law,
+        force_noise=sensors.force_noise,
+        seed=sensors.seed,
+    )
