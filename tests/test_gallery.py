@@ -61,7 +61,7 @@ def test_the_region_is_as_new_as_the_code():
     path = ROOT / "problems/friction-wheel.toml"
     problem, record = read_problem(path).problem, json.loads((ROOT / "results/friction-wheel/region.json").read_text())
     across = plane(problem, "gains.velocity", "gains.position", 8)
-    made = region(problem, across, across.whole())
+    made = region(problem, across, across.coarsest_squares())
     assert record["problem"]["text"] == path.read_text()
     assert record["edges"]["x"] == pytest.approx(across.edges[0].tolist())
     assert record["edges"]["y"] == pytest.approx(across.edges[1].tolist())

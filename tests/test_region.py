@@ -93,7 +93,7 @@ def posed(text):
 def found(text, x, y, levels):
     problem = posed(text)
     across = plane(problem, x, y, levels)
-    return region(problem, across, across.whole())
+    return region(problem, across, across.coarsest_squares())
 
 
 def painted(region):

@@ -49,8 +49,8 @@ def cells():
     """Cells of a region are decided one by one, some together."""
     for levels in range(4, 8):
         across = plane(WHEEL, "gains.velocity", "gains.position", levels)
-        count = region(WHEEL, across, across.whole()).squares.shape[1]
-        yield count, lambda across=across: region(WHEEL, across, across.whole())
+        count = region(WHEEL, across, across.coarsest_squares()).squares.shape[1]
+        yield count, lambda across=across: region(WHEEL, across, across.coarsest_squares())
 
 
 def samples():

@@ -104,7 +104,7 @@ def region(
     if not FINEST <= resolution <= COARSEST:
         raise InputError("resolution", [Mistake("", f"{resolution:g} is out of range: must be from 1/2048 to 1/8")])
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
-    found = divide(file.problem, across, across.whole(), progress)
+    found = divide(file.problem, across, across.coarsest_squares(), progress)
     return AdmissibleGains(file, found, solve(file.problem, progress))
 
 

@@ -88,7 +88,18 @@ def numbers_of(
 
 
 def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
-    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer."""
+    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer.
+
+    Parameters
+    ----------
+    structure : of the NLP
+    given : its numbers, of `numbers_of` for the same structure
+
+    Returns
+    -------
+    Solution
+        Where IPOPT stopped, converged or not.
+    """
     with interrupt_deferred():
         solver = compiled(structure)
         result = solver(

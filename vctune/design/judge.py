@@ -167,7 +167,13 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
 
 @np.errstate(all="ignore")
 def judge_posed(posed: Posed, gains: Gains, coupling: Coupling) -> Judgement:
-    """Judge given gains against the demands of a problem in SI units."""
+    """Judge given gains against the demands of a problem.
+
+    Parameters
+    ----------
+    posed : in SI units
+    gains, coupling : plain floats, N s/m, N/m and kg
+    """
     certificate = certify(Design(posed.problem.device, gains, coupling), posed.demands, posed.box)
     return _judgement(posed, gains, coupling, certificate)
 

@@ -52,7 +52,15 @@ class Violations:
 
 
 def violations(posed: Posed, cases: list[Problem], values: Point, tightening: float) -> Violations:
-    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest."""
+    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    cases : the problem of each device that is looked at, those of `posed` and others
+    values : K_v, K_p, b_c, m_c, b_0
+    tightening : relative amount by which the demands are sharpened
+    """
     gains, coupling = design_of(values)
     peaks = [sensitivity_maxima(case, gains) for case in cases]
     parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]

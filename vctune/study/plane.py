@@ -39,7 +39,7 @@ class Plane:
     edges: tuple[Floats, Floats]
     ranges: tuple[Range, ...]
 
-    def whole(self) -> Squares:
+    def coarsest_squares(self) -> Squares:
         """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
         side, count = len(self.edges[0]) - 1, COARSEST
         marks = np.arange(0, side, side // count)
