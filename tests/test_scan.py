@@ -152,6 +152,15 @@ def test_slow_resonances_are_seen():
     assert -peaks.value[0] == pytest.approx(S.max(), rel=1e-6)
 
 
+def up_to_a_tenth_of_the_sampling_rate(number):
+    """A random device with a stability band that its delay has not narrowed."""
+    document, problem = device(0, number)
+    if "band_hz" in document.get("stability", {}):
+        return problem
+    band = replace(problem.stability.band, max=2 * pi * 0.1 / problem.device.sample_time)
+    return replace(problem, stability=replace(problem.stability, band=band))
+
+
 @pytest.mark.parametrize(
     ("number", "status"),
     [
@@ -164,7 +173,7 @@ def test_slow_resonances_are_seen():
     ],
 )
 def test_devices_that_a_search_gave_up_on(number, status):
-    _, problem = device(0, number)
+    problem = up_to_a_tenth_of_the_sampling_rate(number)
     solved = solve(problem)
     assert solved.status.value == status
     if solved.judgement is not None:
@@ -174,8 +183,9 @@ def test_devices_that_a_search_gave_up_on(number, status):
 
 def test_a_design_below_a_gain_limit_that_no_coupling_can_have():
     """The greatest feasible K_v needs more than any coupling gives, a lower one does not."""
-    _, problem = device(0, 148)
-    assert solve(problem).judgement.transparency.error == pytest.approx(140.0219, rel=1e-4)
+    solved = solve(up_to_a_tenth_of_the_sampling_rate(148), gap=0.01)
+    assert solved.judgement.transparency.error == pytest.approx(140.0219, rel=1e-4)
+    assert solved.optimality.proved
 
 
 def test_a_fixed_velocity_gain_has_no_limit():
