@@ -12,8 +12,8 @@ from command import run, started, wait_for_work
 from conftest import DEVICE, FIXED
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
+from vctune.cli.exits import ExitCode
 from vctune.document.region import read_region
-from vctune.exits import ExitCode
 from vctune.study.region import Kind
 
 PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { min = 0.05, max = 4.0 }\n"

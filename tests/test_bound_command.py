@@ -12,13 +12,13 @@ from command import run, strict
 from conftest import DEVICE, FIXED, ROOT
 
 from vctune import interrupt
+from vctune.cli.exits import ExitCode
 from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import read_problem
-from vctune.exits import ExitCode
 
 WHEEL = ROOT / "problems/friction-wheel.toml"
 

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from conftest import DEVICE, FIXED, ROOT
 
-from vctune.design.check import check
+from vctune.cli.exits import ExitCode
+from vctune.design.check import CheckVerdict, check
 from vctune.design.solve import solve
 from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem
-from vctune.exits import ExitCode
 
 
 def run(*arguments, cwd):
@@ -57,7 +57,7 @@ def test_refusal_names_frequency_ratio_and_the_least_change(folder):
     assert f"{name} = {old}" in document
     for value, passes in ((new, True), (old + (new - old) * 0.99, False)):
         (folder / "mended.toml").write_text(document.replace(f"{name} = {old}", f"{name} = {value!r}"))
-        assert (check([folder / "mended.toml"])[0].exit_code is ExitCode.OK) == passes
+        assert (check([folder / "mended.toml"])[0].result is CheckVerdict.PASSED) == passes
 
 
 def test_json_is_the_object_of_solve(folder):
@@ -107,12 +107,12 @@ def test_rounding_attack(tmp_path, count):
         problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
         problem.write_text(text)
         gains.write_text(gains_text(judgement.gains, judgement.coupling, {}))
-        assert check([problem, gains])[0].exit_code is ExitCode.OK
+        assert check([problem, gains])[0].result is CheckVerdict.PASSED
 
 
 def test_a_check_imports_no_optimiser():
     code = (
-        "import sys; from pathlib import Path; from vctune.design.check import check;"
+        "import sys; from pathlib import Path; from vctune.design.check import CheckVerdict, check;"
         f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )

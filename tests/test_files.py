@@ -15,9 +15,9 @@ import pytest
 from command import process, run
 from conftest import DEVICE, FIXED
 
+from vctune.cli.exits import ExitCode
 from vctune.document.errors import printable
 from vctune.document.files import folder_name, write_together
-from vctune.exits import ExitCode
 
 EVERYWHERE = """
 import os, shutil, signal, sys

@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 from junitparser import Error, Failure, JUnitXml
 
+from vctune.cli.exits import ExitCode
 from vctune.cli.formats import as_json, github, junit, sarif, text
-from vctune.design.check import Checked
-from vctune.exits import ExitCode
+from vctune.design.check import Checked, CheckVerdict
 
 SCHEMAS = ROOT / "tests/schemas"
 SARIF = Draft7Validator(
@@ -47,7 +47,7 @@ def run(*arguments, cwd):
 
 
 def checked(name, code, message="refuted at 1 Hz: Re Z_c >= R"):
-    return Checked(Path(name), Path(name).stem, code, message, 3, None if code is ExitCode.BAD_INPUT else {})
+    return Checked(Path(name), Path(name).stem, code, message, 3, None if code is CheckVerdict.BAD_INPUT else {})
 
 
 def sarif_results(text):
@@ -71,7 +71,7 @@ def uri_of(result):
 
 
 def test_the_schemas_can_say_no():
-    log = json.loads(sarif([checked("x.toml", ExitCode.FAILED)]))
+    log = json.loads(sarif([checked("x.toml", CheckVerdict.FAILED)]))
     log["runs"][0]["results"][0]["locations"][0]["physicalLocation"]["artifactLocation"]["uri"] = "a b.toml"
     assert not SARIF.is_valid(log)
     log["runs"][0]["results"] = [{"ruleId": "violated"}]
@@ -82,10 +82,10 @@ def test_the_schemas_can_say_no():
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
-        (ExitCode.OK, []),
-        (ExitCode.FAILED, [("violated", "error")]),
-        (ExitCode.UNDECIDED, [("undecided", "warning")]),
-        (ExitCode.BAD_INPUT, [("bad-input", "error")]),
+        (CheckVerdict.PASSED, []),
+        (CheckVerdict.FAILED, [("violated", "error")]),
+        (CheckVerdict.UNDECIDED, [("undecided", "warning")]),
+        (CheckVerdict.BAD_INPUT, [("bad-input", "error")]),
     ],
 )
 def test_sarif_of_every_outcome(code, expected):
@@ -103,7 +103,7 @@ def test_sarif_of_a_folder(folder):
 
 
 def test_sarif_of_hundreds_of_files():
-    codes = list(ExitCode)[:4]
+    codes = [CheckVerdict.PASSED, CheckVerdict.FAILED, CheckVerdict.BAD_INPUT, CheckVerdict.UNDECIDED]
     checks = [checked(f"part {k}/gains.toml", codes[k % 4]) for k in range(400)]
     assert len(sarif_results(sarif(checks))) == 300
 
@@ -114,9 +114,9 @@ def test_sarif_names_the_file_in_a_valid_uri(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     places = {name: name, f"./x/../{name}": name, f"{tmp_path}/{name}": name}
     for given_name, expected in places.items():
-        (result,) = sarif_results(sarif([checked(given_name, ExitCode.FAILED)]))
+        (result,) = sarif_results(sarif([checked(given_name, CheckVerdict.FAILED)]))
         assert os.fsencode(unquote(uri_of(result), errors="surrogateescape")) == os.fsencode(expected)
-    (outside,) = sarif_results(sarif([checked(f"../{name}", ExitCode.FAILED)]))
+    (outside,) = sarif_results(sarif([checked(f"../{name}", CheckVerdict.FAILED)]))
     assert uri_of(outside).startswith(f"{tmp_path.parent.as_uri()}/")
 
 
@@ -138,7 +138,7 @@ def workflow_commands(text):
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_github_names_survive_the_runner(name):
-    (found,) = workflow_commands(github([checked(name, ExitCode.FAILED, f"of {name}")]))
+    (found,) = workflow_commands(github([checked(name, CheckVerdict.FAILED, f"of {name}")]))
     place = {"file": name, "line": "3", "title": f"vctune: {Path(name).stem}"}
     assert found == ("error", place, f"of {name}")
 
@@ -146,7 +146,7 @@ def test_github_names_survive_the_runner(name):
 @given(st.text().map(str.strip).filter(bool), st.text())
 def test_github_survives_any_text(name, message):
     """Every message is one command; the names have no blanks around them, which the runner strips."""
-    (found,) = workflow_commands(github([Checked(Path("x.toml"), name, ExitCode.UNDECIDED, message, 7, {})]))
+    (found,) = workflow_commands(github([Checked(Path("x.toml"), name, CheckVerdict.UNDECIDED, message, 7, {})]))
     assert found == ("warning", {"file": "x.toml", "line": "7", "title": f"vctune: {name}"}, message)
 
 
@@ -172,7 +172,7 @@ def test_junit_is_read_by_a_junit_reader(folder):
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_junit_is_valid_whatever_the_name(name):
-    codes = list(ExitCode)[:4]
+    codes = [CheckVerdict.PASSED, CheckVerdict.FAILED, CheckVerdict.BAD_INPUT, CheckVerdict.UNDECIDED]
     root = ElementTree.fromstring(junit([checked(name, code, f"of {name}\nand more") for code in codes]))
     assert [error.reason for error in JENKINS.iter_errors(root)] == []
     cases = root.findall("testsuite/testcase")
@@ -191,28 +191,28 @@ class Found:
         return {"warnings": self.warnings}
 
 
-@pytest.mark.parametrize("verdict", [ExitCode.OK, ExitCode.FAILED, ExitCode.UNDECIDED])
+@pytest.mark.parametrize("verdict", [CheckVerdict.PASSED, CheckVerdict.FAILED, CheckVerdict.UNDECIDED])
 @pytest.mark.parametrize("strict", [False, True])
 def test_warnings_reach_every_format(verdict, strict):
     """Beside the verdict; with --strict as errors, and none of them then passes."""
     found = Checked(Path("x.toml"), "x", verdict, "said", 3, Found(["mind, the: gap", "and more"]), strict)
-    assert found.exit_code is (ExitCode.FAILED if strict else verdict)
+    assert found.result is (CheckVerdict.FAILED if strict else verdict)
     assert text([found]).splitlines()[1:] == ["           warning: mind, the: gap", "           warning: and more"]
-    assert text([found]).startswith("passed") == (found.exit_code is ExitCode.OK)
+    assert text([found]).startswith("passed") == (found.result is CheckVerdict.PASSED)
     assert json.loads(as_json([found]))["warnings"] == found.warnings
     level = "error" if strict else "warning"
-    first = {ExitCode.OK: "notice", ExitCode.FAILED: "error", ExitCode.UNDECIDED: "warning"}[verdict]
+    first = {CheckVerdict.PASSED: "notice", CheckVerdict.FAILED: "error", CheckVerdict.UNDECIDED: "warning"}[verdict]
     commands = [(command, data) for command, _, data in workflow_commands(github([found]))]
     assert commands == [(first, "said"), (level, "mind, the: gap"), (level, "and more")]
     root = ElementTree.fromstring(junit([found]))
     assert [error.reason for error in JENKINS.iter_errors(root)] == []
     assert root.findtext(".//system-out").splitlines() == ["warning: mind, the: gap", "warning: and more"]
-    assert (root.find(".//failure") is None) == (found.exit_code is ExitCode.OK)
+    assert (root.find(".//failure") is None) == (found.result is CheckVerdict.PASSED)
     results = [
         (result["ruleId"], result["level"], result["message"]["text"]) for result in sarif_results(sarif([found]))
     ]
     assert results[-2:] == [("warning", level, "mind, the: gap"), ("warning", level, "and more")]
-    assert len(results) == (2 if verdict is ExitCode.OK else 3)
+    assert len(results) == (2 if verdict is CheckVerdict.PASSED else 3)
 
 
 @pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])

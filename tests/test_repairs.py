@@ -18,6 +18,7 @@ from test_bound import infeasible_texts
 
 from vctune.bench.digits import exact
 from vctune.bench.evaluator import cases
+from vctune.cli.exits import ExitCode
 from vctune.design import repair as repairing
 from vctune.design import solve as solving
 from vctune.design.check import check
@@ -31,7 +32,6 @@ from vctune.document.design import design_of
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.exits import ExitCode
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.page import page

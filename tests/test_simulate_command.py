@@ -14,7 +14,7 @@ from command import process, started, strict, wait_for_work, wait_until
 from command import run as vctune
 from conftest import ROOT
 
-from vctune.exits import ExitCode
+from vctune.cli.exits import ExitCode
 from vctune.model.experiment import Environment, Operator
 from vctune.simulation.metrics import metrics
 from vctune.simulation.motion import intended_motion, sample_count

@@ -11,7 +11,6 @@ from conftest import ROOT
 FLOORS = [
     "version",
     "markup",
-    "exits",
     "interrupt",
     "model",
     "proof",

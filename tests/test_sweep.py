@@ -20,11 +20,11 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vctune.cli.exits import ExitCode
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.study import read_study
-from vctune.exits import ExitCode
 from vctune.study import sweep as sweeping
 from vctune.study.executors import worker_pool
 from vctune.study.front import nondominated

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from vctune.api.solving import solve as solve
     from vctune.api.studies import front as front
     from vctune.api.studies import sweep as sweep
+    from vctune.cli.exits import ExitCode as ExitCode
     from vctune.design.judge import Judgement as Judgement
     from vctune.design.judge import Status as Status
     from vctune.design.judge import judge as judge
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from vctune.document.errors import InputError as InputError
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
-    from vctune.exits import ExitCode as ExitCode
     from vctune.model.experiment import Experiment as Experiment
     from vctune.model.problem import Problem as Problem
     from vctune.model.problem import Range as Range
@@ -44,7 +44,7 @@ _HOME = {
     "Certificate": "proof.certificate",
     "Coupling": "model.quantities",
     "Device": "document.building",
-    "ExitCode": "exits",
+    "ExitCode": "cli.exits",
     "Experiment": "model.experiment",
     "Gains": "model.quantities",
     "InputError": "document.errors",

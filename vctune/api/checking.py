@@ -29,7 +29,7 @@ def check(problem: ProblemSource, gains: Gains | str | Path | None = None, coupl
     Returns
     -------
     Checked
-        `exit_code`, `message` in one line, `warnings`; `finding.judgement` is what is proved, `finding.repairs` what
+        `result`, `message` in one line, `warnings`; `finding.judgement` is what is proved, `finding.repairs` what
         would mend a violated design.
 
     Raises
@@ -51,7 +51,7 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     Returns
     -------
     Checked
-        `exit_code`, `message`, `warnings`; `finding.again` is what was proved again.
+        `result`, `message`, `warnings`; `finding.again` is what was proved again.
 
     Raises
     ------

@@ -33,11 +33,11 @@ def bound(
     from vctune.api.bounding import known_design, require_free, write_bounded
     from vctune.api.files import DESIGN, design_folder, json_text, write_report
     from vctune.api.solving import solve
+    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.judge import Status
     from vctune.document.reading import read_problem
-    from vctune.exits import ExitCode
     from vctune.interrupt import interrupt_noted
 
     file = require_free(read_problem(problem))

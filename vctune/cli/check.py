@@ -43,17 +43,17 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     """
     from dataclasses import replace
 
+    from vctune.cli.exits import ExitCode, of_check
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
     from vctune.design.check import check as check_files
-    from vctune.exits import ExitCode
 
     files = [file for path in paths for file in _files(path)]
     found = check_files(files) if baseline is None else _against(baseline, files, out)
     checks = [replace(checked, strict=strict) for checked in found]
     emit(FORMATS[style](checks))
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
-    return max((checked.exit_code for checked in checks), key=severity.index)
+    return max((of_check(checked.result) for checked in checks), key=severity.index)
 
 
 def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:

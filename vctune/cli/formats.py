@@ -10,17 +10,16 @@ from typing import Any
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from vctune.design.check import Checked
+from vctune.design.check import Checked, CheckVerdict
 from vctune.document.errors import printable
 from vctune.document.record import SCHEMA
-from vctune.exits import ExitCode
 from vctune.version import __version__
 
 WORDS = {
-    ExitCode.OK: "passed",
-    ExitCode.FAILED: "FAILED",
-    ExitCode.UNDECIDED: "undecided",
-    ExitCode.BAD_INPUT: "bad input",
+    CheckVerdict.PASSED: "passed",
+    CheckVerdict.FAILED: "FAILED",
+    CheckVerdict.UNDECIDED: "undecided",
+    CheckVerdict.BAD_INPUT: "bad input",
 }
 
 
@@ -31,10 +30,10 @@ def text(checks: list[Checked]) -> str:
         message = checked.message if checked.finding is None else printable(checked.message)
         where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
         why = "; fails for its warnings" if checked.failed_by_warnings else ""
-        lines.append(f"{WORDS[checked.exit_code]:9}  {where}{message}{why}")
+        lines.append(f"{WORDS[checked.result]:9}  {where}{message}{why}")
         lines += [f"           warning: {warning}" for warning in checked.warnings]
     if len(checks) > 1:
-        counts = {word: sum(WORDS[c.exit_code] == word for c in checks) for word in WORDS.values()}
+        counts = {word: sum(WORDS[c.result] == word for c in checks) for word in WORDS.values()}
         lines.append(", ".join(f"{count} {word}" for word, count in counts.items() if count))
     return "\n".join(lines)
 
@@ -56,7 +55,7 @@ def _refused(checked: Checked) -> dict[str, Any]:
 
 def github(checks: list[Checked]) -> str:
     """Return workflow commands that annotate the lines of the files: the verdict of each check, then its warnings."""
-    levels = {ExitCode.OK: "notice", ExitCode.UNDECIDED: "warning"}
+    levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
     lines = []
     for checked in checks:
         place = (
@@ -81,8 +80,8 @@ def _property(value: str) -> str:
 
 def junit(checks: list[Checked]) -> str:
     """Return JUnit XML, in the elements and attributes that Jenkins' schema knows: a test case a check."""
-    failed = [checked.exit_code in (ExitCode.FAILED, ExitCode.UNDECIDED) for checked in checks]
-    broken = [checked.exit_code is ExitCode.BAD_INPUT for checked in checks]
+    failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
+    broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
     counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
     root = ElementTree.Element("testsuites", counts)
     suite = ElementTree.SubElement(root, "testsuite", {"name": "vctune check", **counts})
@@ -94,7 +93,7 @@ def junit(checks: list[Checked]) -> str:
         if fails or breaks:
             said = _warning_lines(checked) if checked.failed_by_warnings else checked.message.splitlines()
             message = "\n".join(printable(line) for line in said)
-            attributes = {"message": message, "type": WORDS[checked.exit_code]}
+            attributes = {"message": message, "type": WORDS[checked.result]}
             problem = ElementTree.SubElement(element, "failure" if fails else "error", attributes)
             problem.text = f"{source}:{checked.line}: {message}" if fails else message
         if checked.warnings:
@@ -116,7 +115,7 @@ WARNING = (
     "Read the message; `vctune check --strict` fails until there is none.",
 )
 RULES = {
-    ExitCode.FAILED: (
+    CheckVerdict.FAILED: (
         "violated",
         "error",
         "The gains violate a demand.",
@@ -124,14 +123,14 @@ RULES = {
         "oscillate, or its loop is less robust than the problem asks.",
         "Change the gain that the message names to the value it names, or solve the problem again.",
     ),
-    ExitCode.UNDECIDED: (
+    CheckVerdict.UNDECIDED: (
         "undecided",
         "warning",
         "The proof is undecided.",
         "A demand is met or missed by so little that ball arithmetic cannot tell.",
         "Move the gains away from the limit, or lower the demand a little.",
     ),
-    ExitCode.BAD_INPUT: (
+    CheckVerdict.BAD_INPUT: (
         "bad-input",
         "error",
         "The file cannot be used.",

@@ -30,12 +30,12 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     """
     from vctune.api.bounding import require_free
     from vctune.api.studies import front as find
+    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
     from vctune.document.reading import read_problem
-    from vctune.exits import ExitCode
 
     file = require_free(read_problem(problem), "trade")
     folder = out / folder_name(file.problem.name) / "front"

@@ -9,6 +9,7 @@ import click
 from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
+from vctune.cli.exits import ExitCode
 from vctune.cli.front import front
 from vctune.cli.region import region
 from vctune.cli.report import report
@@ -17,7 +18,6 @@ from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.cli.sweep import sweep
 from vctune.document.errors import InputError
-from vctune.exits import ExitCode
 
 EPILOG = (
     "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "

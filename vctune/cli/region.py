@@ -34,9 +34,9 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
     """
     from vctune.api.regions import region as find
     from vctune.api.regions import require_plane, write_region
+    from vctune.cli.exits import of_status
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
-    from vctune.design.judge import EXIT_CODES
     from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
 
@@ -50,4 +50,4 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
     for kind, share in found.areas.items():
         emit(f"{kind:10} {100 * share:7.2f} %")
     emit(f"of the plane {x} by {y}; written to {folder}")
-    return EXIT_CODES[found.status]
+    return of_status(found.status)

@@ -32,10 +32,10 @@ def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.files import design_folder
+    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.reading import read_gains, read_problem
-    from vctune.exits import ExitCode
 
     file = read_problem(problem)
     chosen_experiments(file, name)

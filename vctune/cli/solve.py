@@ -39,10 +39,10 @@ def solve(
     folder = design_folder(file, out)
 
     from vctune.api.solving import solve as solve_problem
-    from vctune.design.judge import EXIT_CODES, Status
+    from vctune.cli.exits import ExitCode, of_status
+    from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
-    from vctune.exits import ExitCode
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, progress=progress)
@@ -61,7 +61,7 @@ def solve(
     if strict and record.warnings:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
-    return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else EXIT_CODES[solved.status]
+    return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else of_status(solved.status)
 
 
 def say_renamed(gains: Path | None) -> None:

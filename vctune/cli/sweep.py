@@ -83,6 +83,6 @@ def _print(found: dict[str, Any], folder: Path, style: str) -> None:
 
 def _exit_code(found: dict[str, Any]) -> int:
     """Return 0 if there is a certified design and no point was left without an answer, else 1."""
-    from vctune.exits import ExitCode
+    from vctune.cli.exits import ExitCode
 
     return ExitCode.OK if found["best"] and not found["status"].get("failed") else ExitCode.FAILED

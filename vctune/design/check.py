@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from math import pi
 from pathlib import Path
 from time import perf_counter
@@ -14,7 +15,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vctune.design.judge import EXIT_CODES, Judgement, Status, judge_all
+from vctune.design.judge import Judgement, Status, judge_all
 from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
@@ -23,10 +24,26 @@ from vctune.design.variables import KEYS, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
-from vctune.exits import ExitCode
 from vctune.markup import html_facts
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
+
+
+class CheckVerdict(StrEnum):
+    """What a check comes to."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "undecided"
+    BAD_INPUT = "bad input"
+
+
+VERDICTS = {
+    Status.CERTIFIED: CheckVerdict.PASSED,
+    Status.VIOLATED: CheckVerdict.FAILED,
+    Status.UNDECIDED: CheckVerdict.UNDECIDED,
+    Status.INFEASIBLE: CheckVerdict.FAILED,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +54,7 @@ class Checked:
     ----------
     source : the file that holds the numbers
     name : of the problem
-    verdict : what is proved, as an exit code
+    verdict : what is proved
     message : one line: proved, or what fails and what would repair it, or what is wrong with the input
     line : of the source, that the message is about
     finding : None for bad input
@@ -46,7 +63,7 @@ class Checked:
 
     source: Path
     name: str
-    verdict: ExitCode
+    verdict: CheckVerdict
     message: str
     line: int
     finding: Finding | None
@@ -60,16 +77,16 @@ class Checked:
     @property
     def failed_by_warnings(self) -> bool:
         """Whether it is for its warnings alone that the check fails."""
-        return self.strict and bool(self.warnings) and self.verdict in (ExitCode.OK, ExitCode.UNDECIDED)
+        return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
 
     def _repr_html_(self) -> str:
         facts = {"": self.message} | {f"warning {number}": text for number, text in enumerate(self.warnings, 1)}
-        return html_facts(f"{self.name}: {self.exit_code.name.lower()}", facts)
+        return html_facts(f"{self.name}: {self.result}", facts)
 
     @property
-    def exit_code(self) -> ExitCode:
-        """Of this check alone."""
-        return ExitCode.FAILED if self.failed_by_warnings else self.verdict
+    def result(self) -> CheckVerdict:
+        """The verdict, or failed for a warning alone."""
+        return CheckVerdict.FAILED if self.failed_by_warnings else self.verdict
 
 
 class Finding(Protocol):
@@ -168,7 +185,7 @@ def _read(path: Path) -> _Input:
 def _refused(given: _Input, error: InputError | None = None) -> Checked:
     error = error or given.error
     assert error is not None
-    return Checked(given.path, given.path.stem, ExitCode.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
+    return Checked(given.path, given.path.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
 
 
 def _check_problem(given: _Input) -> Checked:
@@ -220,8 +237,8 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling],
         if made_for and made_for != file.sha256:
             found.append("the gains were made for another version of the problem (sha256 differs)")
         finding = DesignFinding(file, judgement, repairs, found, proving + perf_counter() - began)
-        code, message = EXIT_CODES[judgement.status], _message(judgement, repairs)
-        checks.append(Checked(source.path, file.problem.name, code, message, _line(source.text, repairs), finding))
+        verdict, message = VERDICTS[judgement.status], _message(judgement, repairs)
+        checks.append(Checked(source.path, file.problem.name, verdict, message, _line(source.text, repairs), finding))
     return checks
 
 

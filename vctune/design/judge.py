@@ -17,7 +17,6 @@ from vctune.analysis.demands import (
 )
 from vctune.design.prepared import Posed, pose
 from vctune.design.worst import worst_inside
-from vctune.exits import ExitCode
 from vctune.markup import html_facts, span
 from vctune.model.frequency import hertz
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -41,12 +40,6 @@ STATUS_OF = {
     Verdict.PROVED: Status.CERTIFIED,
     Verdict.REFUTED: Status.VIOLATED,
     Verdict.UNDECIDED: Status.UNDECIDED,
-}
-EXIT_CODES = {
-    Status.CERTIFIED: ExitCode.OK,
-    Status.VIOLATED: ExitCode.FAILED,
-    Status.UNDECIDED: ExitCode.UNDECIDED,
-    Status.INFEASIBLE: ExitCode.FAILED,
 }
 
 

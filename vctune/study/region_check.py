@@ -9,14 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.check import Checked
+from vctune.design.check import Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
 from vctune.design.variables import KEYS, point, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
 from vctune.document.region import RegionDocument, read_region
-from vctune.exits import ExitCode
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.plane import Plane, Squares, plane_errors
@@ -114,9 +113,9 @@ def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     again = recheck(file.problem, old)
     warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]
     finding = RegionFinding(file, again, warnings, perf_counter() - began)
-    code = ExitCode.FAILED if again.lost else ExitCode.OK
+    verdict = CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1
-    return Checked(Path(file.source), file.problem.name, code, _message(again), line, finding), again
+    return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding), again
 
 
 def _lost(again: Recheck) -> Squares:

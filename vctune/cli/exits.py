@@ -1,6 +1,13 @@
 """Exit codes of the command line: part of vctune's contract (cli/README.md, section 1)."""
 
+from __future__ import annotations
+
 from enum import IntEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from vctune.design.check import CheckVerdict
+    from vctune.design.judge import Status
 
 
 class ExitCode(IntEnum):
@@ -18,3 +25,14 @@ class ExitCode(IntEnum):
     """A fault of vctune's own."""
     INTERRUPTED = 130
     """Interrupted by SIGINT (Ctrl-C) or SIGTERM; nothing half-written is left behind."""
+
+
+def of_status(status: Status) -> ExitCode:
+    """Return what is told of a problem or a design."""
+    return {"certified": ExitCode.OK, "undecided": ExitCode.UNDECIDED}.get(status, ExitCode.FAILED)
+
+
+def of_check(result: CheckVerdict) -> ExitCode:
+    """Return what is told of a check."""
+    codes = {"passed": ExitCode.OK, "undecided": ExitCode.UNDECIDED, "bad input": ExitCode.BAD_INPUT}
+    return codes.get(result, ExitCode.FAILED)
