@@ -106,13 +106,13 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     """
     make_folder(folder)
     if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS, DESIGN)):
-        raise InputError(file.source, [Mistake("", "would be overwritten by its own design; choose another --out")])
+        raise InputError(file.source, [Mistake("", "would be overwritten by its own design; choose another folder")])
     try:
         owner = json.loads((folder / DESIGN).read_text())["problem"]["name"]
     except (OSError, ValueError, KeyError, TypeError):
         return
     if owner != file.problem.name:
-        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or --out"
+        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or folder"
         raise InputError(str(folder), [Mistake("", message)])
 
 

@@ -109,4 +109,4 @@ def _umask() -> int:
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(str(path), [Mistake("", f"cannot be written: {error.strerror}; choose another place with --out")])
+    return InputError(str(path), [Mistake("", f"cannot be written: {error.strerror}; choose another folder")])

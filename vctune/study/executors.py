@@ -221,4 +221,4 @@ def _version() -> str:
 
 
 def _refusal(choice: str, message: str) -> InputError:
-    return InputError(f"--executor {choice}", [Mistake("", message)])
+    return InputError(f"executor {choice}", [Mistake("", message)])

@@ -116,7 +116,7 @@ def _opened(path: Path) -> Iterator[int]:
     try:
         handle = os.open(path, os.O_RDWR | os.O_APPEND)
     except OSError as error:
-        raise _refusal(path, f"cannot be written: {error.strerror}; choose another --out") from None
+        raise _refusal(path, f"cannot be written: {error.strerror}; choose another folder") from None
     try:
         if sys.platform != "win32":
             from fcntl import LOCK_EX, LOCK_NB, flock
@@ -124,7 +124,7 @@ def _opened(path: Path) -> Iterator[int]:
             try:
                 flock(handle, LOCK_EX | LOCK_NB)
             except OSError:
-                raise _refusal(path, "is being written by another run; wait for it or choose another --out") from None
+                raise _refusal(path, "is being written by another run; wait for it or choose another folder") from None
         yield handle
     finally:
         os.close(handle)
@@ -163,11 +163,11 @@ def _parsed(line: bytes) -> Row | None:
 def _check_header(path: Path, line: bytes, study: Study) -> None:
     header = _parsed(line)
     if header is None or header.get("schema") != SCHEMA:
-        raise _refusal(path, "is not a file of rows that vctune wrote; choose another --out")
+        raise _refusal(path, "is not a file of rows that vctune wrote; choose another folder")
     if header.get("study") != study.sha256:
         message = (
             f"holds rows of another study, of {', '.join(header.get('axes', []))}; the problem file or the axes' keys "
-            "were changed since: choose another --out, or remove it"
+            "were changed since: choose another folder, or remove it"
         )
         raise _refusal(path, message)
 

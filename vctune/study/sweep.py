@@ -129,7 +129,7 @@ def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any]
         return None
     except pool.unreachable as error:
         message = f"the workers are out of reach ({type(error).__name__}); the rows are kept, run again to go on"
-        raise InputError("--executor", [Mistake("", message)]) from None
+        raise InputError("executor", [Mistake("", message)]) from None
 
 
 def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:
