@@ -33,6 +33,8 @@ NEXT_TO_1 = 1e-9
 """Spectral radii that eigenvalues do not tell from 1."""
 STEEP = 2.0
 """Radians between neighbouring frequencies from which a curve's turns cannot be counted."""
+FINEST = 512
+"""How many times as many frequencies a curve is counted on at most that passes close to 0."""
 NAMES = ("velocity", "position", "damping", "mass", "drag")
 
 
@@ -127,7 +129,7 @@ def _turns(case: Case, density: int) -> np.ndarray:
     poles = 2 * np.round((angle[:, 0] - angle[:, -1]) / (2 * np.pi))
     steep = np.abs(np.diff(angle, axis=1)).max(axis=1) > STEEP
     if steep.any():
-        poles[steep] = np.nan if density > 1 else _turns(case.at(steep), 8)
+        poles[steep] = np.nan if density >= FINEST else _turns(case.at(steep), 8 * density)
     return poles
 
 

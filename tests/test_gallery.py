@@ -9,11 +9,11 @@ import pytest
 from conftest import ROOT
 
 from vctune.design.solve import solve
+from vctune.document.design import read_design
 from vctune.document.reading import read_problem
 from vctune.document.region import read_region
 from vctune.document.simulation import simulation_beside
 from vctune.document.study import read_study
-from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import simulate
 from vctune.study.plane import plane
 from vctune.study.points import points
@@ -46,9 +46,8 @@ def test_simulations_are_as_new_as_the_code(path):
     assert (folder / "simulation.json").exists() == bool(file.problem.experiments)
     if not file.problem.experiments:
         return
-    design = json.loads((folder / "design.json").read_text())
-    stored = simulation_beside(folder, design)
-    gains, coupling = Gains(**design["gains"]), Coupling(**design["coupling"])
+    record = read_design(folder / "design.json")
+    stored, (gains, coupling) = simulation_beside(folder, record), record.design
     for here, there in zip(file.problem.experiments, stored["experiments"], strict=True):
         made = simulate(file.problem, gains, coupling, here)
         for run, name in ((made.design, "design"), (made.baseline, "baseline")):

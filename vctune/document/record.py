@@ -117,7 +117,11 @@ class NyquistRecord(Part):
     P: int
     Z: Annotated[
         int | None,
-        Shown("Z = N + P, poles to the right", "N = {N} encirclements of -1, P = {P} in the open loop", detail=True),
+        Shown(
+            "Z = N + P, poles outside the unit circle",
+            "N = {N} encirclements of -1, P = {P} in the open loop",
+            detail=True,
+        ),
     ]
 
 
