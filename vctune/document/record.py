@@ -118,7 +118,7 @@ class NyquistRecord(Part):
     Z: Annotated[
         int | None,
         Shown(
-            "Z = N + P, poles outside the unit circle",
+            "Z = N + P, unstable poles",
             "N = {N} encirclements of -1, P = {P} in the open loop",
             detail=True,
         ),
