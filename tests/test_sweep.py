@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 from contextlib import contextmanager
+from dataclasses import astuple, replace
 from math import isnan
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.study import read_study
+from vctune.model.transparency import Terms
 from vctune.study import sweep as sweeping
 from vctune.study.executors import worker_pool
 from vctune.study.front import nondominated
@@ -480,15 +482,33 @@ def test_front_of_a_problem(tmp_path):
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
-@pytest.mark.slow
-def test_front_of_the_friction_wheel_has_no_gap(tmp_path):
-    """Where K_p goes from 20 kN/m to 100 kN/m the front is not convex: weights alone jump across it."""
-    done = run("front", ROOT / "problems/friction-wheel.toml", cwd=tmp_path)
+def front_of(name, folder):
+    done = run("front", ROOT / f"problems/{name}.toml", cwd=folder)
     assert done.returncode == ExitCode.OK
-    with (tmp_path / "results/friction-wheel/front/terms.csv").open(newline="") as file:
-        coupling = [float(row["coupling"]) for row in csv.DictReader(file)]
+    with (folder / f"results/{name}/front/terms.csv").open(newline="") as file:
+        rows = csv.DictReader(file)
+        return np.array([[float(row[term]) for term in ("admittance", "tracking", "coupling")] for row in rows])
+
+
+@pytest.mark.slow
+def test_front_of_a_wrist_has_no_gap(tmp_path):
+    """Along K_p the front of the loops in use is not convex: weights alone jump across it."""
+    terms = front_of("cobot-wrist", tmp_path)
+    assert not any((a <= b).all() and (a < b).any() for a in terms for b in terms)
+    coupling = terms[terms[:, 1] < 0.5, 2]
     assert len(coupling) >= 10
-    assert max(np.diff(coupling)) < 0.2 * (max(coupling) - min(coupling))
+    assert max(np.diff(coupling)) < 0.5 * (max(coupling) - min(coupling))
+
+
+@pytest.mark.slow
+def test_front_of_the_friction_wheel_is_one_design(tmp_path):
+    """At the bound of K_p one design is best in each of the three terms alone."""
+    (terms,) = front_of("friction-wheel", tmp_path)
+    problem = read_problem(ROOT / "problems/friction-wheel.toml").problem
+    for weights in np.eye(3):
+        alone = replace(problem, transparency=replace(problem.transparency, weights=Terms(*weights.tolist())))
+        best = solve(alone).judgement.transparency
+        assert terms @ weights == pytest.approx(astuple(best)[1:] @ weights, rel=1e-5)
 
 
 def test_front_needs_something_to_trade(tmp_path):
