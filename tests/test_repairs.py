@@ -21,7 +21,7 @@ from vctune.bench.evaluator import cases
 from vctune.cli.exits import ExitCode
 from vctune.design import repair as repairing
 from vctune.design import solve as solving
-from vctune.design.check import check
+from vctune.design.check import CheckVerdict, check
 from vctune.design.judge import Status
 from vctune.design.parameter_changes import ParameterChange, parameter_changes
 from vctune.design.record import design_record
@@ -430,7 +430,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     (tmp_path / "idle.toml").write_text(IDLE)
     (tmp_path / "gains.toml").write_text(gains_text(*design, {}))
     checked = check([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
-    assert checked.verdict is ExitCode.OK and said in checked.warnings
+    assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
     assert page(design_of(record, "x"), file.problem, {}).count("certified, but it hardly uses its velocity loop") == 1
 
 
@@ -440,7 +440,7 @@ def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
     (tmp_path / "device.toml").write_text(DEVICE)
     (tmp_path / "gains.toml").write_text(weak)
     checked = check([tmp_path / "device.toml", tmp_path / "gains.toml"])[0]
-    assert checked.verdict is ExitCode.OK
+    assert checked.verdict is CheckVerdict.PASSED
     assert checked.warnings[-1] == "solving the problem finds a design that does use its velocity loop"
     assert checked.finding.record()["repairs"] is None
 
