@@ -14,11 +14,12 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.arithmetic import FLOATS, SERIES_BELOW
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.array_claims import Demands
 from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.box_tests import positive
-from vctune.proof.boxes import DESIGN, Cells, band_of, over_cells
+from vctune.proof.boxes import Cells, band_of, over_cells
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
@@ -229,15 +230,15 @@ def test_a_claim_over_a_cell_holds_at_each_of_its_points():
     cells = Cells(low, high)
 
     def margin(x, v):
-        away = x - v[DESIGN[0]]
-        return away * away + 0.01 - v[DESIGN[1]]
+        away = x - v[KEYS[0]]
+        return away * away + 0.01 - v[KEYS[1]]
 
     boxes, only_frequency = over_cells(cells, band_of(1.0, 4.0, 1.2)), [True, *[False] * 5]
     found = prove_boxes(positive(margin, {}), boxes, 4, halved=only_frequency, max_halvings=20, max_boxes=4000)
     assert found.proved.tolist() == [True, False, True, False]
     assert np.isnan(found.failing[:, [0, 2]]).all() and np.isnan(found.open[:, [0, 2]]).all()
     for failing in found.failing[:, np.isfinite(found.failing[0])].T:
-        assert float(margin(failing[0], dict(zip(DESIGN, failing[1:], strict=True)))) < 0
+        assert float(margin(failing[0], dict(zip(KEYS, failing[1:], strict=True)))) < 0
 
 
 def test_enclosed_decimals():

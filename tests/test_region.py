@@ -13,8 +13,9 @@ from dense import best_damping, surpluses
 
 from vctune.bench.evaluator import cases
 from vctune.design.prepared import pose
-from vctune.design.variables import KEYS, ranges
+from vctune.design.variables import ranges
 from vctune.document.reading import problem_file
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design

@@ -12,13 +12,13 @@ from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.design.result import Solved
 from vctune.design.solve import solve
-from vctune.design.variables import KEYS
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.markup import html_facts
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
+from vctune.model.keys import KEYS
 
 
 @click.command(short_help="Find the whole set of admissible gains, cell by cell.")

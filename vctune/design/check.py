@@ -20,11 +20,12 @@ from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
 from vctune.design.result import Solved
-from vctune.design.variables import KEYS, ranges
+from vctune.design.variables import ranges
 from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 

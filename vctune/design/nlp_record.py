@@ -9,10 +9,11 @@ from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp_structure import DEMANDS
 from vctune.design.result import Polished, Solved
-from vctune.design.variables import KEYS, design_of, ranges
+from vctune.design.variables import design_of, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
 from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
+from vctune.model.keys import KEYS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
 from vctune.proof.devices import UNCERTAIN

@@ -8,9 +8,10 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from math import inf, pi
 from typing import Any
 
-from vctune.design.variables import KEYS, NAMES
+from vctune.design.variables import NAMES
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)

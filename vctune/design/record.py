@@ -22,7 +22,7 @@ from vctune.design.repair import CUT_SHORT, LONGEST, Repair
 from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
-from vctune.design.variables import KEYS, Point, point, ranges
+from vctune.design.variables import Point, point, ranges
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
     BoxRecord,
@@ -41,6 +41,7 @@ from vctune.document.record import (
     WithoutOperatorRecord,
 )
 from vctune.model.frequency import hertz
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim

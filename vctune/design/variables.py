@@ -9,7 +9,6 @@ from vctune.model.problem import Bounds, Problem, Range
 from vctune.model.quantities import Coupling, Gains
 
 NAMES = ("velocity", "position", "damping", "mass", "drag")
-KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 
 Point = tuple[float, float, float, float, float]
 """K_v, K_p, b_c, m_c, b_0."""

@@ -9,10 +9,10 @@ from typing import Any
 from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.raw import number_at
 from vctune.document.validation import Fault
+from vctune.model.keys import KEYS
 
 MAX_DELAY_SAMPLES = 200
 MAX_DECADES = 12
-VARIABLES = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 
 
 def contradictions(raw: dict[str, Any]) -> list[Fault]:
@@ -21,7 +21,7 @@ def contradictions(raw: dict[str, Any]) -> list[Fault]:
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
-    for key in VARIABLES:
+    for key in KEYS:
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
@@ -21,7 +22,6 @@ Integers = NDArray[np.intp]
 
 FREQUENCY = "frequency"
 """omega in rad/s, theta = omega T in rad, or 1/omega in s, as the claim has it."""
-DESIGN = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
 WHOLE_SAMPLES = "whole samples of device.delay"
 CHUNK = 4096
 """Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
@@ -32,17 +32,17 @@ Values = Mapping[str, Number]
 
 def gains_of(values: Values) -> Gains:
     """Return the gains among some values."""
-    return Gains(values[DESIGN[0]], values[DESIGN[1]])
+    return Gains(values[KEYS[0]], values[KEYS[1]])
 
 
 def coupling_of(values: Values) -> Coupling:
     """Return the coupling among some values."""
-    return Coupling(values[DESIGN[2]], values[DESIGN[3]], values[DESIGN[4]])
+    return Coupling(values[KEYS[2]], values[KEYS[3]], values[KEYS[4]])
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Boxes of designs, [low, high] in each number of `DESIGN`; arrays of shape (5, number of cells).
+    """Boxes of designs, [low, high] in each number of `KEYS`; arrays of shape (5, number of cells).
 
     A cell whose edges meet is a single design.
     """
@@ -184,14 +184,14 @@ def over_band(
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
     """Return each interval of a band with each cell."""
-    return over_band(DESIGN, cells.low, cells.high, band)
+    return over_band(KEYS, cells.low, cells.high, band)
 
 
 def over_each(cells: Cells, omega: Floats) -> Boxes:
     """Return each cell at one frequency of its own."""
     low, high = (np.vstack((omega, edge)) for edge in (cells.low, cells.high))
     owner = np.arange(len(cells))
-    return Boxes(names=(FREQUENCY, *DESIGN), low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
+    return Boxes(names=(FREQUENCY, *KEYS), low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

@@ -11,11 +11,12 @@ from math import inf, pi
 
 import numpy as np
 
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Device
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.box_tests import Curve, Margin, lower_bound_over, misses_zero, positive, turned_angles
-from vctune.proof.boxes import DESIGN, Boxes, Cells, Integers, band_of, over_cells, over_each
+from vctune.proof.boxes import Boxes, Cells, Integers, band_of, over_cells, over_each
 from vctune.proof.branching import Proofs, Test
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.claims import (
@@ -35,7 +36,7 @@ up to half of those near the edge of what is admissible; twice as often proves n
 MAX_BOXES = 4_000
 """Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
 many prove the same cells."""
-IN_FREQUENCY = (True, *[False] * len(DESIGN))
+IN_FREQUENCY = (True, *[False] * len(KEYS))
 """Only intervals of frequency are halved here; cells are their caller's business."""
 NEAR = 1e-6
 """Allowance for rounding of 1e-12, in an angle that is a whole number of quarter turns in the end and in a frequency

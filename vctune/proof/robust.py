@@ -10,11 +10,12 @@ from math import floor, inf, pi
 import numpy as np
 
 from vctune.model.arithmetic import Number
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Device
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.box_tests import Margin, misses_zero, positive
-from vctune.proof.boxes import DESIGN, WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
+from vctune.proof.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.branching import Proofs, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, outwards
 from vctune.proof.devices import DeviceBox
@@ -58,7 +59,7 @@ class RobustDesign:
     @property
     def values(self) -> Values:
         """The five numbers of the design, enclosed."""
-        return dict(zip(DESIGN, map(decimal, astuple(self.design.gains) + astuple(self.design.coupling)), strict=True))
+        return dict(zip(KEYS, map(decimal, astuple(self.design.gains) + astuple(self.design.coupling)), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:

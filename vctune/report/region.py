@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.prepared import prepare
-from vctune.design.variables import KEYS, point
+from vctune.design.variables import point
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.variables import KEYS, Coordinate, coordinates, ranges
+from vctune.design.variables import Coordinate, coordinates, ranges
 from vctune.document.errors import Mistake
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells
 
@@ -30,7 +31,7 @@ class Plane:
 
     Attributes
     ----------
-    axes : indices of the variables x and y in `vctune.design.variables.KEYS`
+    axes : indices of the variables x and y in `vctune.model.keys.KEYS`
     edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
     ranges : ranges of all five variables
     """

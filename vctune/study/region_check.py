@@ -11,11 +11,12 @@ import numpy as np
 
 from vctune.design.check import Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
-from vctune.design.variables import KEYS, point, ranges
+from vctune.design.variables import point, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
 from vctune.document.region import RegionDocument, read_region
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.plane import Plane, Squares, plane_errors

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from vctune.design.record import versions
-from vctune.design.variables import KEYS
 from vctune.document.reading import ProblemFile
 from vctune.document.region import SCHEMA
+from vctune.model.keys import KEYS
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.region import Kind, Region
 
