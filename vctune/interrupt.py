@@ -10,6 +10,15 @@ from types import FrameType
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
 
+RECEIVED: list[int] = []
+"""Signals that have interrupted this process: compiled code may turn KeyboardInterrupt into errors of other names."""
+
+
+def raise_interrupt(number: int, frame: FrameType | None) -> None:
+    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it."""
+    RECEIVED.append(number)
+    signal.default_int_handler(number, frame)
+
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:

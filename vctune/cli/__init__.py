@@ -18,6 +18,10 @@ def run() -> None:
         getattr(sys, name).reconfigure(errors="backslashreplace")
     try:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+        from vctune.interrupt import raise_interrupt
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, raise_interrupt)
         from vctune.cli.main import execute
 
         code = execute()

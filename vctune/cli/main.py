@@ -18,6 +18,7 @@ from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.cli.sweep import sweep
 from vctune.document.errors import InputError
+from vctune.interrupt import RECEIVED
 
 EPILOG = (
     "Exit codes: 0 certified or passed, 1 infeasible, violated or failed, 2 bad usage or input, "
@@ -77,6 +78,8 @@ def execute() -> int:
     except OSError as error:
         code = _complain(f"{error.filename or 'output'}: {error.strerror}", ExitCode.BAD_INPUT)
     except Exception as error:  # the last line of defence: a fault of ours, said without a traceback
+        if RECEIVED:
+            raise KeyboardInterrupt from None
         place = _innermost(error)
         code = _complain(
             f"internal error at {place}: {type(error).__name__}: {error}; please report it", ExitCode.INTERNAL
