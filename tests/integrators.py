@@ -7,7 +7,7 @@ from functools import partial
 import casadi as ca
 
 from vctune.simulation.friction import friction_force
-from vctune.simulation.step import SYMBOLS, Stretch, fixed_steps, push_at
+from vctune.simulation.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 
 
 def midpoint(substeps: int) -> Stretch:

@@ -33,8 +33,8 @@ def corners(problem: Problem) -> np.ndarray:
 
 def _numbers(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     names = ("mass", "damping", "delay")
-    device, uncertainty = problem.device, problem.uncertainty
-    return np.array([getattr(device, n) for n in names]), np.array([getattr(uncertainty, n) for n in names])
+    widths = dict(problem.uncertainty.half_widths)
+    return np.array([problem.device.number(n) for n in names]), np.array([widths.get(n, 0.0) for n in names])
 
 
 def on_devices(problem: Problem, design: np.ndarray, devices: np.ndarray) -> Case:

@@ -9,11 +9,11 @@ import sys
 
 import pytest
 from command import run, started, wait_for_work
-from conftest import DEVICE, FIXED
+from conftest import DEVICE, FIXED, ROOT
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
-from vctune.cli.exits import ExitCode
 from vctune.document.region import read_region
+from vctune.exit_codes import ExitCode
 from vctune.study.region import Kind
 
 PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { min = 0.05, max = 4.0 }\n"
@@ -52,7 +52,20 @@ def test_the_file_holds_the_region(baseline):
     for *_, verdict, b_c in record["cells"]:
         assert (b_c is not None and 10 <= b_c <= 3000) == (verdict == "feasible")
     assert len(record["designs"]) == 1
-    assert len(read_region(baseline / "results/device/region.json").cells) == len(record["cells"])
+
+
+def test_the_region_of_a_device_as_heavy_as_a_file_may_say_is_a_baseline(tmp_path):
+    (tmp_path / "device.toml").write_text(
+        "[device]\nmass = 1e19\ndamping = 0.0\nsample_time = 1e-3\n[coupling]\nmass = 1e19\n"
+    )
+    assert run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path).returncode == ExitCode.OK
+    done = run("check", "device.toml", "--region", "results/device/region.json", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+
+
+def test_what_is_read_is_written_again_to_the_byte(baseline):
+    for path in (baseline / "results/device/region.json", ROOT / "results/friction-wheel/region.json"):
+        assert json.dumps(read_region(path).to_json(), allow_nan=False) + "\n" == path.read_text()
 
 
 @pytest.mark.parametrize(
@@ -196,6 +209,7 @@ DAMAGE = {
     "negative": (damaged(lambda record: record["cells"][3].__setitem__(0, -1)), "cells[3][0]"),
     "verdict": (damaged(lambda record: record["cells"][3].__setitem__(4, "fine")), "cells[3][4]"),
     "gain": (damaged(lambda record: record["designs"][0]["gains"].update(velocity=-1.0)), "designs[0].gains.velocity"),
+    "slip": (damaged(lambda record: record["designs"][0]["coupling"].update(drga=1.0)), "designs[0].coupling.drga"),
 }
 
 

@@ -81,6 +81,7 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> None:
     assert error(problem, cases(problem.device, near), 4001) == pytest.approx(found.incumbent, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "extremes/peak", "extremes/whole-axis"])
 def test_no_random_design_is_below_the_bound(name, problems):
     attacked(read_problem(problems / f"{name}.toml").problem, 20_000)
@@ -92,6 +93,7 @@ def test_a_million_random_designs_are_not_below_the_bound(number):
     attacked(random_problems(20)[number], 1_000_000)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", range(40))
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
     problem = random_problems(40)[number]
@@ -170,6 +172,7 @@ def plain(path: Path) -> tuple[Problem, Judgement, Optimality]:
     return problem, best, bound(pose(problem), best, hopeless, gap=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("impedance, time", [(1e-3, 1.0), (7.3, 1e-3), (1e6, 3600.0), (0.11, 1e4)])
 @pytest.mark.parametrize("name", ["friction-wheel", "extremes/peak", "friction-wheel-paper"])
 def test_units_change_neither_bound_nor_boxes(name, impedance, time, problems):
@@ -279,6 +282,7 @@ def never_empty(problem: Problem, slack: float) -> bool:
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slack", [1e-1, 1e-3, 1e-6])
 @pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "keemink", "extremes/whole-axis"])
 def test_barely_feasible_problems_are_never_emptied(name, slack, problems):

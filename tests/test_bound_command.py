@@ -12,13 +12,13 @@ from command import run, strict
 from conftest import DEVICE, FIXED, ROOT
 
 from vctune import interrupt
-from vctune.cli.exits import ExitCode
 from vctune.design.bound.search import bound
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import read_problem
+from vctune.exit_codes import ExitCode
 
 WHEEL = ROOT / "problems/friction-wheel.toml"
 
@@ -130,6 +130,7 @@ def refused(*arguments, cwd) -> str:
     return done.stderr
 
 
+@pytest.mark.slow
 def test_infeasible_and_undecided(tmp_path):
     done = run("bound", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
     record = strict(done.stdout)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from conftest import DEVICE, FIXED, ROOT
 
-from vctune.cli.exits import ExitCode
 from vctune.design.check import CheckVerdict, check
 from vctune.design.solve import solve
 from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem
+from vctune.exit_codes import ExitCode
 
 
 def run(*arguments, cwd):

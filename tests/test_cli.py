@@ -14,7 +14,7 @@ import pytest
 from command import process, run, started, strict, wait_for_work, wait_until
 from conftest import ROOT
 
-from vctune.cli.exits import ExitCode
+from vctune.exit_codes import ExitCode
 
 SOLVE = "solve device.toml --no-report"
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"

@@ -77,7 +77,7 @@ def scenes(design: Certified, count: int, seed: int = 1) -> list[Scene]:
         hand, environment = passive(rng)
         if (least := design.problem.device.operator) is not None:
             hand = replace(hand, mass=hand.mass + least.mass, damping=hand.damping + least.damping)
-        experiment = Experiment("random", environment, hand, None, Sensors(0.0, 0.0, 0, None), None, None)
+        experiment = Experiment("random", environment, hand, None, Sensors(0.0, 0.0, 0), None, None)
         made.append(designed_scene(design.problem.device, design.gains, design.coupling, experiment))
     return made
 

@@ -80,13 +80,29 @@ FAULTS = {
         ("16", "experiment[2].operator.cycles", "not a whole number"),
         ("16", "experiment[2].operator.speed", "2.5 sample times"),
         ("17", "experiment[2].sensors.seed", "too small"),
-        ("17", "experiment[2].sensors.filter_hz", 'only for velocity = "difference"'),
+        ("17", "experiment[2].sensors.filter_hz", "is the device's now"),
         ("18", "experiment[2].actuator.limit", "too small"),
         ("19", "experiment[2].baseline", "both 0"),
         ("21", "experiment[3].name", "other characters than letters"),
         ("22", "experiment[3].operator.motion", "is not one of"),
         ("22", "experiment[3].operator", "at most 5000000"),
-        ("23", "experiment[3].sensors.filter_hz", "above the Nyquist frequency 500 Hz"),
+        ("23", "experiment[3].sensors.velocity", "write it as [device.velocity] from"),
+        ("23", "experiment[3].sensors.filter_hz", "write it in [device.velocity]"),
+    ],
+    "parts": [
+        ("6", "device.velocity.from", "is not one of 'measured' or 'difference'"),
+        ("7", "device.velocity.filter_hz", "above the Nyquist frequency 500 Hz"),
+        ("8", "device.velocity.filter_order", "out of range"),
+        ("9", "device.actuator", "is missing; it is required: Bandwidth"),
+        ("10", "device.actuator.order", "not a whole number"),
+        ("12", "device.force_sensor.order", "is of a low-pass; write bandwidth_hz too"),
+        ("13", "device.force_sensor.delay", "up to 300 sample times; at most 200"),
+        ("15", "device.structure.handle_mass", "is not less than device.mass = 0.4 kg"),
+        ("16", "device.structure.frequency_hz", "below 0.001 Hz; raise it"),
+        ("19", "uncertainty.actuator", "unknown key"),
+        ("19", "uncertainty.actuator.bandwidth_hz", 'belongs in quotes: "actuator.bandwidth_hz" = 0.1'),
+        ("20", 'uncertainty."actuator.bandwidth_hz"', "there is no device.actuator.bandwidth_hz to be uncertain"),
+        ("21", "uncertainty.unmodelled", "the frequencies do not increase"),
     ],
     "everything-at-once": [
         ("1", "name", "not a text"),
@@ -165,18 +181,17 @@ def test_an_experiment_needs_but_a_name():
             Environment(0.0, 0.0, 0.0, 0.0, False),
             Operator("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
             None,
-            Sensors(0.0, 0.0, 0, None),
+            Sensors(0.0, 0.0, 0),
             None,
             None,
         ),
     )
 
 
-def test_defaults_of_friction_and_filter():
-    text = '[[experiment]]\nname = "e"\nfriction = { coulomb = 0.3 }\nsensors = { velocity = "difference" }\n'
+def test_defaults_of_friction():
+    text = '[[experiment]]\nname = "e"\nfriction = { coulomb = 0.3 }\n'
     one = parse_problem(THREE.format(0.4, 2.0, 1e-3) + text, "x.toml", "x").experiments[0]
     assert one.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
-    assert one.sensors.filter_hz == pytest.approx(100.0)
 
 
 def test_experiments_do_not_change_the_design_problem():

@@ -198,6 +198,7 @@ def test_arrays_prove_what_arb_proves(name, spread):
         assert found == (verdict is Verdict.PROVED)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("hold", "delay", "band", "damping", "drag"),
     [

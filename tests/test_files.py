@@ -15,9 +15,9 @@ import pytest
 from command import process, run
 from conftest import DEVICE, FIXED
 
-from vctune.cli.exits import ExitCode
 from vctune.document.errors import printable
 from vctune.document.files import folder_name, write_together
+from vctune.exit_codes import ExitCode
 
 EVERYWHERE = """
 import os, shutil, signal, sys
@@ -80,9 +80,9 @@ judged = once(vctune.design.solve, "solve", file.problem).judgement
 if judged and file.problem.experiments:
     once(vctune.simulation.experiment, "simulate", file.problem, judged.gains, judged.coupling,
          file.problem.experiments[0])
-FIGURES = ("llewellyn", "nyquist", "transparency", "impedance")
+FIGURES = ("loop", "llewellyn", "nyquist", "transparency", "impedance")
 vctune.report.report.figures = lambda design: dict.fromkeys(FIGURES, design.record.to_json())
-vctune.report.report.simulation_figure = lambda simulation: simulation
+vctune.report.report.simulation_figure = lambda simulation: simulation.model_dump()
 vctune.report.report.svg = lambda record, name: f"<svg>{record['problem']['sha256']}</svg>"
 import vctune.report.page
 vctune.report.page.svg = vctune.report.report.svg
@@ -147,6 +147,7 @@ def earlier(tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "number"),
     [("solve --quiet", signal.SIGKILL), ("simulate", signal.SIGKILL), ("solve --quiet", signal.SIGTERM)],
@@ -199,7 +200,7 @@ def test_solving_again_changes_no_byte(tmp_path):
         done = way("solve", "device.toml", "--json", cwd=tmp_path, report=True)
         written.append(visible(tmp_path / "results/device"))
         assert done.stdout.encode() == written[-1]["design.json"]
-    assert written[0] == written[1] and len(written[0]) == 7
+    assert written[0] == written[1] and len(written[0]) == 8
     assert b"seconds" not in written[0]["design.json"]
 
 

@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 from junitparser import Error, Failure, JUnitXml
 
-from vctune.cli.exits import ExitCode
 from vctune.cli.formats import as_json, github, junit, sarif, text
 from vctune.design.check import Checked, CheckVerdict
+from vctune.exit_codes import ExitCode
 
 SCHEMAS = ROOT / "tests/schemas"
 SARIF = Draft7Validator(
@@ -239,6 +239,7 @@ def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
 ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("style", "env"),
     [(style, ASCII) for style in ("text", "json", "github", "junit", "sarif")]

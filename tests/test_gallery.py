@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
 
 import pytest
 from conftest import ROOT
 
+from vctune.design.judge import Status
 from vctune.design.solve import solve
 from vctune.document.design import read_design
 from vctune.document.reading import read_problem
@@ -22,6 +24,7 @@ from vctune.study.region_check import recheck
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
+MOST_BYTES = 4_000_000
 SPARSE = 10
 """Every tenth point of a study is solved again."""
 
@@ -32,8 +35,10 @@ def test_gallery_is_as_new_as_the_code(path):
     record = json.loads((folder / "design.json").read_text())
     solved = solve(read_problem(path).problem)
     assert record["problem"]["text"] == path.read_text()
+    assert record["problem"]["sha256"] == read_problem(path).sha256
     assert record["status"] == solved.status.value
     assert (folder / "report.html").exists()
+    assert bool(record.get("prices")) == (solved.status is Status.CERTIFIED)
     if solved.judgement is not None:
         assert record["transparency"]["error"] == pytest.approx(solved.judgement.transparency.error, rel=1e-5)
         assert record["gains"]["velocity"] == pytest.approx(solved.judgement.gains.velocity, rel=1e-3)
@@ -48,11 +53,11 @@ def test_simulations_are_as_new_as_the_code(path):
         return
     record = read_design(folder / "design.json")
     stored, (gains, coupling) = simulation_beside(folder, record), record.design
-    for here, there in zip(file.problem.experiments, stored["experiments"], strict=True):
+    for here, there in zip(file.problem.experiments, stored.experiments, strict=True):
         made = simulate(file.problem, gains, coupling, here)
-        for run, name in ((made.design, "design"), (made.baseline, "baseline")):
-            assert there[name]["metrics"]["peak_force"] == pytest.approx(run.metrics.peak_force, rel=1e-3)
-            assert there[name]["metrics"]["residual"] == pytest.approx(run.metrics.residual, rel=1e-2)
+        for run, measured in ((made.design, there.design.metrics), (made.baseline, there.baseline.metrics)):
+            assert measured.peak_force == pytest.approx(run.metrics.peak_force, rel=1e-3)
+            assert measured.residual == pytest.approx(run.metrics.residual, rel=1e-2)
 
 
 @pytest.mark.slow
@@ -68,6 +73,11 @@ def test_the_region_is_as_new_as_the_code():
         assert record["areas"][kind.name.lower()] == pytest.approx(made.area(kind), abs=1e-4)
     again = recheck(problem, read_region(ROOT / "results/friction-wheel/region.json"))
     assert not again.lost and len(again.certified) == 1
+
+
+def test_results_are_small():
+    listed = subprocess.run(["git", "ls-files", "-z", "results"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert sum((ROOT / name).stat().st_size for name in listed.stdout.split("\0") if name) <= MOST_BYTES
 
 
 def test_gallery_holds_nothing_else():

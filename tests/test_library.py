@@ -280,3 +280,31 @@ def test_the_example_script():
 
 def test_paths_of_a_design(tmp_path, wheel):
     assert files.design_folder(wheel, tmp_path) == tmp_path / "_wheel_"
+
+
+def test_a_device_with_parts_is_stated_as_in_a_file():
+    parts = {
+        "velocity": vctune.VelocityEstimate("difference", np.float64(200.0)),
+        "actuator": vctune.Actuator(500.0, 2),
+        "force_sensor": vctune.ForceSensor(delay=1e-3),
+        "structure": vctune.Structure(0.1, 300.0, 0.02),
+    }
+    stated = vctune.problem({"device": vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3, **parts)})
+    written = vctune.problem(
+        {
+            "device": {
+                "mass": 0.4,
+                "damping": 2.0,
+                "sample_time": 1e-3,
+                "actuator": {"bandwidth_hz": 500.0, "order": 2},
+                "velocity": {"from": "difference", "filter_hz": 200.0},
+                "force_sensor": {"delay": 1e-3},
+                "structure": {"handle_mass": 0.1, "frequency_hz": 300.0, "damping_ratio": 0.02},
+            }
+        }
+    )
+    assert stated.problem == written.problem == vctune.problem(stated.problem).problem
+    with pytest.raises(vctune.InputError, match="is not less than device"):
+        vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3, structure=vctune.Structure(0.5, 300.0, 0.02))
+    with pytest.raises(vctune.InputError, match="is too small"):
+        vctune.Device(mass=0.4, damping=2.0, sample_time=1e-3, actuator=vctune.Actuator(-1.0))

@@ -18,9 +18,11 @@ from vctune.bench.evaluator import Case, impedances
 from vctune.design.nlp import SYMBOLS
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device_response import device_response
+from vctune.model.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, hold_response, loop_response, tracking_abs2
+from vctune.model.loop import loop_response
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import log_quadrature
 from vctune.proof.arb_balls import BALLS, device_ball, gains_ball
@@ -30,7 +32,7 @@ ZOH = Device(0.5, 2.0, 1e-3, 0.0, "zoh")
 
 
 def response(device, gains, omega):
-    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), FLOATS)
+    return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
 
 def R(device, gains, omega):
@@ -168,15 +170,15 @@ def test_all_three_arithmetics_agree(case, place):
     )
     in_floats = response(device, gains, omega)
     assume(abs(in_floats.resistance) > 1e-3 * (case.damping + case.K_v))
-    hold = hold_response(device, omega, FLOATS)
+    known = device_response(device, omega, FLOATS)
     K_v, K_p = ca.SX.sym("K_v"), ca.SX.sym("K_p")
-    symbolic = loop_response(device, Gains(K_v, K_p), omega, hold, SYMBOLS)
+    symbolic = loop_response(known, Gains(K_v, K_p), SYMBOLS)
     in_symbols = ca.Function("R", [K_v, K_p], [required_resistance(symbolic, SYMBOLS)])(case.K_v, case.K_p)
     assert float(in_symbols) == pytest.approx(float(required_resistance(in_floats, FLOATS)), rel=1e-12)
     with ctx.workprec(128):
         exact, law = device_ball(device), gains_ball(gains)
         at = arb(omega)
-        in_balls = loop_response(exact, law, at, hold_response(exact, at, BALLS), BALLS)
+        in_balls = loop_response(device_response(exact, at, BALLS), law, BALLS)
         assert float(G_hh_abs2(in_balls)) == pytest.approx(float(G_hh_abs2(in_floats)), rel=1e-6)
         assert float(tracking_abs2(in_balls)) == pytest.approx(float(tracking_abs2(in_floats)), rel=1e-6)
 

@@ -24,9 +24,10 @@ from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, problem_file
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device_response import device_response
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import hold_response, loop_response
+from vctune.model.loop import loop_response
 from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
@@ -72,7 +73,7 @@ def test_required_resistance_is_that_of_the_two_port_that_has_absorbed_the_opera
     R, K = true.required, float(true.rollett)
     relief = case.b_h * abs(C.real) / abs((C + Z_d + case.b_h).real)
     at = np.array([omega])
-    response = loop_response(device, gains, at, hold_response(device, at, FLOATS), FLOATS)
+    response = loop_response(device_response(device, at, FLOATS), gains, FLOATS)
     assert abs(float(required_resistance(response, FLOATS)[0]) - R) < 1e-10 * (abs(R) + relief)
     assert rollett_factor_at(device, gains, virtual, omega) == pytest.approx(K, rel=1e-9, abs=1e-9)
     ratio = float(stability_ratio(device, gains, virtual, at)[0])

@@ -18,7 +18,7 @@ from vctune.document.reading import ProblemFile, parse_problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
-from vctune.report.page import inline, svg
+from vctune.report.page import _shortened, inline, svg
 from vctune.report.region import BAD, GOOD, OPEN
 from vctune.report.style import PAPER, time_text
 from vctune.simulation.experiment import simulate
@@ -72,13 +72,13 @@ def measured():
 
 def test_the_curves_of_experiments_are_those_of_the_traces(measured):
     made, record = measured
-    (shown,) = record["experiments"]
+    (shown,) = record.experiments
     first = 2 * stroke_time(made.experiment.operator)
     traces = {name: getattr(made, name).traces for name in ("baseline", "design")}
     whole = {name: (each.velocity + 1j * each.force)[each.time >= first] for name, each in traces.items()}
     both = np.concatenate(list(whole.values()))
     for name, curve in whole.items():
-        drawn = np.array(shown[name]["curve"])
+        drawn = np.array(getattr(shown, name).curve)
         scaled = [
             part.real / np.ptp(both.real) + 1j * part.imag / np.ptp(both.imag) for part in (curve, drawn @ [1, 1j])
         ]
@@ -130,7 +130,7 @@ def drawn(measured):
 
 
 def test_lines_are_told_apart_without_colour(drawn):
-    assert set(drawn) == {"llewellyn", "nyquist", "transparency", "impedance", "simulation"}
+    assert set(drawn) == {"loop", "llewellyn", "nyquist", "transparency", "impedance", "simulation"}
     for name, figure in drawn.items():
         for axes in figure.axes:
             lines = [line for line in axes.lines if not line.get_label().startswith("_")]
@@ -165,3 +165,18 @@ def test_files_have_a_ground_of_their_own_and_pages_show_theirs(drawn):
     text = svg(drawn["nyquist"], "nyquist")
     assert PAPER in text and PAPER not in inline(text)
     assert not re.search(r'\bd="[^"]*\d\.\d{3}', text)
+
+
+def test_files_say_nothing_to_no_end(drawn):
+    """A line that follows a line goes without its letter; one that follows a curve keeps it."""
+    for name, figure in drawn.items():
+        text = svg(figure, name)
+        assert "<metadata>" not in text and "rotate(-0" not in text
+        for path in re.findall(r'\bd="([^"]*)"', text):
+            letters = re.findall("[A-Za-z]", path)
+            assert ("M", "L") not in itertools.pairwise(letters) and ("L", "L") not in itertools.pairwise(letters)
+
+
+def test_letters_of_lines_after_curves_stay():
+    path = re.match(".*", 'd="M 1.250 2.0 \nL 3.001 4.0 \nQ 5 6 7 8.00 \nL 9 10.0 \nL 11.0 -0.001 \nz\n"', re.DOTALL)
+    assert _shortened(path) == 'd="M 1.25 2\n3 4\nQ 5 6 7 8\nL 9 10\n11 -0\nz\n"'

@@ -144,6 +144,7 @@ def contradictions(text, x, y, levels, count, seed=0):
     return designs[:, wrong].T.tolist(), (count - len(infeasible), len(infeasible))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_no_point_refutes_its_cell(name):
     wrong, counts = contradictions(*PROBLEMS[name], 6, 300)
@@ -165,6 +166,7 @@ def test_little_is_undecided_at_the_default_resolution(name):
     assert found(*PROBLEMS[name], 8).area(Kind.UNDECIDED) < 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["friction-wheel", "undamped, next to K_p = 0", "every gain from 0, swapped", "drag"])
 def test_cells_tile_the_plane_and_finer_ones_only_decide_more(name):
     coarse, fine = (painted(found(*PROBLEMS[name], levels)) for levels in (5, 6))
@@ -198,6 +200,7 @@ def in_units(mass, time):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass, time", [(1024.0, 1.0), (1.0, 2.0**-9), (2.0**-20, 2.0**15)])
 def test_units_do_not_matter(mass, time):
     """Only the edges' decimals are rounded differently, which may decide a cell whose margin is next to nothing."""
@@ -275,6 +278,11 @@ def test_witnesses_are_certified_by_arb(name):
                 v[axis] = float(cells.plane.edges[place][cells.squares[corner[place], cell]])
             design = Design(problem.device, Gains(*v[:2]), Coupling(*v[2:]))
             assert certify(design, pose(problem).demands).verdict is Verdict.PROVED
+
+
+@pytest.mark.parametrize("name", ["fixed coupling", "no position"])
+def test_cells_have_no_witness_where_the_damping_is_given(name):
+    assert np.isnan(found(*PROBLEMS[name], 6).damping).all()
 
 
 def test_no_loop_is_judged_and_takes_no_memory():

@@ -18,7 +18,6 @@ from test_bound import infeasible_texts
 
 from vctune.bench.digits import exact
 from vctune.bench.evaluator import cases
-from vctune.cli.exits import ExitCode
 from vctune.design import repair as repairing
 from vctune.design import solve as solving
 from vctune.design.check import CheckVerdict, check
@@ -32,6 +31,7 @@ from vctune.document.design import design_of
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
+from vctune.exit_codes import ExitCode
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.page import page
@@ -204,6 +204,7 @@ def test_nothing_found_is_said(tmp_path):
     assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
+@pytest.mark.slow
 def test_no_design_found_is_undecided_and_has_repairs_too(monkeypatch):
     monkeypatch.setattr(solving, "EARLY_BOXES", -1)
     monkeypatch.setattr(solving, "SEARCH_BOXES", -1)
@@ -314,6 +315,7 @@ def designs(problem: Problem, rng: np.random.Generator, count: int):
         yield [r.min + (r.max - r.min) * rng.random() for r in ranges]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("far", [False, True], ids=["omega -> 0", "omega -> inf"])
 def test_a_theorem_speaks_exactly_where_no_design_meets_the_limit(far):
     """Where it refuses, corners and random designs fail in 50 digits; where it does not, a corner holds."""
@@ -414,6 +416,7 @@ def tracking_of(text: str) -> float:
     return solved.judgement.transparency.tracking
 
 
+@pytest.mark.slow
 def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path):
     """Every cure, written into the file and solved, gives a loop in use; nine tenths of it do not."""
     file = ProblemFile(parsed(IDLE), IDLE)

@@ -15,17 +15,30 @@ from conftest import ROOT
 
 from vctune.analysis.margins import unstable_poles
 from vctune.cli.table import print_design
+from vctune.design.prices import with_prices
 from vctune.design.record import design_record
 from vctune.design.solve import solve
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, parse_problem
+from vctune.model.quantities import Coupling, Gains
 from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
+from vctune.report.diagram import loop_figure
 from vctune.report.report import write_report
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
 LAG = 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+PARTS = """delay = 2e-4
+actuator = { bandwidth_hz = 700.0 }
+velocity = { from = "difference", filter_hz = 300.0 }
+force_sensor = { bandwidth_hz = 400.0, delay = 3e-4 }
+structure = { handle_mass = 0.05, frequency_hz = 250.0, damping_ratio = 0.03 }
+[coupling]
+drag = { min = 0.0, max = 50.0 }
+[operator]
+damping = 0.5
+"""
 CHROMIUM = shutil.which("chromium")
 CASES = {
     "certified": DEVICE,
@@ -36,13 +49,16 @@ CASES = {
     "whole-axis": DEVICE + LAG,
     "undamped": DEVICE.replace("2.0", "0.0"),
     "no-loop": DEVICE + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n",
+    "every-part": DEVICE + PARTS,
     "odd-name": 'name = "a b \'c\' \\"d\\" <script>alert(1)</script> Größe 大"\n' + DEVICE,
 }
+PRICED = ("certified", "infeasible", "every-part")
 
 
-def recorded(text):
+def recorded(text, *, prices=False):
     problem = parse_problem(text, "test.toml", "test")
-    return design_record(ProblemFile(problem, text), solve(problem))
+    solved = solve(problem)
+    return design_record(ProblemFile(problem, text), with_prices(solved) if prices else solved)
 
 
 def made(record, folder):
@@ -53,7 +69,7 @@ def made(record, folder):
 
 @pytest.fixture(scope="module")
 def records():
-    return {name: recorded(text) for name, text in CASES.items()}
+    return {name: recorded(text, prices=name in PRICED) for name, text in CASES.items()}
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -126,6 +142,36 @@ def test_curves_agree_with_the_certificate():
     assert np.all(free[hz < 30] < rigid[hz < 30])
 
 
+def test_a_rigid_environment_is_felt_as_the_loop_alone():
+    """Whatever the device is made of, at its resonance too."""
+    problem = parse_problem(DEVICE + PARTS, "x", "x")
+    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 1.0)
+    terms = transparency(problem, gains, coupling)
+    hz, felt = handle_impedance(problem, gains, coupling)
+    assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert np.sum((hz > 240) & (hz < 260)) > 10
+
+
+def test_a_block_for_each_part_that_there_is():
+    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 0.0)
+    said = {}
+    for name, text in (("ideal", DEVICE), ("real", DEVICE + PARTS)):
+        figure = loop_figure(parse_problem(text, "x", "x").device, gains, coupling)
+        said[name] = {each.get_text() for each in figure.axes[0].texts}
+    parts = {"force sensor", "actuator", "difference", "handle", "motor", "hold and delay", "400 Hz", "delay 0.3 ms"}
+    assert not parts & said["ideal"] and {"hold", "mechanism", "f_h", "v_e", "u", "v, x"} <= said["ideal"]
+    assert parts <= said["real"] and "mechanism" not in said["real"]
+
+
+def test_the_phases_of_the_parts_are_on_the_page(records, tmp_path):
+    text = made(records["every-part"], tmp_path / "report")
+    for part in ("force sensor", "velocity estimate", "hold", "delay", "actuator", "mechanism", "together"):
+        assert f"<tr><th>{part}</th>" in text
+    assert "|1 - F_s|" in text
+    assert "|1 - F_s|" not in made(records["certified"], tmp_path / "report")
+    assert "<tr><th>hold</th>" not in made(records["no-loop"], tmp_path / "report")
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_in_a_browser(records, tmp_path, scheme):
@@ -150,12 +196,30 @@ def test_in_a_browser(records, tmp_path, scheme):
         browser.close()
     assert said == []
     assert len(asked) == 1
-    assert len(boxes) == 4
+    assert len(boxes) == 5
     assert all(box["width"] > 500 and box["height"] > 200 for box in boxes)
     ink, ground, figure_ink = (luminance(colour) for colour in colours)
     assert figure_ink == ink
     assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 7
     assert (ground > ink) == (scheme == "light")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")
+@pytest.mark.parametrize("name", ["certified", "every-part", "infeasible"])
+def test_on_a_telephone(records, tmp_path, name):
+    """Nothing makes the page wider than the screen, and no number of the design is beyond its edge."""
+    from playwright.sync_api import sync_playwright
+
+    made(records[name], tmp_path / "report")
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 390, "height": 800})
+        page.goto((tmp_path / "report/report.html").as_uri())
+        width = page.evaluate("document.documentElement.scrollWidth")
+        ends = [cell.bounding_box() for cell in page.query_selector_all("td.number")]
+        browser.close()
+    assert width == 390
+    assert all(end["x"] + end["width"] <= width for end in ends)
 
 
 def luminance(colour):

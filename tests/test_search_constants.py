@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+from vctune.analysis import resonance
 from vctune.design import (
     exchange,
     gain_limit,
@@ -23,13 +24,18 @@ from vctune.design import (
     scan,
     stabilise,
     violations,
+    worst,
 )
 from vctune.design import solve as solving
+from vctune.design.bound import branching, search
 from vctune.design.judge import Status
-from vctune.document.reading import read_problem
+from vctune.document.reading import parse_problem, read_problem
+from vctune.proof import devices
 
 PROBLEMS = {
-    path.stem: path for name in ("reference", "basins") for path in sorted((ROOT / "tests" / name).glob("*.toml"))
+    path.stem: path
+    for name in ("reference", "reference/real", "basins")
+    for path in sorted((ROOT / "tests" / name).glob("*.toml"))
 }
 AS_GOOD = 3e-3
 
@@ -115,13 +121,45 @@ CONSTANTS = [
     Constant("CAPACITY_STEPS", (nlp_structure,), partial(each, count)),
     Constant("EARLY_BOXES", (solving,), count),
     Constant("SEARCH_BOXES", (solving,), count),
+    Constant("RESONANCE_REACH", (resonance,), beside_one),
+    Constant("NARROWEST", (resonance,), times),
 ]
 """Those that decide which design is found.
 
-Left out are the constants of what a solved problem is looked at for, `worst.py`, and of the bound, whose own tests
-compare it with designs: they choose what is looked at next, not what is found; those of speed (`LOOPS_AT_ONCE`) and of
-a form (digits written); and options of IPOPT. `NEARLY` and the constants of repairs decide which changes are tried.
+Left out are those of speed (`LOOPS_AT_ONCE`) and of a form (digits written), and options of IPOPT. `NEARLY` and the
+constants of repairs decide which changes are tried.
 """
+OF_UNCERTAIN = [
+    Constant("SHARES", (worst,), count),
+    Constant("DELAY_SHARES", (worst,), count),
+    Constant("MOST_DEVICES", (worst,), count),
+    Constant("MOST", (worst,), count),
+    Constant("FIRST_STEP", (worst,), partial(each, times)),
+    Constant("STEPS", (worst,), count),
+    Constant("SHRINK", (worst,), beside_one),
+    Constant("PHASES", (devices,), count),
+    Constant("MOST_AT_ONCE", (devices,), count),
+]
+"""Those that decide which devices of a box are looked at."""
+UNCERTAIN = {
+    "numbers": "[uncertainty]\nmass = 0.1\ndamping = 0.5\n",
+    "parts": '[device.actuator]\nbandwidth_hz = 500.0\n[uncertainty]\n"actuator.bandwidth_hz" = 0.3\nmass = 0.1\n',
+    "unmodelled": "[uncertainty]\nunmodelled = [[1.0, 0.02], [100.0, 0.1], [400.0, 0.5]]\n",
+}
+OF_BOUND = [
+    Constant("BETTER_HALF", (branching,), times),
+    Constant("LENGTH", (branching,), times),
+    Constant("DIGITS", (branching,), count),
+    Constant("FREQUENCIES", (search,), count),
+    Constant("INTERVALS", (search,), count),
+    Constant("MOST_FREQUENCIES", (search,), count),
+    Constant("CHUNK", (search,), count),
+    Constant("TRY_EVERY", (search,), count),
+    Constant("VIOLATED", (search,), times),
+    Constant("BETTER", (search,), times),
+]
+"""Those that decide in which order boxes are searched for a bound."""
+GAP = 0.03
 
 
 @cache
@@ -148,3 +186,40 @@ def test_half_and_twice_a_constant_give_designs_as_good(constant, factor, monkey
         if abs(ratio - 1) > AS_GOOD:
             worse[name] = round(ratio, 5)
     assert not worse
+
+
+@cache
+def robust_error(name: str) -> float:
+    judgement = solving.solve(_uncertain(name)).judgement
+    assert judgement is not None and judgement.status is Status.CERTIFIED
+    return judgement.error
+
+
+def _uncertain(name: str) -> Any:
+    drag = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n"
+    return parse_problem("[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n" + UNCERTAIN[name] + drag, "x", "x")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", OF_UNCERTAIN, ids=str)
+def test_half_and_twice_a_constant_give_robust_designs_as_good(constant, factor, monkeypatch):
+    known = {name: robust_error(name) for name in UNCERTAIN}
+    changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
+    monkeypatch.setattr(constant.modules[0], constant.name, changed)
+    for name in UNCERTAIN:
+        judgement = solving.solve(_uncertain(name)).judgement
+        assert judgement is not None and judgement.status is Status.CERTIFIED, name
+        assert judgement.error == pytest.approx(known[name], rel=AS_GOOD), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", OF_BOUND, ids=str)
+def test_half_and_twice_a_constant_prove_a_bound(constant, factor, monkeypatch):
+    changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
+    monkeypatch.setattr(constant.modules[0], constant.name, changed)
+    for name in ("two-basins", "real-flexible"):
+        solved = solving.solve(read_problem(PROBLEMS[name]).problem, gap=GAP)
+        assert solved.optimality is not None and solved.optimality.proved, name
+        assert solved.optimality.bound <= error(name) <= (1 + GAP + AS_GOOD) * solved.optimality.bound, name

@@ -14,7 +14,7 @@ from command import process, started, strict, wait_for_work, wait_until
 from command import run as vctune
 from conftest import ROOT
 
-from vctune.cli.exits import ExitCode
+from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Environment, Operator
 from vctune.simulation.metrics import metrics
 from vctune.simulation.motion import intended_motion, sample_count
@@ -99,6 +99,16 @@ def test_another_design_does_not_show_the_experiments(again):
     vctune("report", folder / "design.json", cwd=again)
     assert b"Experiments</h2>" not in (folder / "report.html").read_bytes()
     assert not (folder / "simulation.svg").exists()
+
+
+@pytest.mark.parametrize("part", ["loop", "curve", "metrics"])
+def test_a_damaged_simulation_is_not_shown(again, part):
+    path = again / "results/device/simulation.json"
+    record = strict(path.read_text())
+    del record["experiments"][0]["design"][part]
+    path.write_text(json.dumps(record))
+    assert vctune("report", path.with_name("design.json"), cwd=again).returncode == ExitCode.OK
+    assert b"Experiments</h2>" not in path.with_name("report.html").read_bytes()
 
 
 def test_json_and_one_experiment(problem, tmp_path):
@@ -251,7 +261,7 @@ def test_the_papers_experiments_on_the_friction_wheel(tmp_path):
 def test_stiff_and_extreme():
     """Finite, or a divergence with its time: bristles to 1e8 N/m, walls to 1e6 N/m, T and speed over their decades."""
     from vctune.model.experiment import Experiment, Friction, Sensors
-    from vctune.model.quantities import Coupling, Device, Gains
+    from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
     from vctune.simulation.run import run
     from vctune.simulation.scene import designed_scene
 
@@ -261,11 +271,13 @@ def test_stiff_and_extreme():
         T, stiffness = 10.0 ** rng.uniform(-5, np.log10(2e-2)), 10.0 ** rng.uniform(3, 8)
         speed, wall, mass = 10.0 ** rng.uniform(-5, 1), 10.0 ** rng.uniform(3, 6), float(rng.choice([0.0, 0.5]))
         travel = speed * T * rng.choice([5, 50, 1000])
-        device = Device(0.4, 2.0, T, float(rng.choice([0.0, 0.4, 3.3])) * T, "zoh")
+        delay = float(rng.choice([0.0, 0.4, 3.3])) * T
+        velocity = None if rng.random() < 0.5 else VelocityEstimate("difference", 0.1 / T)
+        device = Device(0.4, 2.0, T, delay, "zoh", velocity)
         hand = Operator(str(rng.choice(["sine", "reciprocate"])), 0.0, travel, speed, 2, mass, 2.0, 1000.0)
         environment = Environment(0.0, float(rng.choice([0.0, 30.0])), wall, travel * 0.7, True)
         friction = Friction(0.3, 0.4, 0.005, stiffness, (stiffness * 0.4) ** 0.5)
-        sensors = Sensors(float(rng.choice([0.0, 1e-6])), 0.01, 0, None if rng.random() < 0.5 else 0.1 / T)
+        sensors = Sensors(float(rng.choice([0.0, 1e-6])), 0.01, 0)
         e = Experiment("x", environment, hand, friction, sensors, None if rng.random() < 0.5 else 50.0, None)
         scene = designed_scene(device, Gains(0.1 / T, 0.5 / T), Coupling(160.0, 0.35, 0.0), e)
         traces = run(scene)

@@ -17,7 +17,7 @@ from sampled_oracle import simulate as oracle
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Carriage, Slide, friction_force, slide, slide_step
@@ -26,14 +26,14 @@ from vctune.simulation.plant import exponential
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene
 from vctune.simulation.stability import fastest_mode, least_virtual
-from vctune.simulation.step import CHUNK
+from vctune.simulation.step import CHUNK, COLUMNS, INPUTS, build
 
 DEVICE = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
 GAINS = Gains(150.0, 6000.0)
 COUPLING = Coupling(160.0, 0.35, 0.0)
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
-PERFECT = Sensors(0.0, 0.0, 0, None)
+PERFECT = Sensors(0.0, 0.0, 0)
 HAND = Operator("reciprocate", 0.0, 0.01, 0.05, 1, 0.0, 2.0, 1000.0)
 PID = Baseline(2000.0, 0.0, 20.0, 1.0, 20.0)
 
@@ -88,13 +88,15 @@ def test_matrix_exponential(seed, decades):
     assert np.abs(exponential(matrix) - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
 
 
-def test_the_firmware_in_floats_is_the_compiled_one():
-    """The function that a person would port gives the trace of the run: quantiser, filter, wall and limit included."""
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_firmware_in_floats_is_the_compiled_one(order):
+    """The function that a person would port gives the trace of the run: quantiser, filters, wall and limit included."""
     wall = Environment(0.05, 3.0, 20000.0, 0.006, True)
-    e = experiment(wall, HAND, lugre(), Sensors(1e-5, 0.0, 0, 100.0), limit=2.0)
-    scene = designed_scene(DEVICE, GAINS, COUPLING, e)
+    e = experiment(wall, HAND, lugre(), Sensors(1e-5, 0.0, 0), limit=2.0)
+    device = replace(DEVICE, velocity=VelocityEstimate("difference", 100.0, order))
+    scene = designed_scene(device, GAINS, COUPLING, e)
     traces = run(scene)
-    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for k, motor in enumerate(traces.motor):
         seen = Measurement(traces.position[k], traces.velocity[k], traces.force[k])
         state, command = control(scene.law, state, seen, FLOATS)
@@ -246,7 +248,7 @@ def test_nearly_no_friction_is_none():
 
 def test_noise_comes_from_its_seed():
     def made(seed, noise=0.1):
-        return run(designed_scene(DEVICE, GAINS, COUPLING, experiment(sensors=Sensors(0.0, noise, seed, None)))).motor
+        return run(designed_scene(DEVICE, GAINS, COUPLING, experiment(sensors=Sensors(0.0, noise, seed)))).motor
 
     assert np.array_equal(made(1), made(1))
     assert not np.array_equal(made(1), made(2))
@@ -254,17 +256,15 @@ def test_noise_comes_from_its_seed():
 
 
 def test_what_the_scene_lacks_is_not_in_the_step():
-    from vctune.simulation.step import build
-
-    def operations(**changes):
+    def operations(device=DEVICE, **changes):
         e = experiment(**changes)
-        return build(designed_scene(DEVICE, GAINS, COUPLING, e)).one.n_instructions()
+        return build(designed_scene(device, GAINS, COUPLING, e)).one.n_instructions()
 
     plain = operations()
     assert operations(limit=5.0) > plain
-    assert operations(sensors=Sensors(1e-6, 0.0, 0, None)) > plain
-    assert operations(sensors=Sensors(0.0, 0.0, 0, 100.0)) > plain
-    assert operations(sensors=Sensors(0.0, 0.1, 0, None)) > plain
+    assert operations(sensors=Sensors(1e-6, 0.0, 0)) > plain
+    assert operations(replace(DEVICE, velocity=VelocityEstimate("difference"))) > plain
+    assert operations(sensors=Sensors(0.0, 0.1, 0)) > plain
     assert operations(environment=NOTHING) < plain < operations(environment=replace(SPRING, wall=True))
 
 
@@ -281,10 +281,10 @@ def test_divergence_is_said_with_its_time():
 
 def test_a_run_starts_in_equilibrium():
     """At rest under the spring's force nothing happens while the hand does not move."""
-    slow = replace(HAND, speed=1e-7, end=1e-7)
-    traces = run(designed_scene(DEVICE, GAINS, COUPLING, experiment(replace(SPRING, zero=0.02), slow, lugre())))
-    assert traces.force[0] == pytest.approx(-0.02 / (1 / 1000 + 1 / 200 + 1 / 6000))
-    assert np.ptp(traces.force[:50]) < 2e-6
+    step = build(designed_scene(DEVICE, GAINS, COUPLING, experiment(replace(SPRING, zero=0.02), HAND, lugre())))
+    states, records = (np.asarray(made) for made in step.chunk()(step.start, np.zeros((INPUTS, CHUNK))))
+    assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / (1 / 1000 + 1 / 200 + 1 / 6000))
+    assert np.abs(states - step.start[:, None]).max() < 1e-10
 
 
 def test_length_of_a_run_does_not_depend_on_the_chunk():

@@ -7,9 +7,13 @@ import tomllib
 from dataclasses import replace
 from math import inf, pi
 
+import device_scan
 import numpy as np
 import pytest
 from conftest import PROBLEM_FILES, ROOT
+from device_arithmetic import DOUBLES
+from device_oracle import coupling_impedance, response_at
+from device_pairs import real_of
 
 from vctune.bench.evaluator import Case, case_of, error, required, sensitivity, spectral_radius, stability_ratio
 from vctune.design import optimum as solving
@@ -121,7 +125,7 @@ def test_fixed_variables_zero_weights_and_idle_demands_are_not_in_the_nlp():
     structure = solved.polished.structure
     assert [index for index, _ in structure.free] == [2]
     assert structure.terms == ("tracking", "coupling")
-    assert structure.capacities[1:] == (0, 0, 0)
+    assert structure.capacities[1:] == (0, 0, 0, 0)
     reasons = "\n".join(left_out(solved))
     for part in (
         "gains.velocity: fixed at 150",
@@ -333,13 +337,32 @@ def test_nlp_answers_satisfy_the_kkt_conditions(norm):
         assert solution.multipliers[18:].sum() == pytest.approx(1.0, rel=1e-6)
 
 
+def assert_admissible_by_the_oracles(problem, judgement):
+    real, gains, coupling = real_of(problem.device), judgement.gains, judgement.coupling
+    band, Z_0 = problem.stability.band, problem.transparency.reference_impedance
+    grid = device_scan.frequencies(real, band.min, band.max)
+    ratio, _ = device_scan.least(lambda omega: device_scan.ratio(real, gains, coupling, omega), grid)
+    assert ratio >= 1.05 * (1 - 1e-9)
+    assert device_scan.peak(real, gains)[0] <= 2 * (1 + 1e-9)
+    assert device_scan.sampled_radius(real, gains, held=False) < 1
+    band = problem.transparency.band
+    s = 1j * np.geomspace(band.min, band.max, 4001)
+    at, Z_c = response_at(real, gains, s, DOUBLES), coupling_impedance(coupling, s, DOUBLES)
+    squares = np.abs(Z_0 * at.G_hh) ** 2 + np.abs(at.tracking) ** 2 + np.abs(Z_c / Z_0) ** 2
+    mean = (squares.sum() - (squares[0] + squares[-1]) / 2) / (squares.size - 1)
+    assert judgement.transparency.error == pytest.approx(np.sqrt(mean), rel=1e-5)
+    assert not judgement.idle
+
+
 @pytest.mark.parametrize("path", PROBLEM_FILES, ids=lambda p: p.stem)
 def test_every_problem_of_the_gallery(path):
     solved = solve(read_problem(path).problem)
     expected = Status.INFEASIBLE if path.stem in ("infeasible", "unstable-bounds") else Status.CERTIFIED
     assert solved.status is expected
     assert tomllib.loads(path.read_text())["name"] == path.stem
-    if solved.judgement is not None and expected is Status.CERTIFIED and solved.problem.stability.band.max < inf:
+    if not solved.problem.device.ideal:
+        assert_admissible_by_the_oracles(solved.problem, solved.judgement)
+    elif solved.judgement is not None and expected is Status.CERTIFIED and solved.problem.stability.band.max < inf:
         ratio, S, error, radius = recomputed(solved.problem, solved.judgement.gains, solved.judgement.coupling)
         assert ratio >= (1.0 if path.stem == "fixed-gains" else 1.05) * (1 - 1e-9)
         assert S <= 2 * (1 + 1e-9)

@@ -12,6 +12,7 @@ FLOORS = [
     "version",
     "markup",
     "interrupt",
+    "exit_codes",
     "model",
     "proof",
     "analysis",
@@ -53,6 +54,13 @@ def test_imports_go_one_way():
                 assert FLOORS.index(room(name)) <= FLOORS.index(room(here)), f"{here} imports {name}"
 
 
+def test_the_library_knows_no_command():
+    assert not any(name.startswith("vctune.cli") for name in imports(PACKAGE / "__init__.py"))
+    import vctune
+
+    assert not any(home.startswith("cli.") for home in vctune._HOME.values())
+
+
 def test_the_proof_knows_no_optimiser_and_no_estimate():
     for path in (PACKAGE / "proof").glob("*.py"):
         for name in imports(path):
@@ -72,7 +80,7 @@ def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
 def test_heavy_libraries_stay_in_their_rooms():
     homes = {
         # the simulation's step runs in CasADi's virtual machine; a benchmark runs CasADi's other solvers on the NLP
-        "casadi": ("design/nlp.py", "simulation/step.py", "bench/dense.py"),
+        "casadi": ("design/nlp.py", "simulation/step.py", "simulation/stretches.py", "bench/dense.py"),
         "pydantic": "document",
         "flint": ("proof", "design/bound/relaxation.py"),
         "click": "cli",

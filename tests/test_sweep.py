@@ -21,11 +21,11 @@ from conftest import ROOT
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vctune.cli.exits import ExitCode
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.study import read_study
+from vctune.exit_codes import ExitCode
 from vctune.model.transparency import Terms
 from vctune.study import sweep as sweeping
 from vctune.study.executors import worker_pool
@@ -161,6 +161,7 @@ def dask_cluster(count):
         processes[0].stderr.close()
 
 
+@pytest.mark.slow
 def test_dask_makes_the_same_bits_though_a_worker_is_killed(tmp_path, reference):
     path, rows, table = reference
     with dask_cluster(2) as (address, workers):
@@ -240,6 +241,7 @@ def test_an_empty_file_of_rows_is_begun(tmp_path):
         assert done.stderr == "" and len(rows.read_text().splitlines()) == 7
 
 
+@pytest.mark.slow
 def test_killed_again_and_again_nothing_is_lost_repeated_or_torn(tmp_path):
     path = write_study(tmp_path, MANY.format(12), FIXED)
     plain = tmp_path / "plain"
@@ -379,6 +381,7 @@ REFUSED = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_is_refused_touches_nothing(tmp_path, finished, case):
     change, arguments, message = REFUSED[case]

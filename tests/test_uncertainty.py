@@ -91,7 +91,9 @@ shares = st.floats(0, 0.999).map(lambda x: float(f"{x:.4g}"))
 
 @given(decimals, decimals, decimals, shares, shares, shares)
 def test_a_box_has_its_edges_inside_to_the_last_digit(m, b, d, of_m, of_b, of_d):
-    box = device_box(Device(m, b, 1e-3, d, "zoh"), Uncertainty(of_m, of_b, of_d, "nominal"))
+    box = device_box(
+        Device(m, b, 1e-3, d, "zoh"), Uncertainty((("mass", of_m), ("damping", of_b), ("delay", of_d)), "nominal")
+    )
     for name, value, share in (("mass", m, of_m), ("damping", b, of_b), ("delay", d, of_d)):
         low, high = (Fraction(repr(value)) * (1 + sign * Fraction(repr(share))) for sign in (-1, 1))
         edges = Fraction(repr(getattr(box.low, name))), Fraction(repr(getattr(box.high, name)))
@@ -101,7 +103,9 @@ def test_a_box_has_its_edges_inside_to_the_last_digit(m, b, d, of_m, of_b, of_d)
 
 
 def test_decimals_give_decimals():
-    box = device_box(Device(0.4, 2.0, 1e-3, 4e-3, "zoh"), Uncertainty(0.1, 0.5, 0.2, "nominal"))
+    box = device_box(
+        Device(0.4, 2.0, 1e-3, 4e-3, "zoh"), Uncertainty((("mass", 0.1), ("damping", 0.5), ("delay", 0.2)), "nominal")
+    )
     assert (box.low.mass, box.high.mass, box.low.damping, box.high.damping) == (0.36, 0.44, 1.0, 3.0)
     assert (box.low.delay, box.high.delay) == (0.0032, 0.0048)
 

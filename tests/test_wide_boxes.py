@@ -21,10 +21,11 @@ from vctune.document.reading import parse_problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.proof.array_intervals import Enclosure
 from vctune.proof.certificate import Claim
-from vctune.proof.devices import UNCERTAIN, device_box
+from vctune.proof.devices import device_box
 from vctune.proof.interval import Verdict
 from vctune.proof.jets import ENCLOSURES
 
+UNCERTAIN = "mass", "damping", "delay"
 COMBINATIONS = list(chain.from_iterable(combinations(UNCERTAIN, n) for n in (1, 2, 3)))
 LONGEST = 10.0
 """Greatest processor time of a search, s."""

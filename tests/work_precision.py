@@ -67,7 +67,7 @@ def scipy_forces(scene, solver, tolerance, samples):
     T, carriage, friction = scene.device.sample_time, scene.carriage, scene.friction
     motion = intended_motion(scene.operator, T, 0, samples)
     matrix, hand, begin = hand_force_derivatives(scene.operator, T), scene.operator, equilibrium(scene)
-    body, state, forces = np.array([begin.position, 0.0, 0.0]), State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0), []
+    body, state, forces = np.array([begin.position, 0.0, 0.0]), State(begin.reference, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), []
     for k in range(samples):
         nodes = [motion.position[k], motion.velocity[k], motion.position[k + 1], motion.velocity[k + 1]]
         push = matrix @ nodes

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from vctune.api.solving import solve as solve
     from vctune.api.studies import front as front
     from vctune.api.studies import sweep as sweep
-    from vctune.cli.exits import ExitCode as ExitCode
     from vctune.design.judge import Judgement as Judgement
     from vctune.design.judge import Status as Status
     from vctune.design.judge import judge as judge
@@ -29,23 +28,30 @@ if TYPE_CHECKING:
     from vctune.document.errors import InputError as InputError
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
+    from vctune.exit_codes import ExitCode as ExitCode
     from vctune.model.experiment import Experiment as Experiment
     from vctune.model.problem import Problem as Problem
     from vctune.model.problem import Range as Range
+    from vctune.model.quantities import Actuator as Actuator
     from vctune.model.quantities import Coupling as Coupling
+    from vctune.model.quantities import ForceSensor as ForceSensor
     from vctune.model.quantities import Gains as Gains
     from vctune.model.quantities import LeastOperator as LeastOperator
+    from vctune.model.quantities import Structure as Structure
+    from vctune.model.quantities import VelocityEstimate as VelocityEstimate
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
     from vctune.simulation.experiment import Simulated as Simulated
 
 
 _HOME = {
+    "Actuator": "model.quantities",
     "Certificate": "proof.certificate",
     "Coupling": "model.quantities",
     "Device": "document.building",
-    "ExitCode": "cli.exits",
+    "ExitCode": "exit_codes",
     "Experiment": "model.experiment",
+    "ForceSensor": "model.quantities",
     "Gains": "model.quantities",
     "InputError": "document.errors",
     "Judgement": "design.judge",
@@ -56,6 +62,8 @@ _HOME = {
     "Simulated": "simulation.experiment",
     "Solved": "design.result",
     "Status": "design.judge",
+    "Structure": "model.quantities",
+    "VelocityEstimate": "model.quantities",
     "bound": "api.bounding",
     "certify": "proof.certificate",
     "check": "api.checking",

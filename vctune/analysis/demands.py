@@ -11,11 +11,14 @@ from math import inf, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
-from vctune.analysis.sampled_loop import sensitivity_of
+from vctune.analysis.resonance import with_resonance
+from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device_response import device_response
+from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import llewellyn_demand, rollett_factor
-from vctune.model.loop import LoopResponse, hold_response, loop_response
+from vctune.model.loop import loop_response
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature, squared_terms
@@ -33,12 +36,25 @@ change is far above the error; half and twice it end at the same number of panel
 
 
 def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
-    """Return the velocity loop at frequencies omega > 0, rad/s."""
-    return loop_response(device, gains, omega, hold_response(device, omega, FLOATS), FLOATS)
+    """Return the velocity loop at frequencies omega > 0, rad/s.
+
+    Parameters
+    ----------
+    device, gains : their numbers may be arrays that broadcast against omega
+    omega : rad/s, > 0
+
+    Returns
+    -------
+    LoopResponse
+        Its numbers of the shape of all of these; those that do not depend on them may be plain.
+    """
+    return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
 
 def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R; -inf where Re(D + Z_h) <= 0, inf where R <= 0. See model/README.md, section 4.
+    """Return Re Z_c / R; -inf where the loop's resistance is not positive, inf where R <= 0.
+
+    See model/README.md, section 4.
 
     Parameters
     ----------
@@ -50,7 +66,7 @@ def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Flo
 
 
 def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
-    """Return Re Z_c / R, where Re(D + Z_h) <= 0 that relative to |D|: continuous, for a search to go down on.
+    """Return Re Z_c / R, where the resistance is not positive that relative to |N D|: continuous, to go down on.
 
     Parameters
     ----------
@@ -58,7 +74,7 @@ def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega:
     omega : rad/s, > 0
     """
     loop = response(device, gains, omega)
-    size = np.sqrt(loop.D_scaled.abs2() / loop.scale2)
+    size = np.sqrt(loop.D_scaled.abs2() / loop.scale2 * (1 if loop.numerator is None else loop.numerator.abs2()))
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
 
 
@@ -70,7 +86,13 @@ def _ratio(loop: LoopResponse, coupling: Coupling, omega: Floats) -> Floats:
 
 
 def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:
-    """Return Rollett's K at a frequency omega > 0; inf without a loop."""
+    """Return Rollett's K at a frequency omega > 0; inf without a loop.
+
+    Parameters
+    ----------
+    device, gains, coupling : a design, plain numbers
+    omega : rad/s, > 0
+    """
     at = np.array([omega])
     with np.errstate(divide="ignore"):
         return float(rollett_factor(response(device, gains, at), coupling_impedance(coupling, at), FLOATS)[0])
@@ -86,6 +108,7 @@ def sampled_span(problem: Problem) -> tuple[float, float]:
     corners = [problem.transparency.band.min, problem.transparency.band.max, problem.nyquist]
     if device.damping > 0:
         corners.append(device.damping / device.mass)
+    corners += [2 * pi * value for key, value in device.numbers().items() if key.endswith("_hz")]
     low = band.min if band.min > 0 else min(corners) * 10.0**-END_DECADES
     high = band.max if band.max < inf else max(corners) * 10.0**END_DECADES
     return low, high
@@ -103,7 +126,7 @@ def towards_zero(problem: Problem) -> Floats:
 
 
 def demand_grid(device: Device, low: float, high: float) -> Floats:
-    """Return a grid for the demands of a device, fine enough for the ripple of e^{-j omega tau} and its square.
+    """Return a grid for the demands of a device, fine enough for the ripple of its delays and for its resonance.
 
     Hold "lag" without delay has no ripple, and its bands no end.
 
@@ -112,8 +135,17 @@ def demand_grid(device: Device, low: float, high: float) -> Floats:
     device : Device
     low, high : ends of the grid, rad/s, 0 < low < high
     """
-    rational = device.hold == "lag" and device.delay == 0
-    return frequency_grid(low, high, widest=inf if rational else pi / (RIPPLE_POINTS * device.loop_lag))
+    delay = _ripple_delay(device)
+    grid = frequency_grid(low, high, widest=pi / (RIPPLE_POINTS * delay) if delay > 0 else inf)
+    return with_resonance(device, grid)
+
+
+def _ripple_delay(device: Device) -> float:
+    """Return the delay of what never dies down, s: 0 for hold "lag" without delay."""
+    sensor = float(device.force_sensor.delay) if device.force_sensor is not None else 0.0
+    if device.hold == "lag" and device.delay == 0 and device.velocity is None:
+        return sensor
+    return float(device.loop_lag) + sensor
 
 
 def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
@@ -131,18 +163,64 @@ def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
 
 
 def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
-    """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first."""
+    """Return the local maxima of |S| of the sampled loop as minima of -|S|, highest |S| first.
+
+    Parameters
+    ----------
+    problem : its device, without an operator, and its transparency band count
+    gains : plain numbers
+
+    Returns
+    -------
+    Minima
+        At least one; frequencies in rad/s.
+    """
     device = problem.device
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
     grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.loop_lag))
+    grid = with_resonance(device, grid)
     sensitivity = sensitivity_of(device, gains)
     return local_minima(lambda omega: -sensitivity(omega), grid)
+
+
+def unmodelled_maxima(problem: Problem, gains: Gains) -> Minima:
+    """Return the local maxima of |1 - S| r of the sampled loop as minima of its negative, r what is not modelled.
+
+    Parameters
+    ----------
+    problem : whose device or uncertainty has a radius of what is not modelled
+    gains : plain numbers
+
+    Returns
+    -------
+    Minima
+        At least one, lowest first; frequencies in rad/s, up to Nyquist.
+    """
+    device, uncertainty = problem.device, problem.uncertainty
+    radii = device.unmodelled.radii if device.unmodelled is not None else uncertainty.unmodelled if uncertainty else ()
+    grid = frequency_grid(min(problem.transparency.band.min, problem.nyquist * 1e-3), problem.nyquist)
+
+    def negative(omega: Floats) -> Floats:
+        L = loop_gain(device, gains, omega)
+        return -np.asarray(np.abs(L / (1 + L)) * FLOATS.interpolated(omega / (2 * pi), radii))
+
+    return local_minima(negative, with_resonance(device, grid))
 
 
 def slowest_resonance(problem: Problem, velocity: float) -> float:
     """Return a frequency below which |S| has no peak above 1, of any loop with at least this K_v, rad/s.
 
     Without lag a loop rings at sqrt(K_p/m) if that is above (b + K_v)/(2 m); half of it leaves room for the lag.
+
+    Parameters
+    ----------
+    problem : its device's mass, damping and sample time count
+    velocity : K_v, N s/m
+
+    Returns
+    -------
+    float
+        Between 1e-6 and 1e-3 of the Nyquist frequency.
     """
     slowest = (problem.device.damping + velocity) / problem.device.mass / 4
     return min(max(slowest, problem.nyquist * 1e-6), problem.nyquist * 1e-3)
@@ -172,7 +250,18 @@ def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Float
 
 
 def weighted_square(weights: Terms, squares: Terms) -> Floats:
-    """Return e(f)^2 (model/README.md, section 8) from the squares of the terms."""
+    """Return e(f)^2 (model/README.md, section 8) from the squares of the terms.
+
+    Parameters
+    ----------
+    weights : of the three terms, without a unit
+    squares : of the terms, from `error_terms`
+
+    Returns
+    -------
+    array of float
+        Of the shape of the terms' frequencies.
+    """
     total: Floats = (
         weights.admittance**2 * squares.admittance
         + weights.tracking**2 * squares.tracking

@@ -9,6 +9,7 @@ from math import inf, pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats, frequency_grid, local_minima
+from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
 from vctune.analysis.stability import makes_no_turn, unit_circle
 from vctune.model.pair import Pair
@@ -53,7 +54,18 @@ class Margins:
 
 
 def loop_margins(device: Device, gains: Gains) -> Margins:
-    """Return the margins of a stable loop, read off L on the upper half of the unit circle."""
+    """Return the margins of a stable loop, read off L on the upper half of the unit circle.
+
+    Parameters
+    ----------
+    device : let go, plain numbers
+    gains : with which its sampled loop is stable
+
+    Returns
+    -------
+    Margins
+        All inf without a loop.
+    """
     if not gains.closed:
         return Margins(inf, inf, inf)
     grid, nyquist = _grid(device), pi / device.sample_time
@@ -74,7 +86,17 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:
-    """Return how many poles of the closed sampled loop lie outside the unit circle, from the turns of F around 0."""
+    """Return how many poles of the closed sampled loop lie outside the unit circle, from the turns of F around 0.
+
+    Parameters
+    ----------
+    device, gains : plain numbers
+
+    Returns
+    -------
+    int
+        An estimate on a grid, right where F does not come close to 0.
+    """
     F = _circle(device, gains)
     turns = np.unwrap(np.arctan2(F.im, F.re))
     return -round(float(turns[-1]) / pi)
@@ -82,7 +104,8 @@ def unstable_poles(device: Device, gains: Gains) -> int:
 
 def _grid(device: Device) -> Floats:
     nyquist = pi / device.sample_time
-    return frequency_grid(nyquist * 10.0**-DECADES_BELOW_NYQUIST, nyquist, MARGIN_POINTS_PER_DECADE)
+    grid = frequency_grid(nyquist * 10.0**-DECADES_BELOW_NYQUIST, nyquist, MARGIN_POINTS_PER_DECADE)
+    return with_resonance(device, grid)
 
 
 def _circle(device: Device, gains: Gains) -> Pair:

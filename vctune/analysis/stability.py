@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats, local_minima
+from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, plant_of
 from vctune.model.arithmetic import FLOATS
-from vctune.model.loop import hold_response
+from vctune.model.device_response import device_response
+from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import ReturnDifference, return_difference
@@ -42,7 +44,13 @@ Curve = Callable[[Floats, Floats, Floats], Complex]
 
 
 def sampled_curve(device: Device, *, position: bool) -> Curve:
-    """Return the return difference of the sampled loop over that of the open loop."""
+    """Return the return difference of the sampled loop over that of the open loop.
+
+    Parameters
+    ----------
+    device : its numbers may be arrays that broadcast against theta
+    position : whether the position is in the loop, K_p > 0
+    """
     plant = plant_of(device)
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
@@ -54,20 +62,38 @@ def sampled_curve(device: Device, *, position: bool) -> Curve:
 
 
 def model_curve(device: Device) -> Curve:
-    """Return D/Z_d of the frequency model."""
+    """Return D of the frequency model over that of the open loop; D/Z_d of a rigid device."""
 
     def curve(theta: Floats, K_v: Floats, K_p: Floats) -> Complex:
         omega = theta / device.sample_time
-        hold = hold_response(device, omega, FLOATS)
-        H = hold.re - 1j * omega * hold.lag
-        return 1 + (K_v + K_p / (1j * omega)) * H / (device.damping + 1j * device.mass * omega)
+        at = device_response(device.modelled, omega, FLOATS)
+        loop, idle = (loop_response(at, gains, FLOATS) for gains in (Gains(K_v, K_p), Gains(0.0, 0.0)))
+        D = (loop.D_scaled.re + 1j * loop.D_scaled.im) / np.sqrt(loop.scale2)
+        return np.asarray(D / (idle.D_scaled.re + 1j * idle.D_scaled.im))
 
     return curve
 
 
+def angles(device: Device, first: float = FIRST_ANGLE) -> Floats:
+    """Return the grid on which the turns of a device's curves are counted.
+
+    Parameters
+    ----------
+    device : plain numbers
+    first : the least angle, rad
+
+    Returns
+    -------
+    array of float
+        omega T, rad, increasing to pi; not to be written to.
+    """
+    grid, T = _angles(first), device.sample_time
+    return grid if device.structure is None else np.minimum(with_resonance(device, grid / T) * T, np.pi)
+
+
 @cache
-def angles(first: float = FIRST_ANGLE) -> Floats:
-    """Return the grid on which the turns of a curve are counted: dense near 0 and near the Nyquist frequency."""
+def _angles(first: float) -> Floats:
+    """Return a grid that is dense near 0 and near the Nyquist frequency."""
     count = int(np.ceil(ANGLES_PER_DECADE * np.log10(np.pi / 2 / first)))
     below, above = np.geomspace(first, np.pi / 2, count), np.pi - np.geomspace(np.pi / 2, 1e-2, ANGLES_PER_DECADE)
     grid = np.concatenate((below, above[1:], [np.pi]))
@@ -76,8 +102,20 @@ def angles(first: float = FIRST_ANGLE) -> Floats:
 
 
 def unit_circle(device: Device, first: float = FIRST_ANGLE, *, position: bool) -> ReturnDifference:
-    """Return the parts of the sampled loop's return difference on the upper half of the unit circle."""
-    return return_difference(plant_of(device), angles(first), FLOATS, position=position)
+    """Return the parts of the sampled loop's return difference on the upper half of the unit circle.
+
+    Parameters
+    ----------
+    device : plain numbers
+    first : the least angle, rad
+    position : whether the position is in the loop, K_p > 0
+
+    Returns
+    -------
+    ReturnDifference
+        At `angles`, each part of their shape.
+    """
+    return return_difference(plant_of(device), angles(device, first), FLOATS, position=position)
 
 
 def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
@@ -95,10 +133,21 @@ def makes_no_turn(F: Pair) -> NDArray[np.bool_]:
 
 
 def clearly_stable(device: Device, gains: Gains) -> bool | None:
-    """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell."""
+    """Return whether neither loop makes a turn around 0, or None where one comes too close to it to tell.
+
+    Parameters
+    ----------
+    device : one of `Device.loops`, plain numbers
+    gains : plain numbers; without a loop nothing is told
+
+    Returns
+    -------
+    bool or None
+        An estimate, no proof.
+    """
     if gains.velocity == 0 and gains.position == 0:
         return None
-    theta = angles()
+    theta = angles(device)
     stable = True
     for curve in (sampled_curve(device, position=gains.position > 0), model_curve(device)):
         F = curve(theta, np.array(gains.velocity), np.array(gains.position))
@@ -132,18 +181,18 @@ def stability_cut(device: Device, inside: Gains, outside: Gains, level: float) -
     """
     position = inside.position > 0 or outside.position > 0
     for curve in (sampled_curve(device, position=position), model_curve(device)):
-        crossing = _crossing(curve, inside, outside)
+        crossing = _crossing(curve, angles(device), inside, outside)
         if crossing is not None:
-            theta = _lowest(curve, crossing)
+            theta = _lowest(curve, angles(device), crossing)
             step = DIFFERENCE * theta
             slope = _at(curve, theta + step, crossing) - _at(curve, theta - step, crossing)
             return _cut(curve, theta, inside, 1j * slope / abs(slope), level)
     return None
 
 
-def _crossing(curve: Curve, inside: Gains, outside: Gains) -> Gains | None:
+def _crossing(curve: Curve, theta: Floats, inside: Gains, outside: Gains) -> Gains | None:
     """Return the gains at which the number of turns first differs from that inside, or None."""
-    theta, low, high = angles(), 0.0, 1.0
+    low, high = 0.0, 1.0
     for _ in range(CROSSING_ROUNDS):
         t = np.linspace(low, high, CROSSING_POINTS)[:, None]
         between = _between(inside, outside, t)
@@ -160,7 +209,7 @@ def _between(a: Gains, b: Gains, t: Floats | float) -> Gains:
     return Gains(a.velocity + t * (b.velocity - a.velocity), a.position + t * (b.position - a.position))
 
 
-def _lowest(curve: Curve, gains: Gains) -> float:
+def _lowest(curve: Curve, grid: Floats, gains: Gains) -> float:
     """Return the angle at which |F| is least."""
     K_v, K_p = np.array(gains.velocity), np.array(gains.position)
 
@@ -168,7 +217,7 @@ def _lowest(curve: Curve, gains: Gains) -> float:
         F = curve(theta, K_v, K_p)
         return F.real * F.real + F.imag * F.imag
 
-    return float(local_minima(square, angles()).omega[0])
+    return float(local_minima(square, grid).omega[0])
 
 
 def _at(curve: Curve, theta: float, gains: Gains) -> complex:

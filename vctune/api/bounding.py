@@ -9,7 +9,7 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.api.files import DESIGN, json_text, write_record
+from vctune.api.files import DESIGN_FILE, json_text, write_record
 from vctune.api.solving import require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
@@ -189,6 +189,11 @@ def known_design(file: ProblemFile, path: Path, *, given: bool) -> Known | None:
 def write_bounded(bounded: Bounded, path: Path) -> None:
     """Write what is proved into a design.json, and beside it what is left to do.
 
+    Parameters
+    ----------
+    bounded : what a search has proved
+    path : of the design.json; one of another name is written alone, without gains.toml
+
     Raises
     ------
     InputError
@@ -199,7 +204,7 @@ def write_bounded(bounded: Bounded, path: Path) -> None:
         saved.unlink(missing_ok=True)
     elif found is not None:
         write_together({saved: resume_bytes(file.sha256, found.resume)})
-    if path.name == DESIGN:
+    if path.name == DESIGN_FILE:
         write_record(path.parent, file, bounded.record)
     else:
         write_together({path: json_text(bounded.record)}, report_paths(path.parent))

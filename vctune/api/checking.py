@@ -64,6 +64,12 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
     """Write what a region has lost, as a list and as a picture.
 
+    Parameters
+    ----------
+    checked : whose finding becomes lost.json
+    again : the cells and gain sets, drawn in lost.svg
+    folder : made if it is not there
+
     Raises
     ------
     InputError

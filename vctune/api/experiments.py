@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.api.files import DESIGN
+from vctune.api.files import DESIGN_FILE
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource
 from vctune.document.building import design as design_of
@@ -19,7 +19,7 @@ from vctune.document.design import read_design
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
-from vctune.document.simulation import FILE, is_of
+from vctune.document.simulation import FILE, SimulationRecord, simulation_of
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
 from vctune.model.quantities import Coupling, Gains
@@ -52,12 +52,15 @@ class Simulation:
 
     def record(self) -> dict[str, Any]:
         """Return the object of simulation.json."""
+        return self._measured().to_json()
+
+    def _measured(self) -> SimulationRecord:
         return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
 
     def _repr_html_(self) -> str:
         from vctune.report.experiments import HEADINGS, measured_rows
 
-        return html_table(self.file.problem.name, measured_rows(self.record()), HEADINGS)
+        return html_table(self.file.problem.name, measured_rows(self._measured()), HEADINGS)
 
 
 def simulate(
@@ -97,6 +100,11 @@ def simulate(
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
     """Return the experiments of a problem, or the one that has a name.
 
+    Parameters
+    ----------
+    file : the problem
+    name : of the only experiment; None for all
+
     Raises
     ------
     InputError
@@ -116,6 +124,11 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """Write simulation.json, traces.npz and their figure, and the report again if the design beside them is this one.
 
+    Parameters
+    ----------
+    simulation : to be written
+    folder : one that is there
+
     Returns
     -------
     dict
@@ -128,19 +141,20 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     """
     from vctune.report.report import report_files, simulation_files
 
-    record, traces = simulation.record(), BytesIO()
+    value, traces = simulation.record(), BytesIO()
+    record = simulation_of(value)
     np.savez(traces, **trace_arrays(list(simulation.experiments)))  # type: ignore[arg-type]
     try:
-        design = read_design(folder / DESIGN)
+        design = read_design(folder / DESIGN_FILE)
     except InputError:
         design = None
-    text = json.dumps(record, indent=1, allow_nan=False) + "\n"
+    text = json.dumps(value, indent=1, allow_nan=False) + "\n"
     measured: dict[Path, Content] = {folder / FILE: text, folder / "traces.npz": traces.getbuffer()}
-    if design is not None and is_of(record, design):
+    if design is not None and record.is_of(design):
         write_together({**measured, **report_files(design, folder, record)})
     else:
         write_together({**measured, **simulation_files(record, folder)})
-    return record
+    return value
 
 
 def _given(gains: Gains | str | Path, coupling: Coupling | None) -> tuple[Gains, Coupling]:

@@ -20,7 +20,7 @@ from vctune.document.record import DesignRecord
 from vctune.document.simulation import simulation_beside
 from vctune.report.contents import REPORT, report_paths
 
-DESIGN, GAINS = "design.json", "gains.toml"
+DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
@@ -47,7 +47,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
     write_record(folder, file, record_of(file, solved, ipopt_version()))
-    return folder / DESIGN
+    return folder / DESIGN_FILE
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
@@ -86,6 +86,11 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
 def design_folder(file: ProblemFile, out: Path) -> Path:
     """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
 
+    Parameters
+    ----------
+    file : the problem
+    out : in which the folder is to be, under the problem's name
+
     Raises
     ------
     InputError
@@ -99,16 +104,21 @@ def design_folder(file: ProblemFile, out: Path) -> Path:
 def claim_folder(file: ProblemFile, folder: Path) -> None:
     """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
 
+    Parameters
+    ----------
+    file : the problem
+    folder : made if it is not there
+
     Raises
     ------
     InputError
         If not.
     """
     make_folder(folder)
-    if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS, DESIGN)):
+    if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
         raise InputError(file.source, [Mistake("", "would be overwritten by its own design; choose another folder")])
     try:
-        owner = json.loads((folder / DESIGN).read_text())["problem"]["name"]
+        owner = json.loads((folder / DESIGN_FILE).read_text())["problem"]["name"]
     except (OSError, ValueError, KeyError, TypeError):
         return
     if owner != file.problem.name:
@@ -119,13 +129,19 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path | None:
     """Write design.json, and gains.toml with it, and remove the report of an earlier design.
 
+    Parameters
+    ----------
+    folder : one that is there
+    file : the problem
+    record : of its design, or of why there is none
+
     Returns
     -------
     Path or None
         What gains.toml of an earlier design was renamed to, where there is no design now.
     """
-    files = {folder / DESIGN: json_text(record)}
-    gains = folder / GAINS
+    files = {folder / DESIGN_FILE: json_text(record)}
+    gains = folder / GAINS_FILE
     if record.design is not None and record.certificate is not None:
         origin = {
             "problem": file.problem.name,

@@ -8,6 +8,7 @@ from math import ceil, log2
 from pathlib import Path
 from typing import Any
 
+from vctune.api.limits import RESOLUTIONS
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.design.result import Solved
@@ -24,9 +25,6 @@ from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_json import region_record
-
-FINEST, COARSEST = 1 / 2048, 1 / 8
-"""Least and greatest side of the smallest cell, as a share of the plane's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +64,7 @@ class AdmissibleGains:
 
     def record(self) -> dict[str, Any]:
         """Return the object of region.json."""
-        return region_record(self.file, self.region, self.designs)
+        return region_record(self.file, self.region, self.designs).to_json()
 
     def _repr_html_(self) -> str:
         shares = {f"{kind}, %": 100 * share for kind, share in self.areas.items()}
@@ -101,8 +99,10 @@ def region(
         If the problem is none, or x and y span no plane.
     """
     file = require_plane(problem_of(problem), x, y)
-    if not FINEST <= resolution <= COARSEST:
-        raise InputError("resolution", [Mistake("", f"{resolution:g} is out of range: must be from 1/2048 to 1/8")])
+    finest, coarsest = RESOLUTIONS
+    if not finest <= resolution <= coarsest:
+        message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
+        raise InputError("resolution", [Mistake("", message)])
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
     found = divide(file.problem, across, across.coarsest_squares(), progress)
     return AdmissibleGains(file, found, solve(file.problem, progress))
@@ -110,6 +110,11 @@ def region(
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     """Return a problem that has a region in the plane of x and y.
+
+    Parameters
+    ----------
+    file : the problem
+    x, y : dotted keys of its variables
 
     Raises
     ------
@@ -124,6 +129,11 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
 
 def write_region(found: AdmissibleGains, folder: Path) -> None:
     """Write region.json and its picture.
+
+    Parameters
+    ----------
+    found : what was proved of the plane
+    folder : one that is there
 
     Raises
     ------

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from vctune.api.limits import GAPS
 from vctune.design.optimum import Progress
+from vctune.design.prices import with_prices
 from vctune.design.repair import with_repairs
 from vctune.design.result import Solved
 from vctune.design.solve import solve as find
@@ -10,24 +12,29 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
 
-GAPS = (1e-4, 10.0)
-"""Least and greatest gap that can be asked for: below, rounding shows; above, a bound says nothing."""
 
-
-def solve(problem: ProblemSource, *, gap: float | None = None, progress: Progress = lambda stage: None) -> Solved:
+def solve(
+    problem: ProblemSource,
+    *,
+    gap: float | None = None,
+    prices: bool = False,
+    progress: Progress = lambda stage: None,
+) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gap : prove that no design has an error lower by more than this share
+    prices : work out what each number of the device would be worth if it were better by a tenth
     progress : told the stage of the work
 
     Returns
     -------
     Solved
         `status`; `judgement`, the best design and what is proved of it, None if there is none; else `reason` and
-        `repairs`, the least changes of one number of the problem after which there is one.
+        `repairs`, the least changes of one number of the problem after which there is one. `prices`, the greatest gain
+        first, where they were asked for.
 
     Raises
     ------
@@ -37,7 +44,8 @@ def solve(problem: ProblemSource, *, gap: float | None = None, progress: Progres
     if gap is not None:
         require_gap(gap)
     file = problem_of(problem)
-    return with_repairs(file, find(file.problem, progress, gap=gap), progress)
+    solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
+    return with_prices(solved, progress) if prices else solved
 
 
 def require_gap(gap: float) -> None:

@@ -57,7 +57,15 @@ def _cell(value: Any) -> str:
 
 
 def page(name: str, measured: Measured, command: str, machine: str) -> str:
-    """Return a benchmark's page in Markdown."""
+    """Return a benchmark's page in Markdown.
+
+    Parameters
+    ----------
+    name : stem of the benchmark's files
+    measured : what it found
+    command : that makes it again
+    machine : on which it ran
+    """
     lines = [
         f"# {measured.title}",
         "",
@@ -74,6 +82,14 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:
     """Write a benchmark's table, picture and page, all of them together.
+
+    Parameters
+    ----------
+    folder : for the files
+    name : their stem
+    measured : what was found
+    command : that makes it again
+    machine : on which it ran
 
     Raises
     ------

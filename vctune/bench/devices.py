@@ -14,7 +14,13 @@ MOST_DELAY = 150.0
 
 
 def device(seed: int, number: int) -> tuple[dict[str, Any], Problem]:
-    """Return the number-th device of a seed, as document and as problem; what makes no problem is drawn again."""
+    """Return the number-th device of a seed, as document and as problem; what makes no problem is drawn again.
+
+    Parameters
+    ----------
+    seed : of the whole series
+    number : within it
+    """
     rng = np.random.default_rng((seed, number))
     for _ in range(100):
         document = _document(rng)

@@ -35,7 +35,13 @@ class Worth:
 
 
 def worth(problem: Problem, gains: Gains, coupling: Coupling) -> Worth:
-    """Judge an answer twice."""
+    """Judge an answer twice.
+
+    Parameters
+    ----------
+    problem : with its demands
+    gains, coupling : the answer
+    """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]
     case = evaluator.case_of(problem.device, gains, coupling)

@@ -49,7 +49,13 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
 
 
 def posed(name: str, document: dict[str, Any]) -> Problem:
-    """Return the problem of a document that is known to be one."""
+    """Return the problem of a document that is known to be one.
+
+    Parameters
+    ----------
+    name : of the problem
+    document : its tables
+    """
     problem, faults = pose(document, name)
     assert problem is not None, faults
     return problem

@@ -101,7 +101,19 @@ PEERS = [
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Run every solver on the reference problems."""
+    """Run every solver on the reference problems.
+
+    Parameters
+    ----------
+    quick : whether on the first problem alone
+    seed : not used: nothing here is random
+    tick : told what is measured next
+
+    Raises
+    ------
+    InputError
+        If SciPy is not installed.
+    """
     peers.need("scipy")
     rows: list[Row] = []
     for name, problem in reference_problems(1 if quick else None).items():

@@ -61,7 +61,19 @@ class Row:
 
 
 def measure(quick: bool, seed: int, tick: Tick) -> Measured:
-    """Solve and check random devices."""
+    """Solve and check random devices.
+
+    Parameters
+    ----------
+    quick : whether only `QUICK` of them
+    seed : of the devices
+    tick : told how many are done
+
+    Raises
+    ------
+    InputError
+        If mpmath is not installed.
+    """
     need("mpmath")
     count = QUICK if quick else FULL
     rows = []
@@ -80,7 +92,12 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
 
 
 def examined(seed: int, number: int) -> Row:
-    """Solve a device and check what comes of it."""
+    """Solve a device and check what comes of it.
+
+    Parameters
+    ----------
+    seed, number : of the device
+    """
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()
     try:
@@ -120,7 +137,13 @@ def _patience() -> Iterator[None]:
 
 
 def contradiction(problem: Problem, judgement: Judgement) -> tuple[str, float]:
-    """Return what 50 digits say against a certified design, "" if nothing, and the floats' largest relative error."""
+    """Return what 50 digits say against a certified design, "" if nothing, and the floats' largest relative error.
+
+    Parameters
+    ----------
+    problem : with its demands
+    judgement : of a design, of any status; only a certified one can be contradicted
+    """
     from vctune.bench import digits
 
     case = case_of(problem.device, judgement.gains, judgement.coupling)

@@ -27,7 +27,13 @@ def machine() -> str:
 
 
 def timed(work: Callable[[], Made], repeats: int = 1) -> tuple[Made, float]:
-    """Return what the work makes and the median processor time that it takes, s."""
+    """Return what the work makes and the median processor time that it takes, s.
+
+    Parameters
+    ----------
+    work : called each time
+    repeats : how often; the last result is returned
+    """
     seconds = []
     for _ in range(repeats):
         began = process_time()

@@ -11,7 +11,7 @@ import sys
 
 
 def run() -> None:
-    """Run the command line and leave the process with one of `vctune.cli.exits.ExitCode`."""
+    """Run the command line and leave the process with one of `vctune.exit_codes.ExitCode`."""
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115

@@ -46,10 +46,10 @@ def _run(name: str, quick: bool, seed: int, out: Path) -> int:
         os.environ[variable] = "1"
     from vctune.bench.benchmark import write_measured
     from vctune.bench.timing import machine
-    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
+    from vctune.exit_codes import ExitCode
 
     make_folder(out)
     where, size = machine(), "quick" if quick else "full"

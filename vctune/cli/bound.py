@@ -6,18 +6,17 @@ from pathlib import Path
 
 import click
 
+from vctune.api.limits import GAPS
+from vctune.cli.options import out_option, problem_argument
+
 
 @click.command(short_help="Prove how much better any design could be.")
-@click.argument("problem", type=click.Path(path_type=Path))
+@problem_argument
 @click.argument("design", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--gap", type=click.FloatRange(1e-4, 10.0), default=0.03, show_default=True, help="What to prove, a share."
-)
+@click.option("--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="What to prove, a share.")
 @click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Threads.")
 @click.option("--time-limit", type=click.FloatRange(0), metavar="S", help="Stop after so many seconds.")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
-)
+@out_option()
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 def bound(
     problem: Path, design: Path | None, gap: float, jobs: int, time_limit: float | None, out: Path, as_json: bool
@@ -31,17 +30,17 @@ def bound(
 
     from vctune.api.bounding import bound as search
     from vctune.api.bounding import known_design, require_free, write_bounded
-    from vctune.api.files import DESIGN, design_folder, json_text, write_report
+    from vctune.api.files import DESIGN_FILE, design_folder, json_text, write_report
     from vctune.api.solving import solve
-    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.judge import Status
     from vctune.document.reading import read_problem
+    from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
 
     file = require_free(read_problem(problem))
-    path = design or design_folder(file, out) / DESIGN
+    path = design or design_folder(file, out) / DESIGN_FILE
     limit = inf if time_limit is None else time_limit
     with progress_on_stderr(f"vctune bound {problem.name}", shown=True) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)

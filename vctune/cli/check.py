@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vctune.cli.options import out_option
+
 if TYPE_CHECKING:
     from vctune.design.check import Checked
 
@@ -25,13 +27,7 @@ if TYPE_CHECKING:
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
 )
 @click.option("--strict", is_flag=True, help="A warning fails the check.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("results"),
-    show_default=True,
-    help="Folder for OUT/NAME/lost.json and its picture when a region has lost cells.",
-)
+@out_option("NAME/lost.json and its picture when a region has lost cells")
 def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bool, out: Path) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
@@ -43,10 +39,11 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     """
     from dataclasses import replace
 
-    from vctune.cli.exits import ExitCode, of_check
+    from vctune.cli.exits import of_check
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
     from vctune.design.check import check as check_files
+    from vctune.exit_codes import ExitCode
 
     files = [file for path in paths for file in _files(path)]
     found = check_files(files) if baseline is None else _against(baseline, files, out)

@@ -1,30 +1,14 @@
-"""Exit codes of the command line: part of vctune's contract (cli/README.md, section 1)."""
+"""Verdicts as exit codes."""
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import TYPE_CHECKING
+
+from vctune.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from vctune.design.check import CheckVerdict
     from vctune.design.judge import Status
-
-
-class ExitCode(IntEnum):
-    """What a vctune command tells its caller."""
-
-    OK = 0
-    """Certified, or the check passed."""
-    FAILED = 1
-    """Infeasible, violated, or the check failed."""
-    BAD_INPUT = 2
-    """Bad usage, bad input, or a place that cannot be read or written."""
-    UNDECIDED = 3
-    """Undecided or not converged."""
-    INTERNAL = 4
-    """A fault of vctune's own."""
-    INTERRUPTED = 130
-    """Interrupted by SIGINT (Ctrl-C) or SIGTERM; nothing half-written is left behind."""
 
 
 def of_status(status: Status) -> ExitCode:

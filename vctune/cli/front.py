@@ -8,18 +8,12 @@ from pathlib import Path
 
 import click
 
-from vctune.cli.sweep import worker_options
+from vctune.cli.options import out_option, problem_argument, worker_options
 
 
 @click.command(short_help="Draw the two trade-offs that a designer asks about.")
-@click.argument("problem", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("results"),
-    show_default=True,
-    help="Folder for OUT/NAME/front/.",
-)
+@problem_argument
+@out_option("NAME/front/")
 @worker_options
 def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
@@ -30,12 +24,12 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     """
     from vctune.api.bounding import require_free
     from vctune.api.studies import front as find
-    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
     from vctune.document.reading import read_problem
+    from vctune.exit_codes import ExitCode
 
     file = require_free(read_problem(problem), "trade")
     folder = out / folder_name(file.problem.name) / "front"

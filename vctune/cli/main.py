@@ -9,7 +9,6 @@ import click
 from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
-from vctune.cli.exits import ExitCode
 from vctune.cli.front import front
 from vctune.cli.region import region
 from vctune.cli.report import report
@@ -18,6 +17,7 @@ from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.cli.sweep import sweep
 from vctune.document.errors import InputError
+from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 
 EPILOG = (

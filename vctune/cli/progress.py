@@ -11,7 +11,13 @@ Progress = Callable[[str], None]
 
 @contextmanager
 def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], None]]:
-    """Show a spinner with the stage of the work; yield a function that sets the stage."""
+    """Show a spinner with the stage of the work; yield a function that sets the stage.
+
+    Parameters
+    ----------
+    title : before the stage
+    shown : whether to show it, on a terminal
+    """
     if not (shown and sys.stderr.isatty()):
         yield lambda stage: None
         return
@@ -23,7 +29,13 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 @contextmanager
 def bar_on_stderr(title: str, total: int) -> Iterator[Callable[[], None]]:
-    """Show a bar with the rate and the time left; yield a function that counts one more done."""
+    """Show a bar with the rate and the time left; yield a function that counts one more done.
+
+    Parameters
+    ----------
+    title : before the bar
+    total : how many there are to do
+    """
     if not sys.stderr.isatty():
         yield lambda: None
         return

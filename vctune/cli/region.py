@@ -6,23 +6,23 @@ from pathlib import Path
 
 import click
 
+from vctune.api.limits import RESOLUTIONS
+from vctune.cli.options import out_option, problem_argument
 from vctune.model.keys import KEYS
 
 
 @click.command(short_help="Find the whole set of admissible gains, cell by cell.")
-@click.argument("problem", type=click.Path(path_type=Path))
+@problem_argument
 @click.option("--x", type=click.Choice(KEYS), default="gains.velocity", show_default=True, help="Across.")
 @click.option("--y", type=click.Choice(KEYS), default="gains.position", show_default=True, help="Up.")
 @click.option(
     "--resolution",
-    type=click.FloatRange(1 / 2048, 1 / 8),
+    type=click.FloatRange(*RESOLUTIONS),
     default=1 / 256,
     show_default="1/256",
     help="Side of the smallest cell as a share of the plane's.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
-)
+@out_option()
 def region(problem: Path, x: str, y: str, resolution: float, out: Path) -> int:
     """Find the gains of PROBLEM for which its demands hold.
 

@@ -16,7 +16,7 @@ def report(design: Path, out: Path | None) -> int:
     A simulation.json of the same design beside it is drawn too.
     """
     from vctune.api.files import write_report
-    from vctune.cli.exits import ExitCode
+    from vctune.exit_codes import ExitCode
 
     click.echo(f"written to {write_report(design, out)}", err=True)
     return ExitCode.OK

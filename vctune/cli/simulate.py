@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vctune.cli.options import out_option, problem_argument
+
 if TYPE_CHECKING:
     from vctune.cli.progress import Progress
     from vctune.document.reading import ProblemFile
@@ -14,12 +16,10 @@ if TYPE_CHECKING:
 
 
 @click.command(short_help="Simulate a design in the problem's experiments.")
-@click.argument("problem", type=click.Path(path_type=Path))
+@problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option("--experiment", "name", help="Name of the only experiment to simulate.  [default: all]")
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
-)
+@out_option()
 @click.option("--json", "as_json", is_flag=True, help="Print simulation.json instead of the table.")
 def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_json: bool) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
@@ -32,10 +32,10 @@ def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.files import design_folder
-    from vctune.cli.exits import ExitCode
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.reading import read_gains, read_problem
+    from vctune.exit_codes import ExitCode
 
     file = read_problem(problem)
     chosen_experiments(file, name)
@@ -55,9 +55,10 @@ def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_
         emit(json.dumps(record, indent=1, allow_nan=False))
     else:
         from vctune.cli.table import print_simulation
+        from vctune.document.simulation import simulation_of
 
         with reader_may_leave():
-            print_simulation(record, folder)
+            print_simulation(simulation_of(record), folder)
     return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 
@@ -66,11 +67,12 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.api.files import write_record
     from vctune.cli.solve import say_renamed
     from vctune.design.nlp import ipopt_version
+    from vctune.design.prices import with_prices
     from vctune.design.record import record_of
     from vctune.design.solve import solve
     from vctune.document.errors import printable
 
-    solved = solve(file.problem, progress)
+    solved = with_prices(solve(file.problem, progress), progress)
     judgement = solved.judgement
     say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
     if judgement is None:

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import click
 
+from vctune.api.limits import GAPS
+from vctune.cli.options import out_option, problem_argument
+
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
-@click.argument("problem", type=click.Path(path_type=Path))
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/NAME/."
-)
+@problem_argument
+@out_option()
 @click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is removed.")
 @click.option("--quiet", is_flag=True, help="No progress and no table.")
@@ -19,7 +20,7 @@ import click
 @click.option(
     "--prove-gap",
     "gap",
-    type=click.FloatRange(1e-4, 10.0),
+    type=click.FloatRange(*GAPS),
     metavar="GAP",
     help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
 )
@@ -39,13 +40,14 @@ def solve(
     folder = design_folder(file, out)
 
     from vctune.api.solving import solve as solve_problem
-    from vctune.cli.exits import ExitCode, of_status
+    from vctune.cli.exits import of_status
     from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
+    from vctune.exit_codes import ExitCode
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solve_problem(file, gap=gap, progress=progress)
+        solved = solve_problem(file, gap=gap, prices=not no_report, progress=progress)
         record = record_of(file, solved, ipopt_version())
         say_renamed(write_record(folder, file, record))
         if not no_report:

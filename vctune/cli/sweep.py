@@ -7,33 +7,15 @@ from typing import Any
 
 import click
 
+from vctune.cli.options import out_option, worker_options
+
 MANY = 100_000
 """So many points are solved only when asked for with --yes."""
 
 
-def worker_options(command: Any) -> Any:
-    """Add the options of every command that has workers."""
-    for option in (
-        click.option(
-            "--executor",
-            default="processes",
-            show_default=True,
-            metavar="processes|serial|dask|dask:ADDRESS",
-            help="Who does the work: processes, this process alone, a local Dask cluster, or a running one.",
-        ),
-        click.option(
-            "--jobs", type=click.IntRange(1, 512), help="Number of workers.  [default: the cores that there are]"
-        ),
-    ):
-        command = option(command)
-    return command
-
-
 @click.command(short_help="Solve a problem at many points.")
 @click.argument("study", type=click.Path(path_type=Path))
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("results"), show_default=True, help="Folder for OUT/STUDY/."
-)
+@out_option("STUDY/")
 @worker_options
 @click.option("--resume/--restart", default=True, help="Go on with the rows that are there, or begin anew.")
 @click.option(
@@ -83,6 +65,6 @@ def _print(found: dict[str, Any], folder: Path, style: str) -> None:
 
 def _exit_code(found: dict[str, Any]) -> int:
     """Return 0 if there is a certified design and no point was left without an answer, else 1."""
-    from vctune.cli.exits import ExitCode
+    from vctune.exit_codes import ExitCode
 
     return ExitCode.OK if found["best"] and not found["status"].get("failed") else ExitCode.FAILED

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +14,33 @@ from rich.table import Table
 from vctune.document.errors import printable
 from vctune.document.part import text
 from vctune.document.record import DesignRecord, RepairRecord
+from vctune.document.simulation import LeastVirtualRecord, SimulationRecord
 
 LEAST_WIDTH = 80
 WIDE = 120
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
-def print_design(record: DesignRecord, folder: Path) -> None:
-    """Print a design and where its files are."""
+@contextmanager
+def _page(least_width: int, folder: Path) -> Iterator[Console]:
+    """Print in this block; in one piece, whole or not at all, with where the files are at the end."""
     console = Console(highlight=False)
-    console.width = max(console.width, WIDE)
-    with console.capture() as page:  # written in one piece, whole or not at all
+    console.width = max(console.width, least_width)
+    with console.capture() as page:
+        yield console
+        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    console.file.write(page.get())
+
+
+def print_design(record: DesignRecord, folder: Path) -> None:
+    """Print a design and where its files are.
+
+    Parameters
+    ----------
+    record : of the design, or of why there is none
+    folder : named at the end
+    """
+    with _page(WIDE, folder) as console:
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
         colour = COLOURS["undecided" if idle else record.status]
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
@@ -39,37 +57,37 @@ def print_design(record: DesignRecord, folder: Path) -> None:
             console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
         for line in record.left_out:
             console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
-        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
-    console.file.write(page.get())
 
 
-def print_simulation(record: dict[str, Any], folder: Path) -> None:
-    """Print the object of simulation.json and where the files are."""
+def print_simulation(record: SimulationRecord, folder: Path) -> None:
+    """Print what was measured and where the files are.
+
+    Parameters
+    ----------
+    record : of the simulation
+    folder : named at the end
+    """
     from vctune.report.experiments import HEADINGS, measured_rows
 
-    console = Console(highlight=False)
-    console.width = max(console.width, WIDE)
-    with console.capture() as page:
-        console.print(f"[bold]{escape(printable(record['problem']['name']))}[/bold]")
+    with _page(WIDE, folder) as console:
+        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
         table = Table(box=None, pad_edge=False)
         for heading in HEADINGS:
             table.add_column(heading, no_wrap=True, header_style="dim")
         for row in measured_rows(record):
             table.add_row(*(escape(printable(cell)) for cell in row))
         console.print(table)
-        for one in record["experiments"]:
-            if (least := one["least_virtual"]) is not None:
-                console.print(f"{escape(printable(one['name']))}: {_least(least)}", soft_wrap=True)
-        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
-    console.file.write(page.get())
+        for one in record.experiments:
+            if one.least_virtual is not None:
+                console.print(f"{escape(printable(one.name))}: {_least(one.least_virtual)}", soft_wrap=True)
 
 
-def _least(least: dict[str, float]) -> str:
-    if least["share"] == 0:
+def _least(least: LeastVirtualRecord) -> str:
+    if least.share == 0:
         return "the regular PID is stable without a virtual mass and damping"
     return (
-        f"the regular PID is stable from a virtual mass of {least['mass']:.4g} kg and a damping of "
-        f"{least['damping']:.4g} N s/m on"
+        f"the regular PID is stable from a virtual mass of {least.mass:.4g} kg and a damping of "
+        f"{least.damping:.4g} N s/m on"
     )
 
 
@@ -87,20 +105,30 @@ def _repairs(repairs: list[RepairRecord]) -> str:
 
 
 def _table(record: DesignRecord) -> Table:
+    rows = [
+        (group if number == 0 else "", row.label, row.value, row.unit)
+        for group, found in record.groups().items()
+        for number, row in enumerate(row for row in found if not row.detail)
+    ]
     table = Table(show_header=False, box=None, pad_edge=False)
-    for style in ("dim", "", "bold", ""):
-        table.add_column(style=style, no_wrap=True, justify="right" if style == "bold" else "left")
-    for group, rows in record.groups().items():
-        for number, row in enumerate(row for row in rows if not row.detail):
-            table.add_row(group if number == 0 else "", *map(escape, (row.label, row.value, row.unit)))
+    for column, style in enumerate(("dim", "", "bold")):  # numbers are never cut: what comes behind them wraps
+        width = max((len(row[column]) for row in rows), default=0)
+        table.add_column(style=style, no_wrap=True, min_width=width, justify="right" if style == "bold" else "left")
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(*map(escape, row))
     return table
 
 
 def print_sweep(found: dict[str, Any], folder: Path) -> None:
-    """Print the object of `vctune sweep --format json` and where the files are."""
-    console = Console(highlight=False)
-    console.width = max(console.width, LEAST_WIDTH)
-    with console.capture() as page:
+    """Print the object of `vctune sweep --format json` and where the files are.
+
+    Parameters
+    ----------
+    found : of `vctune.study.summary.summary`
+    folder : named at the end
+    """
+    with _page(LEAST_WIDTH, folder) as console:
         counts = ", ".join(f"{count} {status}" for status, count in found["status"].items())
         console.print(f"[bold]{escape(printable(found['study']))}[/bold]: {found['points']} points, {counts}")
         for label in ("best", "worst"):
@@ -108,8 +136,6 @@ def print_sweep(found: dict[str, Any], folder: Path) -> None:
                 console.print(f"{label:<5}  {_design_line(found[label])}", soft_wrap=True)
         if found["corner"]:
             console.print(_corner_line(found["corner"]), soft_wrap=True)
-        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
-    console.file.write(page.get())
 
 
 def _design_line(row: dict[str, Any]) -> str:

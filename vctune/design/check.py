@@ -160,6 +160,11 @@ def check(paths: Sequence[Path]) -> list[Checked]:
 def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
     """Check a problem against its own fixed numbers, or against a design.
 
+    Parameters
+    ----------
+    file : the problem and its text
+    design : gains and coupling; None for the numbers that the problem fixes
+
     Raises
     ------
     InputError

@@ -20,7 +20,7 @@ from vctune.design.scan import ScanResult
 from vctune.design.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.design.violations import Violations, near_peak, violations
+from vctune.design.violations import Violations, near_peak, of_own_loops, violations
 from vctune.design.working_set import ConstraintPoint, WorkingSet, constraint_points
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling
@@ -76,14 +76,14 @@ def polish(
     witnesses : points that a proof has refuted, to begin with
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
-    refuted = dict.fromkeys(point.device for point in (*witnesses.ratio, *witnesses.sensitivity))
+    refuted = dict.fromkeys(point.device for point in (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled))
     known = {case.device for case in cases}
     cases += [with_device(posed.problem, device) for device in refuted if device not in known]
     reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
     working_set = _first_working_set(posed, start, scanned)
-    _add_violated(working_set, Violations(witnesses.ratio, witnesses.sensitivity))
+    _add_violated(working_set, Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled))
     _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
     search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
@@ -134,7 +134,7 @@ def _step(posed: Posed, search: _Search) -> None:
     )
     values = _values(free, solution.z, search.reference)
     gains = design_of(values)[0]
-    unstable = next((case for case in search.cases if not stable(case, gains)), None)
+    unstable = next((case for case in of_own_loops(search.cases) if not stable(case, gains)), None)
     settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
     search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
@@ -181,7 +181,7 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
     bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
     bounded = bounded and raised.drag <= bounds.drag.max
-    sound = all(stable(case, gains) for case in search.cases)
+    sound = all(stable(case, gains) for case in of_own_loops(search.cases))
     if sound and demands.positive and not demands.sensitivity and bounded:
         _remember(search, point(gains, raised), posed.error(gains, raised))
 
@@ -216,6 +216,9 @@ def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> Worki
     if scanned.peak_sensitivity > problem.stability.max_sensitivity:
         upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
         first.sensitivity.extend(constraint_points(problem.device, upto))
+    if problem.uncertainty is not None and problem.uncertainty.unmodelled:
+        upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
+        first.unmodelled.extend(constraint_points(problem.device, upto))
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
         first.peak.extend(constraint_points(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
@@ -255,6 +258,7 @@ def _add_violated(working_set: WorkingSet, demands: Violations) -> bool:
         _add(working_set.ratio, demands.ratio),
         _add(working_set.sensitivity, demands.sensitivity),
         _add(working_set.peak, demands.peak),
+        _add(working_set.unmodelled, demands.unmodelled),
     ]
     return any(added)
 

@@ -11,7 +11,8 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import makes_no_turn
 from vctune.design.samples import Samples
 from vctune.design.start import Missed
-from vctune.model.loop import LoopResponse
+from vctune.model.impedances import LoopResponse
+from vctune.model.pair import Pair
 from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 
@@ -74,11 +75,19 @@ def _on_one_device(problem: Problem, samples: Samples, gains: Gains, band: LoopR
     device = samples.device
     scale = device.damping + gains.velocity + gains.position * device.loop_lag
     deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
+    if not samples.circles:
+        missed = np.where(deficit > 0, np.int8(Missed.RESISTANCE), np.int8(Missed.NOTHING))
+        return LoopFeasibility(missed, deficit, np.zeros_like(deficit))
     closed = [circle.closed(spread(gains)) for circle in samples.circles]
     greatest = np.sqrt((samples.circles[0].open.abs2() / closed[0].abs2()).max(axis=-1))
     strength = np.log1p((gains.velocity + gains.position * device.loop_lag) * device.loop_lag / device.mass)
     stable = np.all([makes_no_turn(F) for F in closed], axis=0)
     too_sensitive = np.log(np.maximum(greatest / problem.stability.max_sensitivity, 1.0))
+    if samples.radius is not None:
+        open_loop, F = samples.circles[0].open, closed[0]
+        loop = Pair(F.re - open_loop.re, F.im - open_loop.im)
+        off = (samples.radius * np.sqrt(loop.abs2() / F.abs2())).max(axis=-1)
+        too_sensitive = np.maximum(too_sensitive, np.log(np.maximum(off, 1.0)))
     tests = (~stable, deficit > 0, too_sensitive > 0)  # gravest first: `select` takes the first
     missed = np.select(tests, (Missed.STABILITY, Missed.RESISTANCE, Missed.SENSITIVITY), Missed.NOTHING)
     violation = np.select(tests, (strength, deficit, too_sensitive), 0.0)

@@ -49,7 +49,19 @@ class GainLimits:
     scores: Scores
 
     def places(self, problem: Problem, grid: Axes, minima: list[tuple[int, ...]]) -> Axes:
-        """Return designs at limits, by their indices in the scores, between their neighbours."""
+        """Return designs at limits, by their indices in the scores, between their neighbours.
+
+        Parameters
+        ----------
+        problem : dimensionless
+        grid : whose limits these are
+        minima : indices of designs in `scores`
+
+        Returns
+        -------
+        Axes
+            Of shape (minima, 3).
+        """
         near = between_neighbours(
             grid, [(int(self.below[k]), int(self.corner[k]), tau, drag) for k, _, tau, drag in minima]
         )
@@ -59,7 +71,15 @@ class GainLimits:
 
 
 def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasibility) -> GainLimits:
-    """Find the limits between a grid's loops, corner by corner, all at once, and score the designs there."""
+    """Find the limits between a grid's loops, corner by corner, all at once, and score the designs there.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    samples : where to look
+    grid : one grid of designs
+    loops : what its loops miss, shape (velocities, corners)
+    """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))
     if not corner.size:

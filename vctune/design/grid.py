@@ -25,8 +25,8 @@ from vctune.design.prepared import Posed
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed
 from vctune.model.arithmetic import FLOATS
+from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
 
@@ -109,7 +109,18 @@ class Scores:
 
 @lru_cache(maxsize=4)
 def axes(posed: Posed, *, integral: bool) -> Axes:
-    """Return the coarse grid of a problem with or without an integrator."""
+    """Return the coarse grid of a problem with or without an integrator.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    integral : whether K_p > 0; without it the one corner is 0
+
+    Returns
+    -------
+    Axes
+        Of one grid, each increasing.
+    """
     problem, (low, high) = posed.problem, posed.span
     device, bounds = problem.device, problem.bounds
     loop_impedance = device.mass / device.loop_lag + device.damping
@@ -147,14 +158,38 @@ def _axis(bounds: Range, count: int, floor: float) -> Floats:
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
-    """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator."""
+    """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    K_v : array
+    corner : K_p/(b + K_v), an array that broadcasts against K_v
+
+    Returns
+    -------
+    array of float
+        Of the shape of both.
+    """
     bounds = problem.bounds.position
     K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
     return np.where(corner > 0, K_p, 0.0)
 
 
 def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
-    """Score every design of a grid, or of several grids along leading axes, and the loops behind them."""
+    """Score every design of a grid, or of several grids along leading axes, and the loops behind them.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    samples : where to look
+    at : the axes of the grids
+
+    Returns
+    -------
+    tuple of Scores and LoopFeasibility
+        Of shape (..., K_v, corner, tau_c, b_0), and (..., K_v, corner).
+    """
     rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
     if at.velocity.ndim > 1 or at.velocity.size <= rows:
         return _evaluated(problem, samples, at)
@@ -204,8 +239,19 @@ def _scores(
 
 
 def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
-    """Return the response of loops at the samples of the stability band, on each device."""
-    return [there.band.response(there.device, spread(gains)) for there in samples.everywhere]
+    """Return the response of loops at the samples of the stability band, on each device.
+
+    Parameters
+    ----------
+    samples : where to look
+    gains : dimensionless arrays that fit each other
+
+    Returns
+    -------
+    list of LoopResponse
+        One for each device of `samples.everywhere`, of the gains' shape with the frequencies as last axis.
+    """
+    return [there.band.response(spread(gains)) for there in samples.everywhere]
 
 
 def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
@@ -231,7 +277,7 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: samples.objective]
-    loops = [there.nodes.response(there.device, spread(gains)) for there in counted]
+    loops = [there.nodes.response(spread(gains)) for there in counted]
     error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
     x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
     u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)

@@ -57,12 +57,15 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     start = scanned.starts[0]
     gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
     prefix = f"{opening}; the nearest miss has velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
-    cause, advice = _first_failure(prepared.problem, gains, coupling)
+    failures = (_first_failure(case, gains, coupling) for case in prepared.given.cases)
+    missed = next((failure for failure in failures if failure is not None), None)
+    unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not", "widen the bounds"
+    cause, advice = missed or unknown
     return Infeasibility(prefix + cause, advice, proved)
 
 
-def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[str, str]:
-    """Return the gravest failure of a design and what may repair it."""
+def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[str, str] | None:
+    """Return the gravest failure of a design on one device and what may repair it; None where it fails nothing."""
     device, stability = problem.device, problem.stability
     if gains.velocity == 0 and gains.position == 0 and device.damping == 0:
         return "without a loop and without damping the device drifts", "allow a higher gains.velocity"
@@ -95,7 +98,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
             f"factor {stability.safety_factor:.4g} by a factor of {shortfall:.4g}",
             f"raise the upper bound of {_tight_coupling(problem, coupling)}, or narrow stability.band_hz",
         )
-    return "it meets every demand on a grid of frequencies, but IPOPT or the proof did not", "widen the bounds"
+    return None
 
 
 def _tight_coupling(problem: Problem, coupling: Coupling) -> str:

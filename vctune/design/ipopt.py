@@ -12,7 +12,15 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.sampled_loop import plant_of, pulse_transfer
 from vctune.design.nlp import compiled
-from vctune.design.nlp_parameters import SAMPLED_PLANT, STABILITY_CUT, Layout, packed, tables
+from vctune.design.nlp_parameters import (
+    STABILITY_CUT,
+    Layout,
+    device_numbers,
+    frequency_layout,
+    packed,
+    plant_numbers,
+    tables,
+)
 from vctune.design.nlp_structure import TERMS, NlpStructure
 from vctune.design.prepared import Posed
 from vctune.design.result import Solution
@@ -20,7 +28,7 @@ from vctune.design.variables import Coordinate, Point
 from vctune.design.working_set import ConstraintPoint, WorkingSet, stacked
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
-from vctune.model.loop import hold_response
+from vctune.model.device_response import device_response
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
@@ -137,10 +145,31 @@ def _parameters(
         numbers["stability"] = _by_name(STABILITY_CUT, working_set.stability)
     if working_set.peak:
         numbers["peak"] = _at_frequencies(structure, *stacked(working_set.peak))
+    if working_set.unmodelled:
+        radius = [unmodelled_radius(posed, point) for point in working_set.unmodelled]
+        found = _pulse_transfer(working_set.unmodelled, position=position)
+        numbers["unmodelled"] = found | {"log_radius": np.log(radius)}
     if working_set.tracked_peaks:
-        plants = [plant_of(point.device) for point in working_set.tracked_peaks]
-        numbers["tracked_peaks"] = _by_name(SAMPLED_PLANT, plants)
+        plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
+        numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
     return packed(tables(structure), numbers)
+
+
+def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
+    """Return how far the device's response may be off at a dimensionless point.
+
+    Parameters
+    ----------
+    posed : dimensionless, with a disc of what is not modelled
+    point : its frequency counts, rad per sample time
+
+    Returns
+    -------
+    float
+        r, relative to the response.
+    """
+    assert posed.problem.uncertainty is not None
+    return float(FLOATS.interpolated(point.omega / (2 * pi), posed.problem.uncertainty.unmodelled))
 
 
 def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, ...], start: Point) -> dict[str, Any]:
@@ -148,7 +177,7 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
     for coordinate in free:
         scales[coordinate.index] = coordinate.scale
     common = {
-        "mass": device.mass,
+        "mass": device.motor_mass,
         "damping": device.damping,
         "scales": scales,
         "fixed": start,
@@ -160,11 +189,8 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
-    hold = hold_response(device, omega, FLOATS)
-    numbers = {"omega": omega, "hold_re": hold.re, "hold_lag": hold.lag}
-    if structure.uncertain:
-        numbers |= {name: np.broadcast_to(getattr(device, name), omega.shape) for name in ("mass", "damping")}
-    return numbers
+    found = device_numbers(device_response(device, omega, FLOATS))
+    return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
 
 
 def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dict[str, Any]:
@@ -186,6 +212,7 @@ def _demands(
         -log(stability.max_sensitivity) + tightening,
         0.0,
         0.0,
+        tightening,
     )
     lower = [
         np.where(np.arange(count) < used, level, -inf)

@@ -139,7 +139,9 @@ def _place(outcome: Outcome) -> str:
     place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
     if (device := outcome.device) is None:
         return place
-    return f"{place} with mass {device.mass:.6g}, damping {device.damping:.6g}, delay {device.delay:.6g}"
+    known = [f"{key} {number:.6g}" for key, number in device.numbers().items() if key != "sample_time"]
+    off = [] if device.unmodelled is None else [str(device.unmodelled)]
+    return f"{place} with {', '.join([*known, *off])}"
 
 
 def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
@@ -167,13 +169,24 @@ def judge_posed(posed: Posed, gains: Gains, coupling: Coupling) -> Judgement:
     posed : in SI units
     gains, coupling : plain floats, N s/m, N/m and kg
     """
-    certificate = certify(Design(posed.problem.device, gains, coupling), posed.demands, posed.box)
+    certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
     return _judgement(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
 def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
-    """Judge several designs against a problem's demands, as `judge` does, their proofs made together."""
+    """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
+
+    Parameters
+    ----------
+    problem : with every default filled in, SI units
+    designs : gains and couplings, plain floats, SI units
+
+    Returns
+    -------
+    list of Judgement
+        In the order of the designs.
+    """
     posed = pose(problem)
     certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
     return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
@@ -204,7 +217,18 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
 
 
 def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float]:
-    """Return the least Re Z_c / R on the stability band and its frequency, the ends of the axis by exact limits."""
+    """Return the least Re Z_c / R on the stability band and its frequency, the ends of the axis by exact limits.
+
+    Parameters
+    ----------
+    problem : of a device that is known exactly
+    gains, coupling : a design, plain floats
+
+    Returns
+    -------
+    ratio : inf where nothing is required
+    omega : rad/s; 0 or inf at an end of the axis
+    """
     device, band = problem.device, problem.stability.band
     minima = ratio_minima(problem, gains, coupling)
     candidates = [(float(minima.value[0]), float(minima.omega[0]))]

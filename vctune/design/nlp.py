@@ -11,17 +11,21 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
+from math import pi
 from typing import Any
 
 import casadi as ca
 
 from vctune.design.nlp_parameters import (
+    PERTURBED_LOOP,
     PULSE_TRANSFER,
-    SAMPLED_PLANT,
     STABILITY_CUT,
     Layout,
     common_layout,
+    device_of,
     frequency_layout,
+    plant_layout,
+    plant_of,
     tables,
     unpacked,
 )
@@ -30,10 +34,10 @@ from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import modulus_excess
-from vctune.model.loop import HoldResponse, loop_response
+from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
-from vctune.model.sampled import SampledPlant, return_difference, sensitivity_abs2
+from vctune.model.quantities import Coupling, Gains
+from vctune.model.sampled import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, squared_terms
 
 OPTIONS: dict[str, Any] = {
@@ -61,6 +65,9 @@ OPTIONS: dict[str, Any] = {
 class _SymbolArithmetic:
     """CasADi symbols."""
 
+    pi = pi
+    precision = 2.0**-53
+
     @staticmethod
     def is_zero(x: Number) -> bool:
         return bool(ca.SX(x).is_zero())
@@ -75,6 +82,10 @@ class _SymbolArithmetic:
         return ca.sin(x) / x
 
     @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        return (1 - ca.sin(x) / x) / (x * x)
+
+    @staticmethod
     def phi_1(x: Number) -> Number:
         return (1 - ca.exp(-x)) / x
 
@@ -85,6 +96,18 @@ class _SymbolArithmetic:
     @staticmethod
     def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
         return ca.if_else(x > 0, yes(), no())
+
+    @staticmethod
+    def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
+        raise NotImplementedError("a symbol is between no two points")
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return 0.0
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        raise NotImplementedError("a symbol has no size")
 
 
 SYMBOLS: Arithmetic = _SymbolArithmetic()
@@ -124,13 +147,13 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     common_column, common = _symbols("common", common_layout(structure))
     frequency_column, frequency = _symbols("frequency", frequency_layout(structure))
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
+    perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
     cut_column, cut = _symbols("cut", STABILITY_CUT)
-    plant_column, plant = _symbols("plant", SAMPLED_PLANT)
+    plant_column, plant = _symbols("plant", plant_layout(structure))
 
     gains, coupling = _design(structure, z, common)
-    device = _device(structure, common, frequency)
-    hold = HoldResponse(frequency["hold_re"], frequency["hold_lag"])
-    loop = loop_response(device, gains, frequency["omega"], hold, SYMBOLS)
+    operator = common["operator_damping"] if structure.operator_damping else None
+    loop = loop_response(device_of(structure, common | frequency, operator), gains, SYMBOLS)
     Z_c = coupling_impedance(coupling, frequency["omega"])
     squares = squared_terms(loop, Z_c, 1.0)
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
@@ -138,10 +161,9 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     offered = 2 * loop.resistance * Z_c.re
     if loop.operator_relief is not None:  # R may be negative and has no logarithm then
         offered += common["safety_factor"] * loop.operator_relief
-    inverse_S = Pair(1 + gains.velocity * pulse["re_G_v"], gains.velocity * pulse["im_G_v"])
-    if structure.integrator:
-        inverse_S += Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position)
-    on_peak = return_difference(_sampled_plant(plant), ca.exp(y), SYMBOLS, position=structure.integrator)
+    L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
+    sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
+    on_peak = return_difference(sampled, ca.exp(y), SYMBOLS, position=structure.integrator)
     log_peak = ca.log(sensitivity_abs2(on_peak, gains)) / 2
     return _AtOneFrequency(
         z,
@@ -153,17 +175,30 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "sensitivity": pulse_column,
             "stability": cut_column,
             "peak": frequency_column,
+            "unmodelled": perturbed_column,
             "tracked_peaks": ca.vertcat(y, plant_column),
         },
         values={
             "node": weight * error2,
             "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
-            "sensitivity": ca.log(inverse_S.abs2()) / 2,
+            "sensitivity": ca.log(Pair(1 + L.re, L.im).abs2()) / 2,
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
+            "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
+
+
+def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -> Pair:
+    """Return L = K_v G_v + K_p G_x of the sampled loop, so that S = 1/(1 + L)."""
+    L = Pair(pulse["re_G_v"], pulse["im_G_v"]).scaled(gains.velocity)
+    return L + Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position) if structure.integrator else L
+
+
+def _room(L: Pair) -> Number:
+    """Return -log |1 - S|: the logarithm of how far the device's response may be off."""
+    return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
 
 
 def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
@@ -178,20 +213,6 @@ def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tupl
         values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
     K_v, K_p, b_c, m_c, b_0 = values
     return Gains(K_v, K_p if structure.integrator else 0.0), Coupling(b_c, m_c, b_0)
-
-
-def _device(structure: NlpStructure, common: dict[str, ca.SX], frequency: dict[str, ca.SX]) -> Device:
-    """Return the device of a frequency, its own where the device is uncertain."""
-    operator = LeastOperator(0.0, common["operator_damping"]) if structure.operator_damping else None
-    numbers = frequency if structure.uncertain else common
-    return Device(numbers["mass"], numbers["damping"], 1.0, 0.0, "zoh", operator)
-
-
-def _sampled_plant(plant: dict[str, ca.SX]) -> SampledPlant:
-    (v_1, v_2), (x_1, x_2) = (ca.vertsplit(plant[name]) for name in ("velocity", "position"))
-    return SampledPlant(
-        plant["pole"], plant["one_minus_pole"], plant["drift"], (v_1, v_2), (x_1, x_2), plant["whole_samples"], True
-    )
 
 
 @lru_cache(maxsize=16)

@@ -9,6 +9,7 @@ from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp_structure import DEMANDS
 from vctune.design.result import Polished, Solved
+from vctune.design.uncertainty import device_record
 from vctune.design.variables import design_of, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
 from vctune.document.record import ActiveRecord, DeviceRecord
@@ -16,7 +17,6 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.keys import KEYS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
-from vctune.proof.devices import UNCERTAIN
 
 ACTIVE = 1e-5
 """Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
@@ -35,6 +35,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
+    where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
     for at in posed.tracked_peaks:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
@@ -54,10 +55,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
 def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
     """Return the device of a dimensionless place in SI units."""
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    scaled = place.device
-    return DeviceRecord(
-        mass=scaled.mass * impedance * time, damping=scaled.damping * impedance, delay=scaled.delay * time
-    )
+    return device_record(place.device.in_units(1 / impedance, 1 / time), problem)
 
 
 def _priced(polished: Polished) -> Floats:
@@ -85,9 +83,9 @@ def left_out(solved: Solved) -> list[str]:
             found.append(f"transparency.weights.{term}: 0")
     if problem.uncertainty is not None:
         found += [
-            f"uncertainty.{name}: device.{name} is 0"
-            for name in UNCERTAIN
-            if getattr(problem.uncertainty, name) > 0 and getattr(problem.device, name) == 0
+            f"uncertainty.{key}: device.{key} is 0"
+            for key, _ in problem.uncertainty.half_widths
+            if problem.device.number(key) == 0
         ]
     if solved.polished is None or solved.scanned is None:
         return found

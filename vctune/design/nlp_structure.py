@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from vctune.design.prepared import Posed
 from vctune.design.variables import Coordinate
 from vctune.design.working_set import WorkingSet
+from vctune.model.arithmetic import FLOATS
+from vctune.model.device_response import device_response
 from vctune.model.problem import Norm
+from vctune.model.quantities import Device, VelocityEstimate
 
 TERMS = ("admittance", "tracking", "coupling")
-DEMANDS = ("ratio", "sensitivity", "stability", "peak")
+DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
-CAPACITY_STEPS = (12, 12, 4, 12)
+CAPACITY_STEPS = (12, 12, 4, 12, 12)
 """Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
 microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
@@ -29,9 +32,12 @@ class NlpStructure:
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
     panels : panels of the quadrature, 0 for "peak"
-    capacities : how many ratio, sensitivity, stability and peak constraints there is room for
+    capacities : how many constraints of each of `DEMANDS` there is room for
     tracked_peaks : number of peaks of |S| whose frequencies are variables
     operator_damping : whether the damping of an operator eases the conditions
+    parts : what the device has beside an ideal one, fields of `DeviceResponse`
+    order : of the sampled device, 1 if ideal
+    differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
     uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
@@ -41,9 +47,13 @@ class NlpStructure:
     terms: tuple[str, ...]
     norm: Norm
     panels: int
-    capacities: tuple[int, int, int, int]
+    capacities: tuple[int, ...]
     tracked_peaks: int
     operator_damping: bool
+    parts: tuple[str, ...]
+    order: int
+    differenced: bool
+    low_passes: int
     uncertain: bool
     objective_devices: int
 
@@ -77,7 +87,8 @@ def nlp_structure(
     integrator : whether K_p > 0
     """
     problem, weights = posed.problem, posed.problem.transparency.weights
-    ratio, sensitivity, stability, peak = (
+    actuator, estimate = problem.device.actuator, problem.device.velocity or VelocityEstimate()
+    ratio, sensitivity, stability, *others = (
         -(-used // step) * step for used, step in zip(working_set.sizes(), CAPACITY_STEPS, strict=True)
     )
     if sensitivity > 0:  # where |S| can bind the stability boundary is near
@@ -88,9 +99,19 @@ def nlp_structure(
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
         norm=problem.transparency.norm,
         panels=panels if problem.transparency.norm == "rms" else 0,
-        capacities=(ratio, sensitivity, stability, peak),
+        capacities=(ratio, sensitivity, stability, *others),
         tracked_peaks=len(working_set.tracked_peaks),
-        operator_damping=problem.device.with_operator.damping > problem.device.damping,
+        operator_damping=problem.device.operator is not None and problem.device.operator.damping > 0,
+        parts=_parts(problem.device),
+        order=1 + (actuator.order if actuator is not None else 0) + (2 if problem.device.structure is not None else 0),
+        differenced=estimate.source == "difference",
+        low_passes=estimate.filter_order if estimate.filter_hz is not None else 0,
         uncertain=problem.uncertainty is not None,
         objective_devices=len(posed.objective) if problem.transparency.norm == "rms" else 1,
     )
+
+
+def _parts(device: Device) -> tuple[str, ...]:
+    """Return the fields of `DeviceResponse` that a device has beside an ideal one."""
+    at = device_response(device, 1.0, FLOATS)
+    return tuple(name for name in ("estimate", "sensor", "spring", "factor") if getattr(at, name) is not None)

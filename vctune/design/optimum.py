@@ -120,7 +120,14 @@ def attained(problem: Problem) -> Judgement | None:
 
 @np.errstate(all="ignore")
 def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
-    """Return a certified design with an error below the incumbent's, found from given gains; None if there is none."""
+    """Return a certified design with an error below the incumbent's, found from given gains; None if there is none.
+
+    Parameters
+    ----------
+    prepared : of a problem that leaves something free
+    gains : where to look, SI units; any coupling is looked for beside them
+    incumbent : error to fall below, in the units of the problem as it was given
+    """
     scaled, units = prepared.scaled, prepared.units
     start = start_at(scaled, design_of(units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0)))[0])
     target = incumbent / units.error
@@ -187,6 +194,8 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
         certificate = judgement.certificate
         _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], prepared)
         _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], prepared)
+        if Claim.UNMODELLED in certificate.outcomes:
+            _collect(witnesses.unmodelled, certificate.outcomes[Claim.UNMODELLED], prepared)
         tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)

@@ -9,6 +9,7 @@ from math import inf, pi
 from typing import Any
 
 from vctune.design.variables import NAMES
+from vctune.document.device_contradictions import FASTEST
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
 from vctune.model.keys import KEYS
@@ -27,6 +28,12 @@ FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
 DIGITS = 12
 """Significant digits of a new value at most."""
 SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
+FASTER = {
+    "velocity.filter_hz": "a faster filter of the velocity",
+    "actuator.bandwidth_hz": "a faster actuator",
+    "force_sensor.bandwidth_hz": "a faster force sensor",
+    "structure.frequency_hz": "a stiffer handle",
+}
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
 """What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
@@ -93,7 +100,13 @@ class ParameterChange:
         return relative / (1 + relative) if relative < inf else 1.0
 
     def partial(self, new: float, share: float) -> float:
-        """Return the value after a share of a change; of the reciprocals where the old value is infinite."""
+        """Return the value after a share of a change; of the reciprocals where the old value is infinite.
+
+        Parameters
+        ----------
+        new : value after the whole change
+        share : of it, 0 < share <= 1
+        """
         return new / share if self.old == inf else self.old + share * (new - self.old)
 
     def relative_changes(self) -> Iterator[float]:
@@ -104,7 +117,18 @@ class ParameterChange:
         yield last
 
     def rounded(self, relative: float, growth: float) -> float:
-        """Return the shortest decimal after a relative change that is greater by a share of `growth` at most."""
+        """Return the shortest decimal after a relative change that is greater by a share of `growth` at most.
+
+        Parameters
+        ----------
+        relative : the least change that is wanted
+        growth : how much greater it may be, as a share of it
+
+        Returns
+        -------
+        float
+            At or beyond the exact value, within the limit; that itself where fewer than `DIGITS` digits will not do.
+        """
         exact, upwards = self.value(relative), self.limit > self.old
         for digits in range(1, DIGITS):
             context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
@@ -123,7 +147,13 @@ class ParameterChange:
         return f"{dotted(self.path[:-1])} = {form}"
 
     def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
-        """Return the document with the number changed."""
+        """Return the document with the number changed.
+
+        Parameters
+        ----------
+        document : parsed TOML, which stays as it is
+        new : the new value, in the file's unit
+        """
         beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
         return placed(document, (*beside, (self.path, new)))
 
@@ -140,7 +170,13 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
 
 
 def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
-    """Return what may be changed about a problem while its device stays as it is."""
+    """Return what may be changed about a problem while its device stays as it is.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    """
     return [*_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
 
 
@@ -157,6 +193,17 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     )
     if device.delay > 0:
         yield ParameterChange(("device", "delay"), "less delay", device.delay, 0.0)
+    nyquist = 0.5 / device.sample_time
+    for key, meaning in FASTER.items():
+        rate = device.number(key)
+        if rate is not None:
+            fastest = nyquist if key == "velocity.filter_hz" else max(100 * rate, nyquist)
+            yield ParameterChange(
+                ("device", *key.split(".")), meaning, rate, min(fastest, FASTEST / device.sample_time)
+            )
+    if device.force_sensor is not None and device.force_sensor.delay > 0:
+        path = ("device", "force_sensor", "delay")
+        yield ParameterChange(path, "less delay of the force sensor", device.force_sensor.delay, 0.0)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:

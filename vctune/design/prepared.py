@@ -66,7 +66,12 @@ class Posed:
     span: tuple[float, float]
 
     def error(self, gains: Gains, coupling: Coupling) -> float:
-        """Return the objective of a design: its error, or the greatest of the devices that count."""
+        """Return the objective of a design: its error, or the greatest of the devices that count.
+
+        Parameters
+        ----------
+        gains, coupling : plain floats, in the units of the problem
+        """
         return max(transparency_error(case, gains, coupling).error for case in self.objective)
 
 
@@ -99,15 +104,22 @@ def prepare(problem: Problem) -> Prepared:
 def pose(problem: Problem) -> Posed:
     """Return a problem with its devices and demands, in the units that it has."""
     box = device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
+    problem = replace(problem, device=box.nominal) if box is not None else problem
     cases = (problem,) if box is None else tuple(with_device(problem, device) for device in box.devices())
     worst = problem.uncertainty is not None and problem.uncertainty.objective == "worst"
     band, stability = problem.stability.band, problem.stability
-    demands = Demands(problem.device, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
+    demands = Demands(problem.device.modelled, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
     return Posed(problem, cases, cases if worst else (problem,), box, demands, sampled_span(problem))
 
 
 def with_device(problem: Problem, device: Device) -> Problem:
-    """Return the problem of another device, known exactly."""
+    """Return the problem of another device, known exactly.
+
+    Parameters
+    ----------
+    problem : Problem
+    device : in the problem's units
+    """
     return replace(problem, device=device, uncertainty=None)
 
 

@@ -23,6 +23,7 @@ from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import Point, point, ranges
+from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
     BoxRecord,
@@ -74,7 +75,14 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
 
 
 def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> DesignRecord:
-    """Return the record of a solved problem, of what `design_record` takes."""
+    """Return the record of a solved problem, of what `design_record` takes.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    solved : what came of it
+    ipopt : IPOPT's version; None if it took no part
+    """
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched, said = [], [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
@@ -84,6 +92,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
         said += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
             parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
+    if solved.prices is not None:
+        parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
         problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text),
         status=solved.status.value,
@@ -115,7 +125,13 @@ def versions(ipopt: str | None) -> dict[str, str | None]:
 
 
 def at_bound(problem: Problem, gains: Gains, coupling: Coupling) -> list[str]:
-    """Return the dotted keys of the free variables that lie on a bound."""
+    """Return the dotted keys of the free variables that lie on a bound.
+
+    Parameters
+    ----------
+    problem : with the bounds, SI units
+    gains, coupling : a design, SI units
+    """
     return [key for key, _ in _touched(problem, point(gains, coupling))]
 
 
@@ -184,15 +200,15 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             worst_hz=_hz(worst),
             rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
             boxes=certificate.boxes,
-            claims=[_claim(claim, outcome) for claim, outcome in certificate.outcomes.items()],
+            claims=[_claim(problem, claim, outcome) for claim, outcome in certificate.outcomes.items()],
             **_without_operator(problem, gains, coupling),
         ),
         "inner_loop": _inner_loop(problem, judgement),
     }
 
 
-def _claim(claim: Claim, outcome: Outcome) -> ClaimRecord:
-    device = {"witness_device": device_record(outcome.device)} if outcome.device else {}
+def _claim(problem: Problem, claim: Claim, outcome: Outcome) -> ClaimRecord:
+    device = {"witness_device": device_record(outcome.device, problem)} if outcome.device else {}
     return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **device)
 
 

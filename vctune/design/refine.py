@@ -24,6 +24,11 @@ def minima_of(problem: Problem, scores: Scores) -> list[Index]:
     """Return the local minima of a grid, best first: of the admissible designs, or if there are none of all.
 
     Where the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
+
+    Parameters
+    ----------
+    problem : whose weights say whether the coupling costs anything
+    scores : of one grid, shape (K_v, corner, tau_c, b_0)
     """
     ranks = scores.ranks()
     if problem.transparency.weights.coupling > 0:
@@ -48,7 +53,18 @@ def local_minima(ranks: Floats) -> list[Index]:
 
 
 def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
-    """Return designs of a grid, each between its neighbours: axes of shape (designs, 3)."""
+    """Return designs of a grid, each between its neighbours: axes of shape (designs, 3).
+
+    Parameters
+    ----------
+    grid : one grid of designs
+    places : indices of designs on it
+
+    Returns
+    -------
+    Axes
+        For each design and axis the place in the middle; at an end of an axis a neighbour is the place itself.
+    """
     by_axis = np.array(places, dtype=np.intp).reshape(-1, 4).T
     return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
 

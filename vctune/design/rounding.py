@@ -10,7 +10,19 @@ DIGITS = 8
 
 
 def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
-    """Return five physical numbers rounded to so many digits, on their bounds where they reach them."""
+    """Return five physical numbers rounded to so many digits, on their bounds where they reach them.
+
+    Parameters
+    ----------
+    problem : with the bounds, SI units
+    values : K_v, K_p, b_c, m_c, b_0, SI units
+    digits : significant ones
+
+    Returns
+    -------
+    Point
+        Within the bounds.
+    """
     return tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem.bounds), strict=True))  # type: ignore[return-value]
 
 
@@ -22,5 +34,13 @@ def _rounded(value: float, bounds: Range, digits: int) -> float:
 
 
 def near(value: float, bound: float, bounds: Range, digits: int = DIGITS) -> bool:
-    """Return whether a value counts as on a bound: it shares so many digits with it, or is nothing beside max."""
+    """Return whether a value counts as on a bound: it shares so many digits with it, or is nothing beside max.
+
+    Parameters
+    ----------
+    value : any of the five numbers
+    bound : one of the two ends of its range
+    bounds : that range
+    digits : significant ones
+    """
     return abs(value - bound) <= (10.0 ** (1 - digits) * abs(bound) if bound else 10.0 ** (-1 - digits) * bounds.max)

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import pi
 
 import numpy as np
 
 from vctune.analysis.demands import slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
-from vctune.analysis.stability import FIRST_ANGLE, unit_circle
+from vctune.analysis.resonance import with_resonance
+from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
 from vctune.design.prepared import Posed
 from vctune.model.arithmetic import FLOATS
-from vctune.model.loop import HoldResponse, LoopResponse, hold_response, loop_response
+from vctune.model.device_response import DeviceResponse, device_response
+from vctune.model.impedances import LoopResponse
+from vctune.model.loop import loop_response
 from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import ReturnDifference
 from vctune.model.transparency import log_quadrature
@@ -26,14 +30,14 @@ PANELS = 3
 
 @dataclass(frozen=True, slots=True)
 class Spectrum:
-    """Frequencies, rad/s, and the hold there."""
+    """Frequencies, rad/s, and a device there."""
 
     omega: Floats
-    hold: HoldResponse
+    device: DeviceResponse
 
-    def response(self, device: Device, gains: Gains) -> LoopResponse:
+    def response(self, gains: Gains) -> LoopResponse:
         """Return the velocity loop at every frequency for every pair of gains."""
-        return loop_response(device, gains, self.omega, self.hold, FLOATS)
+        return loop_response(self.device, gains, FLOATS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,9 @@ class Samples:
     integrator : whether the law has its K_p/s term
     band : of stability
     nodes, averages : of the transparency band's quadrature
-    circles : the return differences of the sampled loops on the unit circle, first the device's let go
+    circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
+        device whose loops are another's
+    radius : of what is not modelled, on the first circle; None where there is none
     objective : of how many devices the greatest error is the objective
     others : the other devices at which the demands are posed, with the same frequencies
     """
@@ -57,6 +63,7 @@ class Samples:
     nodes: Spectrum
     averages: Floats
     circles: list[ReturnDifference]
+    radius: Floats | None
     objective: int
     others: list[Samples]
 
@@ -68,19 +75,36 @@ class Samples:
 
 @lru_cache(maxsize=4)
 def samples_of(posed: Posed, *, integrator: bool) -> Samples:
-    """Return where to look at a dimensionless problem."""
+    """Return where to look at a dimensionless problem.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    integrator : whether the law has its term K_p/s
+
+    Returns
+    -------
+    Samples
+        Of the nominal device, with those of the other devices in it.
+    """
     problem, (low, high) = posed.problem, posed.span
     band = problem.transparency.band
     first = min(FIRST_ANGLE, slowest_resonance(problem, problem.bounds.velocity.min))
     across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
-    within = np.append(towards_zero(problem), across)
+    within = np.append(towards_zero(problem), with_resonance(problem.device, across))
     nodes, averages = log_quadrature(band.min, band.max, PANELS)
     if problem.transparency.norm == "peak":  # the greatest error is often at an end of the band
         nodes = np.geomspace(band.min, band.max, nodes.size)
 
-    def samples(device: Device, others: list[Samples]) -> Samples:
-        band, quadrature = (Spectrum(w, hold_response(device, w, FLOATS)) for w in (within, nodes))
-        circles = [unit_circle(loop, first, position=integrator) for loop in device.loops]
-        return Samples(device, integrator, band, quadrature, averages, circles, len(posed.objective), others)
+    radii, known = (problem.uncertainty.unmodelled if problem.uncertainty else ()), set[Device]()
 
-    return samples(problem.device, [samples(case.device, []) for case in posed.cases[1:]])
+    def samples(device: Device, others: list[Samples]) -> Samples:
+        band, quadrature = (Spectrum(w, device_response(device, w, FLOATS)) for w in (within, nodes))
+        loops = device.loops if device.modelled not in known else ()
+        known.add(device.modelled)
+        circles = [unit_circle(loop, first, position=integrator) for loop in loops]
+        radius = FLOATS.interpolated(angles(device, first) / (2 * pi), radii) if radii and circles else None
+        return Samples(device, integrator, band, quadrature, averages, circles, radius, len(posed.objective), others)
+
+    nominal, *others = (samples(case.device, []) for case in posed.cases)
+    return replace(nominal, others=others)

@@ -14,6 +14,8 @@ from vctune.design.refine import Index, between_neighbours, lowest, minima_of, r
 from vctune.design.samples import Samples, samples_of
 from vctune.design.start import Missed, Start
 from vctune.design.variables import point
+from vctune.model.arithmetic import FLOATS
+from vctune.model.limits import lags
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 
@@ -103,16 +105,24 @@ def _promising(
 def _faces(problem: Problem) -> list[bool]:
     """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
 
-    With damping, without drag and without an operator's damping no K_p > 0 is admissible on a band from 0.
+    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is admissible on a
+    band from 0.
     """
     position, device = problem.bounds.position, problem.device
-    barred = problem.stability.band.min == 0 and device.with_operator.damping == device.damping > 0
+    held = device.operator is not None and device.operator.damping > 0
+    barred = problem.stability.band.min == 0 and not held and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
     faces = [False] if position.min == 0 else []
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 
 
 def start_at(posed: Posed, gains: Gains) -> Start | None:
-    """Return the best start around given gains, with any coupling; None if none is admissible."""
+    """Return the best start around given gains, with any coupling; None if none is admissible.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    gains : dimensionless; with K_p = 0 no integrator is looked at
+    """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     scores, _ = evaluated(problem, samples, fine)
     at = lowest(scores)
@@ -123,6 +133,16 @@ def better_start_near(posed: Posed, gains: Gains, coupling: Coupling) -> Start |
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
     What is better is judged on the scan's few frequencies, the design itself too.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    gains, coupling : the polished design, dimensionless
+
+    Returns
+    -------
+    Start or None
+        None where the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
     tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
@@ -158,6 +178,12 @@ def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start
     """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
 
     At every pair of gains on the way the coupling is the best one of the scan's.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    starts : of which those that are admissible count, with an integrator where the gains have one
+    gains : dimensionless
     """
     problem = posed.problem
     law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]

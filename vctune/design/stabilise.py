@@ -5,7 +5,7 @@ from __future__ import annotations
 from vctune.analysis.stability import clearly_stable, stability_cut
 from vctune.design.start import Start
 from vctune.design.variables import Point, point
-from vctune.design.violations import least_resistance
+from vctune.design.violations import least_resistance, of_own_loops
 from vctune.design.working_set import WorkingSet
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains
@@ -29,12 +29,23 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     """Return the start, K_p or both gains reduced until its loops are sound: the scan's estimate may be off.
 
     That is, proved stable and, if that can be had, with Re(D + Z_h) > 0, for else the NLP has no values there.
+
+    Parameters
+    ----------
+    problem : dimensionless, with the bounds of the gains
+    cases : the problem of each device that is looked at
+    start : the design, dimensionless
+
+    Returns
+    -------
+    Point or None
+        None where the loops are stable with none of the gains that are tried.
     """
     bounds, K_v, K_p = problem.bounds, start.gains.velocity, start.gains.position
     fallback: Point | None = None
     for velocity, position in ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
-        if all(stable(case, gains) for case in cases):
+        if all(stable(case, gains) for case in of_own_loops(cases)):
             if all(least_resistance(case, gains).value[0] > 0 for case in cases):
                 return point(gains, start.coupling)
             fallback = fallback or point(gains, start.coupling)
@@ -42,7 +53,13 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
 
 
 def stable(problem: Problem, gains: Gains) -> bool:
-    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do."""
+    """Return whether all loops are stable; close to the boundary by proof, where an estimate would not do.
+
+    Parameters
+    ----------
+    problem : of one device
+    gains : in the problem's units
+    """
     return all(_loop_stable(device, gains) for device in problem.device.loops)
 
 
@@ -54,7 +71,14 @@ def _loop_stable(device: Device, gains: Gains) -> bool:
 
 
 def add_stability_cut(problem: Problem, working_set: WorkingSet, inside: Gains, outside: Gains) -> bool:
-    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new."""
+    """After a step into instability add the tangent of the boundary that was crossed; return whether it is new.
+
+    Parameters
+    ----------
+    problem : of one device, dimensionless
+    working_set : that the tangent is added to
+    inside, outside : stable and unstable gains
+    """
     cuts = (stability_cut(device, inside, outside, STABILITY_MARGIN) for device in problem.device.loops)
     new = [cut for cut in cuts if cut is not None and cut not in working_set.stability]
     if len(working_set.stability) + len(new) > MAX_CUTS:

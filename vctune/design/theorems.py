@@ -8,9 +8,11 @@ from __future__ import annotations
 from math import inf, pi, sqrt
 
 from vctune.design.infeasible import Infeasibility
-from vctune.model.limits import EndLimit, high_frequency_limit, low_frequency_limit
+from vctune.model.arithmetic import FLOATS
+from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
 """The smallest K_p > 0: with an integrator the limits at omega = 0 are others than without, however weak it is."""
@@ -18,7 +20,7 @@ LEAST_POSITION = 5e-324
 
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
-    found = _negative_resistance(problem)
+    found = _vanishing_response(problem) or _negative_resistance(problem)
     if found is None and problem.stability.band.min == 0:
         found = _at_zero(problem)
     if found is None and problem.stability.band.max == inf:
@@ -26,30 +28,50 @@ def impossible(problem: Problem) -> Infeasibility | None:
     return None if found is None else Infeasibility(*found, proved=True)
 
 
+def _vanishing_response(problem: Problem) -> tuple[str, str] | None:
+    """A disc of radius 1 around the device's response holds none at all, with which Re G_hh = 0."""
+    radii = problem.uncertainty.unmodelled if problem.uncertainty is not None else ()
+    if not radii:
+        return None
+    low, high = problem.stability.band.hz
+    inside = {hz: radius for hz, radius in radii if low <= hz <= high}
+    inside |= {hz: float(FLOATS.interpolated(hz, radii)) for hz in (low, high)}
+    hz, radius = max(inside.items(), key=lambda point: point[1])
+    if radius < 1:
+        return None
+    return (
+        f"Re G_hh > 0 is asked for at {hz:.4g} Hz, where uncertainty.unmodelled is {radius:.4g}: with a radius of 1 or "
+        "more the device may not answer at all",
+        "state radii below 1 within stability.band_hz, or end the band where they are",
+    )
+
+
 def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
     K_v, most = _least_velocity(problem), problem.bounds.velocity.max
     if K_v < most:
         return None
     device, omega = problem.device, problem.stability.band.min
+    tau = lags(device, FLOATS).drive
     place, growth = ("for omega -> 0", "") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", " (1 + (omega tau)^2)")
     return (
         f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} N s/m, but "
         f"gains.velocity is at most {most:.4g} N s/m",
-        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / device.loop_lag:.4g} N/m",
+        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / tau:.4g} N/m",
     )
 
 
 def _least_velocity(problem: Problem) -> float:
     """Return the K_v above which Re G_hh > 0 with the least K_p at the band's lower edge, -inf where that is not known.
 
-    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for "lag" without delay tau K_p < b (1 + (omega tau)^2) + K_v:
-    there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b.
+    Re D > 0 needs tau K_p < b + K_v for omega -> 0, and for an ideal device with "lag" without delay tau K_p <
+    b (1 + (omega tau)^2) + K_v: there Re D = b + (K_v - tau K_p)/(1 + (omega tau)^2). An operator's b_h adds to b. The
+    loss in a structure's spring eases it by what grows with K_p.
     """
     device, omega = problem.device, problem.stability.band.min
-    if omega > 0 and (device.hold != "lag" or device.delay > 0):
+    if device.structure is not None or (omega > 0 and not is_rational(device)):
         return -inf
-    growth = 1 + (omega * device.loop_lag) ** 2
-    return float(device.loop_lag * problem.bounds.position.min - device.with_operator.damping * growth)
+    growth, tau = 1 + (omega * device.loop_lag) ** 2, float(lags(device, FLOATS).drive)
+    return float(tau * problem.bounds.position.min - device.least_damping * growth)
 
 
 def _damping(device: Device) -> str:
@@ -77,13 +99,16 @@ def _at_zero(problem: Problem) -> tuple[str, str] | None:
 
 def _with_integrator(problem: Problem) -> tuple[str, str] | None:
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    if device.structure is not None or (device.operator is not None and not device.ideal):
+        return None
     most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
     limit = low_frequency_limit(device, Gains(bounds.velocity.max, max(bounds.position.min, LEAST_POSITION)), most)
     if _met(limit, factor):
         return None
     drag = factor * limit.required
     held = device.operator is not None
-    R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else "b^2/(4 (b + K_v - tau K_p))"
+    late = "(b + tau_s K_p)" if device.force_sensor is not None else "b"
+    R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else f"{late}^2/(4 (b + K_v - tau K_p))"
     reason = (
         f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "
         f"{limit.required:.4g} N s/m, with the safety factor {drag:.4g} N s/m, but Re Z_c tends to the drag, at most "
@@ -97,8 +122,13 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
 
 
 def _without_integrator(problem: Problem) -> tuple[str, str] | None:
-    """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v."""
+    """K_v/(b + K_v)^2 rises to a maximum at K_v = b and falls after it: it is least at an end of the range of K_v.
+
+    Of a device that is not ideal the inertia depends on K_v, and nothing is said.
+    """
     device, bounds, factor = problem.device, problem.bounds, problem.stability.safety_factor
+    if not device.ideal:
+        return None
     most = Coupling(bounds.damping.min, bounds.mass.max, bounds.drag.max)
     limits = [low_frequency_limit(device, Gains(K_v, 0.0), most) for K_v in (bounds.velocity.min, bounds.velocity.max)]
     if any(_met(limit, factor) for limit in limits):

@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+from math import degrees
+from typing import Any
+
 from vctune.analysis.demands import transparency_error
 from vctune.design.judge import Judgement
 from vctune.design.prepared import pose
-from vctune.document.record import DeviceRecord, UncertaintyRecord
+from vctune.document.record import DeviceRecord, PerturbationRecord, UncertaintyRecord
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 
 
-def device_record(device: Device) -> DeviceRecord:
-    """Return the numbers of a device that may be uncertain."""
-    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay)
+def device_record(device: Device, problem: Problem) -> DeviceRecord:
+    """Return mass, damping and delay of a device, and what else is uncertain about the problem's.
+
+    Parameters
+    ----------
+    device : of the problem's box, SI units
+    problem : one with an uncertain device
+    """
+    widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
+    others = {key: number for key, number in device.numbers().items() if "." in key and key in widths}
+    found: dict[str, Any] = {"parts": others} if others else {}
+    if device.unmodelled is not None and device.unmodelled.share > 0:
+        share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
+        found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
+    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay, **found)
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
@@ -29,11 +44,12 @@ def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: fl
     assert box is not None and uncertainty is not None
     worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
     return UncertaintyRecord(
-        box={name: [getattr(box.low, name), getattr(box.high, name)] for name in box.uncertain},
+        box={key: [box.low.number(key), box.high.number(key)] for key in box.modelled.uncertain},
+        **({"unmodelled": [list(point) for point in uncertainty.unmodelled]} if uncertainty.unmodelled else {}),
         objective=uncertainty.objective,
         nominal_error=nominal_error,
         robust_error=judgement.transparency.error,
         worst_error=transparency_error(worst, *design).error,
-        worst_device=device_record(worst.device),
-        min_ratio_device=device_record(judgement.tightest),
+        worst_device=device_record(worst.device, problem),
+        min_ratio_device=device_record(judgement.tightest, problem),
     )

@@ -15,7 +15,12 @@ Point = tuple[float, float, float, float, float]
 
 
 def point(gains: Gains, coupling: Coupling) -> Point:
-    """Return the five numbers of a design in the order of `NAMES`."""
+    """Return the five numbers of a design in the order of `NAMES`.
+
+    Parameters
+    ----------
+    gains, coupling : in any units, which stay
+    """
     return (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag)
 
 
@@ -60,7 +65,18 @@ class Coordinate:
 
 
 def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]:
-    """Return the coordinates of the free variables of a dimensionless problem; K_p only with an integrator."""
+    """Return the coordinates of the free variables of a dimensionless problem; K_p only with an integrator.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    integrator : whether the law has its term K_p/s
+
+    Returns
+    -------
+    tuple of Coordinate
+        In the order of `NAMES`, without those that are fixed.
+    """
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping
     scales = {"velocity": 1e-4 * loop_impedance, "position": 1e-2 * problem.transparency.band.min, "drag": 1e-3}

@@ -16,6 +16,7 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     stability_ratio,
     towards_zero,
+    unmodelled_maxima,
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
@@ -37,7 +38,7 @@ class Violations:
 
     Attributes
     ----------
-    ratio, sensitivity, peak : points
+    ratio, sensitivity, peak, unmodelled : points
     greatest : by how much at most
     near_peak : where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
@@ -46,6 +47,7 @@ class Violations:
     ratio: list[ConstraintPoint] = field(default_factory=list)
     sensitivity: list[ConstraintPoint] = field(default_factory=list)
     peak: list[ConstraintPoint] = field(default_factory=list)
+    unmodelled: list[ConstraintPoint] = field(default_factory=list)
     greatest: float = 0.0
     near_peak: ConstraintPoint | None = None
     positive: bool = True
@@ -62,22 +64,32 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     tightening : relative amount by which the demands are sharpened
     """
     gains, coupling = design_of(values)
-    peaks = [sensitivity_maxima(case, gains) for case in cases]
-    parts = [_on_device(case, gains, coupling, there, tightening) for case, there in zip(cases, peaks, strict=True)]
+    loops = of_own_loops(cases)
+    peaks = [sensitivity_maxima(case, gains) for case in loops]
+    parts = [_ratios(case, gains, coupling, tightening) for case in cases]
+    parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
+    if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
+        parts += [_unmodelled(case, gains, tightening) for case in loops]
     if posed.box is not None:
         parts.append(_inside(posed, gains, coupling, tightening))
     counted = posed.objective if posed.problem.transparency.norm == "peak" else ()
     return Violations(
         ratio=[point for part in parts for point in part.ratio],
         sensitivity=[point for part in parts for point in part.sensitivity],
+        unmodelled=[point for part in parts for point in part.unmodelled],
         peak=[point for case in counted for point in _error_peaks(case, gains, coupling)],
         greatest=max(part.greatest for part in parts),
-        near_peak=_near_peak(cases, gains, peaks),
+        near_peak=_near_peak(loops, gains, peaks),
         positive=all(part.positive for part in parts),
     )
 
 
-def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima, tightening: float) -> Violations:
+def of_own_loops(cases: list[Problem]) -> list[Problem]:
+    """Return the problems without those whose device differs from another's by what is not modelled alone."""
+    return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
+
+
+def _ratios(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
     device, stability, found = problem.device, problem.stability, Violations()
     ratio = _lowest_ratios(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
@@ -85,10 +97,22 @@ def _on_device(problem: Problem, gains: Gains, coupling: Coupling, peaks: Minima
     if ratio.value[0] <= 0:
         found.positive = False
         found.ratio += constraint_points(device, least_resistance(problem, gains).omega[:1])
-    over = np.log(-peaks.value / stability.max_sensitivity) + tightening
-    found.sensitivity = constraint_points(device, peaks.omega[over > tightening / 2])
-    found.greatest = max(max(float(short[0]), float(over[0]), 0.0) - tightening / 2, 0.0)
+    found.greatest = max(float(short[0]) - tightening / 2, 0.0)
     return found
+
+
+def _peaks(problem: Problem, peaks: Minima, tightening: float) -> Violations:
+    over = np.log(-peaks.value / problem.stability.max_sensitivity) + tightening
+    points = constraint_points(problem.device, peaks.omega[over > tightening / 2])
+    return Violations(sensitivity=points, greatest=max(float(over[0]) - tightening / 2, 0.0))
+
+
+def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations:
+    """Find where |1 - S| r exceeds 1."""
+    peaks = unmodelled_maxima(problem, gains)
+    over = np.log(np.maximum(-peaks.value, 1e-300)) + tightening
+    points = constraint_points(problem.device, peaks.omega[over > tightening / 2])
+    return Violations(unmodelled=points, greatest=max(float(over[0]) - tightening / 2, 0.0))
 
 
 def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
@@ -118,8 +142,14 @@ def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
     """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
 
     None where no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
+
+    Parameters
+    ----------
+    cases : the problem of each device that is looked at, dimensionless
+    gains : dimensionless
     """
-    return _near_peak(cases, gains, [sensitivity_maxima(case, gains) for case in cases])
+    loops = of_own_loops(cases)
+    return _near_peak(loops, gains, [sensitivity_maxima(case, gains) for case in loops])
 
 
 def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> ConstraintPoint | None:
@@ -135,7 +165,18 @@ def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> Const
 
 
 def least_resistance(problem: Problem, gains: Gains) -> Minima:
-    """Return the local minima of Re(D + Z_h) over the stability band, lowest first."""
+    """Return the local minima of Re(D + Z_h) over the stability band, lowest first.
+
+    Parameters
+    ----------
+    problem : of one device
+    gains : plain floats, in the problem's units
+
+    Returns
+    -------
+    Minima
+        Frequencies and values in the problem's units.
+    """
     grid = demand_grid(problem.device, *sampled_span(problem))
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
 from vctune.model.quantities import Device
-from vctune.proof.devices import UNCERTAIN
+from vctune.model.quantities import stacked as stacked_devices
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,15 +22,19 @@ class ConstraintPoint:
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
-    """Return points of one device."""
+    """Return points of one device.
+
+    Parameters
+    ----------
+    device : in the units of the frequencies
+    omega : rad per unit of time
+    """
     return [ConstraintPoint(float(w), device) for w in omega]
 
 
 def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
     """Return the devices of n points as one whose numbers are arrays, and their frequencies, all of shape (n,)."""
-    omega = np.array([point.omega for point in points])
-    mass, damping, delay = (np.array([getattr(point.device, name) for point in points]) for name in UNCERTAIN)
-    return replace(points[0].device, mass=mass, damping=damping, delay=delay), omega
+    return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +45,7 @@ class WorkingSet:
     ----------
     ratio, sensitivity, peak : points of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
     stability : tangents of the stability boundary
+    unmodelled : points of |1 - S| r < 1
     tracked_peaks : where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
     """
 
@@ -49,12 +54,14 @@ class WorkingSet:
     stability: list[Cut] = field(default_factory=list)
     peak: list[ConstraintPoint] = field(default_factory=list)
     tracked_peaks: list[ConstraintPoint] = field(default_factory=list)
+    unmodelled: list[ConstraintPoint] = field(default_factory=list)
 
-    def sizes(self) -> tuple[int, int, int, int]:
+    def sizes(self) -> tuple[int, ...]:
         """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""
-        return len(self.ratio), len(self.sensitivity), len(self.stability), len(self.peak)
+        points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled
+        return tuple(len(each) for each in points)
 
     def copy(self) -> WorkingSet:
         """Return a set that does not grow with this one."""
-        parts = (self.ratio, self.sensitivity, self.stability, self.peak, self.tracked_peaks)
+        parts = (self.ratio, self.sensitivity, self.stability, self.peak, self.tracked_peaks, self.unmodelled)
         return WorkingSet(*([*part] for part in parts))

@@ -7,9 +7,9 @@ one turn stand for all longer ones.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
-from math import pi
+from math import pi, prod
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,11 @@ from vctune.design.prepared import Posed
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.devices import DeviceBox
 
-SHARES = {"mass": 5, "damping": 5, "delay": 13}
+SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
 """Values of each uncertain number that are looked at, its ends among them. The ratio is smooth in mass and damping, and
-a delay turns its phase once: 13 values see every half turn six times. Half may miss a minimum, which the proof then
-finds; twice costs four to eight times the devices."""
+a delay, and what is not modelled, turn a phase once: 13 values see every half turn six times. Half may miss a minimum,
+which the proof then finds; twice costs four to eight times the devices, of which there are at most so many: of many
+uncertain numbers three values each are looked at, or two."""
 MOST = 24
 """Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them, of
 which the higher ones do not bind."""
@@ -33,6 +34,7 @@ grid's: with less a minimum is reached in more rounds, with more another one may
 STEPS, SHRINK = 40, 0.5
 """Rounds of the refinement, and what its steps shrink by where no neighbour is lower: to 1e-10 of the first in 40
 rounds, half of them for moving; the ratio is flat at its minimum, so that half as many give it to 1e-6 still."""
+DELAYS, DIRECTION = ("delay", "force_sensor.delay"), "unmodelled.phase"
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,14 +58,25 @@ Value = Callable[[Floats], Floats]
 
 
 def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
-    """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first."""
+    """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first.
+
+    Parameters
+    ----------
+    posed : with a box of devices, in any units
+    gains, coupling : a design, plain floats, in these units
+
+    Returns
+    -------
+    list of Worst
+        May be empty; an estimate.
+    """
     box, (low, high) = posed.box, posed.span
     assert box is not None
 
     def value(at: Floats) -> Floats:
         return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
 
-    ends = np.array([[low, high], *([getattr(box.low, name), getattr(box.high, name)] for name in box.uncertain)])
+    ends = np.array([[low, high], *([box.low.number(key), box.high.number(key)] for key in box.uncertain)])
     least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
     inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)
     found = [Worst(float(least[k]), float(at[0, k]), _device(box, at[1:, k].tolist())) for k in np.flatnonzero(inside)]
@@ -71,22 +84,32 @@ def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
 
 
 def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
-    return replace(box.nominal, **dict(zip(box.uncertain, numbers, strict=True)))
+    return box.nominal.with_numbers(dict(zip(box.uncertain, numbers, strict=True)))
 
 
 def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
     """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
-    reach = getattr(box.high, name) - getattr(box.low, name)
-    return np.minimum(reach, 2 * pi / omega) if name == "delay" else np.full_like(omega, reach)
+    reach = box.high.number(name) - box.low.number(name)
+    return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
+
+
+def _shares(box: DeviceBox) -> dict[str, int]:
+    """Return how many values of each uncertain number are looked at."""
+    counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
+    for fewer in (3, 2):
+        if prod(counts.values()) > MOST_DEVICES:
+            counts = {name: count if name == DIRECTION else min(count, fewer) for name, count in counts.items()}
+    return counts
 
 
 def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
     """Return the lowest local minima over frequency of the least over a grid of devices, shape (1 + numbers, n)."""
+    counts = _shares(box)
     axes = [
         np.clip(
-            getattr(box.low, name) + np.linspace(0.0, 1.0, SHARES[name])[:, None] * _reach(box, name, omega),
-            getattr(box.low, name),
-            getattr(box.high, name),
+            box.low.number(name) + np.linspace(0.0, 1.0, counts[name])[:, None] * _reach(box, name, omega),
+            box.low.number(name),
+            box.high.number(name),
         )
         for name in box.uncertain
     ]

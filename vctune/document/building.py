@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from vctune.document.device_contradictions import impossible_parts
 from vctune.document.errors import InputError, Mistake
 from vctune.document.gains import gains_text
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema import DeviceTable, GainsDocument
-from vctune.document.statement import statement
+from vctune.document.statement import statement, table_of
 from vctune.document.toml_text import toml_text
 from vctune.document.validation import examined, refusal, shown
 from vctune.model import quantities
@@ -36,6 +37,7 @@ class Device(quantities.Device):
     delay : s, from sampling to actuation, beyond the hold
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None for none
+    velocity, actuator, force_sensor, structure : what an ideal device has not; None for ideal
 
     Raises
     ------
@@ -45,7 +47,8 @@ class Device(quantities.Device):
 
     def __post_init__(self) -> None:
         table = {name: number for name, number in plain(self).items() if name != "operator"}
-        _, faults = examined(DeviceTable, table, lambda _raw: [])
+        between = [(path[1:], message) for path, message in impossible_parts({"device": table})]
+        _, faults = examined(DeviceTable, table, lambda _raw: between)
         if faults:
             raise refusal(faults, None, "Device")
 
@@ -111,7 +114,7 @@ def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> Gains
 def plain(value: Any) -> Any:
     """Return a value as TOML has it: objects as tables, what is None left out, NumPy's numbers as Python's."""
     if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
+        value = table_of(value)
     if isinstance(value, Mapping):
         return {str(key): plain(entry) for key, entry in value.items() if entry is not None}
     if isinstance(value, list | tuple):

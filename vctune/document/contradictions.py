@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from math import floor, inf, isfinite
 from typing import Any
 
+from vctune.document.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
 from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.raw import number_at
 from vctune.document.validation import Fault
 from vctune.model.keys import KEYS
+from vctune.model.quantities import PARTS
 
-MAX_DELAY_SAMPLES = 200
 MAX_DECADES = 12
 
 
@@ -31,7 +32,7 @@ def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
 def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
     sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay") or 0.0
     to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
-    to_infinity = to_infinity and delay == 0
+    to_infinity = to_infinity and delay == 0 and not any(part in raw["device"] for part in PARTS)
     for table in ("transparency", "stability"):
         path = (table, "band_hz")
         low, high = number_at(raw, *path, 0), number_at(raw, *path, 1)
@@ -46,7 +47,7 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
             nyquist = 0.5 / sample_time
             yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
         if table == "stability" and endless and not to_infinity:
-            yield path, 'the upper edge inf needs hold = "lag" and delay = 0; use a finite one'
+            yield path, 'the upper edge inf needs hold = "lag", delay = 0 and no parts of the device; use a finite one'
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
@@ -64,6 +65,7 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
     if all(weight == 0 for weight in weights):
         yield ("transparency", "weights"), "all three are 0: nothing is left to optimise; give one a positive weight"
     yield from _long_delays(raw)
+    yield from impossible_parts(raw)
 
 
 def _long_delays(raw: dict[str, Any]) -> Iterator[Fault]:

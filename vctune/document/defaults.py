@@ -2,33 +2,37 @@
 
 See document/README.md, section 1.
 
-With tau = T/2 + delay, the loop's lag, and Z = m/tau + b, the impedance at which the loop runs out of phase:
-the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of the sampling rate without
-delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
+With tau = T/2 + delay and the lags of actuator and velocity estimate, and Z = m/tau + b, the impedance at which the
+loop runs out of phase: the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of
+the sampling rate without delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, pi, sqrt
 
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
-from vctune.document.schema import ProblemDocument, StabilityTable, UncertaintyTable
+from vctune.document.schema import DeviceTable, ProblemDocument, StabilityTable, UncertaintyTable
+from vctune.model.arithmetic import FLOATS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.limits import lags
 from vctune.model.problem import Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
-from vctune.model.quantities import Device, LeastOperator
+from vctune.model.quantities import Actuator, Device, ForceSensor, LeastOperator, Structure, VelocityEstimate
 from vctune.model.transparency import Terms
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
     """Return the problem that a valid document states, every default filled in."""
-    table = document.device
     hand = document.operator
     operator = LeastOperator(hand.mass, hand.damping) if hand and (hand.mass or hand.damping) else None
-    device = Device(table.mass, table.damping, table.sample_time, table.delay, table.hold, operator)
-    loop_impedance = device.mass / device.loop_lag + device.damping
+    device = replace(device_of(document.device), operator=operator)
+    late = lags(device, FLOATS)
+    lag = float(late.drive + late.estimate)
+    loop_impedance = device.mass / lag + device.damping
 
     objective = document.transparency
-    f1, f2 = objective.band_hz or (0.00025 / device.loop_lag, 0.015 / device.loop_lag)
+    f1, f2 = objective.band_hz or (0.00025 / lag, 0.015 / lag)
     middle = 2 * pi * sqrt(f1 * f2)
     Z_0 = objective.reference_impedance or device.mass * middle
     weights = objective.weights
@@ -36,7 +40,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     gains, coupling = document.gains, document.coupling
     bounds = Bounds(
         velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
-        position=_range(gains.position, 0.0, 2 * loop_impedance / device.loop_lag),
+        position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
         drag=_range(coupling.drag, 0.0, 0.0),
@@ -52,24 +56,46 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             objective.norm,
             Terms(weights.admittance, weights.tracking, weights.coupling),
         ),
-        stability=_stability(document.stability, device, f1),
+        stability=_stability(document.stability, lag, f1),
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
     )
 
 
-def _stability(table: StabilityTable, device: Device, f1: float) -> Stability:
-    low, high = table.band_hz or (f1, 0.05 / device.loop_lag)
+def _stability(table: StabilityTable, lag: float, f1: float) -> Stability:
+    low, high = table.band_hz or (f1, 0.05 / lag)
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
     )
 
 
+def device_of(table: DeviceTable) -> Device:
+    """Return the device of a table; a part that does nothing is none."""
+    velocity, actuator, sensor, structure = table.velocity, table.actuator, table.force_sensor, table.structure
+    estimate = VelocityEstimate(velocity.source, velocity.filter_hz, velocity.filter_order) if velocity else None
+    sensed = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay) if sensor else None
+    flexible = None
+    if structure is not None:
+        flexible = Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio)
+    return Device(
+        table.mass,
+        table.damping,
+        table.sample_time,
+        table.delay,
+        table.hold,
+        velocity=None if estimate == VelocityEstimate() else estimate,
+        actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
+        force_sensor=None if sensed == ForceSensor() else sensed,
+        structure=flexible,
+    )
+
+
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
-    found = Uncertainty(table.mass, table.damping, table.delay, table.objective)
-    moves = any(getattr(table, name) * getattr(device, name) for name in ("mass", "damping", "delay"))
-    return found if moves else None
+    widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
+    moving = tuple((key, width) for key, width in widths.items() if width > 0)
+    found = Uncertainty(moving, table.objective, tuple(table.unmodelled))
+    return found if found.unmodelled or any(device.number(key) for key, _ in moving) else None
 
 
 def _range(value: object, low: float, high: float) -> Range:
@@ -86,7 +112,7 @@ def _experiment(table: ExperimentTable, device: Device) -> Experiment:
         environment=Environment(**table.environment.model_dump()),
         operator=Operator(**table.operator.model_dump()),
         friction=_friction(table.friction, device) if table.friction else None,
-        sensors=_sensors(table.sensors, device),
+        sensors=_sensors(table.sensors),
         limit=table.actuator.limit,
         baseline=Baseline(**table.baseline.model_dump()) if table.baseline else None,
     )
@@ -98,6 +124,5 @@ def _friction(table: FrictionTable, device: Device) -> Friction:
     return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)
 
 
-def _sensors(table: SensorsTable, device: Device) -> Sensors:
-    filter_hz = (table.filter_hz or 0.1 / device.sample_time) if table.velocity == "difference" else None
-    return Sensors(table.position_resolution, table.force_noise, table.seed, filter_hz)
+def _sensors(table: SensorsTable) -> Sensors:
+    return Sensors(table.position_resolution, table.force_noise, table.seed)

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
-from vctune.document.errors import InputError, Mistake
-from vctune.document.json import read_json
+from vctune.document.json import as_record, read_json
 from vctune.document.record import SCHEMA, DesignRecord
-from vctune.document.validation import MAX_MISTAKES, dotted
 
 MAX_BYTES = 10_000_000
+KIND = "a design.json of `vctune solve`"
 
 
 def read_design(path: Path) -> DesignRecord:
@@ -23,7 +20,7 @@ def read_design(path: Path) -> DesignRecord:
     InputError
         If it cannot be read or is not one, listing the parts that are missing or wrong.
     """
-    return design_of(read_json(path, "a design.json of `vctune solve`", MAX_BYTES), str(path))
+    return design_of(read_json(path, KIND, MAX_BYTES), str(path))
 
 
 def design_of(value: Any, source: str) -> DesignRecord:
@@ -39,11 +36,4 @@ def design_of(value: Any, source: str) -> DesignRecord:
     InputError
         If it is not one, listing the parts that are missing or wrong.
     """
-    if not isinstance(value, dict) or value.get("schema") != SCHEMA:
-        raise InputError(source, [Mistake("schema", f"is not {SCHEMA}; name a design.json of `vctune solve`")])
-    try:
-        return DesignRecord.model_validate(value)
-    except ValidationError as error:
-        faults = error.errors(include_url=False)[:MAX_MISTAKES]
-        mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
-        raise InputError(source, [*mistakes, Mistake("", "is damaged; solve the problem again")]) from None
+    return as_record(value, DesignRecord, SCHEMA, source, kind=KIND, remedy="solve the problem again")

@@ -10,11 +10,16 @@ from typing import Any
 
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
+from vctune.model.quantities import PARTS
 
 
 def problem_digest(problem: Problem) -> str:
     """Return the digest of what a design depends on: the problem without name, description and experiments."""
-    return digest(asdict(replace(problem, name="", description="", experiments=())))
+    stated = asdict(replace(problem, name="", description="", experiments=()))
+    # what an ideal device has not is not in it: a digest of before there was anything else still holds
+    absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
+    stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
+    return digest(stated)
 
 
 def experiments_digest(experiments: Sequence[Experiment]) -> str:

@@ -26,7 +26,7 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Fault]:
         if isinstance(table.get("name"), str) and table["name"] in names:
             yield ("experiment", index, "name"), f"{table['name']!r} is the name of another experiment; choose its own"
         names.append(table.get("name"))
-        for path, message in (*_hand(raw, table), *_rendering(table), *_hardware(raw, table)):
+        for path, message in (*_hand(raw, table), *_rendering(table), *_hardware(table)):
             yield ("experiment", index, *path), message
 
 
@@ -83,15 +83,7 @@ def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
         )
 
 
-def _hardware(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:
+def _hardware(table: dict[str, Any]) -> Iterator[Fault]:
     coulomb, stiction = number_at(table, "friction", "coulomb"), number_at(table, "friction", "stiction")
     if coulomb is not None and stiction is not None and stiction < coulomb:
         yield ("friction", "stiction"), f"{stiction:g} is below coulomb = {coulomb:g}; swap them"
-    corner, sample_time = number_at(table, "sensors", "filter_hz"), number_at(raw, "device", "sample_time")
-    if corner is None:
-        return
-    if table["sensors"].get("velocity", "measured") != "difference":
-        yield ("sensors", "filter_hz"), 'is only for velocity = "difference"; leave it out'
-    elif sample_time and sample_time > 0 and corner > 0.5 / sample_time:
-        nyquist = 0.5 / sample_time
-        yield ("sensors", "filter_hz"), f"{corner:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"

@@ -51,21 +51,14 @@ class FrictionTable(Table):
 
 
 class SensorsTable(Table):
-    """What the controller sees of handle and hand."""
+    """What the encoder and the force sensor make of handle and hand."""
 
     position_resolution: NotNegative = Field(0.0, description="Resolution of the encoder, m; 0 for none.")
     force_noise: NotNegative = Field(0.0, description="Standard deviation of a force sample, N.")
     seed: Seed = Field(0, description="Seed of the noise.")
-    velocity: Literal["measured", "difference"] = Field(
-        "measured", description="A sensor of its own, or filtered differences of the measured position."
-    )
-    filter_hz: Positive | None = Field(
-        None,
-        description='Corner of the filter with velocity = "difference", Hz. Default: a tenth of the sampling rate.',
-    )
 
 
-class ActuatorTable(Table):
+class LimitTable(Table):
     """What the motor can do."""
 
     limit: Positive | None = Field(None, description="Greatest force, N. Default: none.")
@@ -94,5 +87,5 @@ class ExperimentTable(Table):
     operator: OperatorTable = Field(default_factory=OperatorTable)
     friction: FrictionTable | None = Field(None)
     sensors: SensorsTable = Field(default_factory=SensorsTable)
-    actuator: ActuatorTable = Field(default_factory=ActuatorTable)
+    actuator: LimitTable = Field(default_factory=LimitTable)
     baseline: BaselineTable | None = Field(None)

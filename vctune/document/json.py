@@ -1,13 +1,19 @@
-"""JSON files read strictly: finite numbers, of a size that the file can have."""
+"""JSON files read strictly: finite numbers, of a size that the file can have, and the records that they state."""
 
 from __future__ import annotations
 
 import json
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
 
 from vctune.document.errors import InputError, Mistake
+from vctune.document.part import Part
+from vctune.document.validation import MAX_MISTAKES, dotted
+
+Record = TypeVar("Record", bound=Part)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
@@ -38,6 +44,33 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
         raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
     except ValueError as error:
         raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+
+
+def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind: str, remedy: str) -> Record:
+    """Return the record that the object of a JSON file states.
+
+    Parameters
+    ----------
+    value : the object
+    part : class of the record
+    schema : what the object has to call itself
+    source : what messages call it
+    kind : what to name instead of another object
+    remedy : for one that is damaged
+
+    Raises
+    ------
+    InputError
+        If it is another object, or listing the parts that are missing or wrong.
+    """
+    if not isinstance(value, dict) or value.get("schema") != schema:
+        raise InputError(source, [Mistake("schema", f"is not {schema}; name {kind}")])
+    try:
+        return part.model_validate(value)
+    except ValidationError as error:
+        faults = error.errors(include_url=False)[:MAX_MISTAKES]
+        mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
+        raise InputError(source, [*mistakes, Mistake("", f"is damaged; {remedy}")]) from None
 
 
 def _finite(text: str) -> float:

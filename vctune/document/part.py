@@ -43,7 +43,13 @@ class Row(NamedTuple):
 
 
 def text(value: Any, digits: int = 5) -> str:
-    """Return a value of a record as text."""
+    """Return a value of a record as text.
+
+    Parameters
+    ----------
+    value : a number, a pair of numbers, a text, or None for what does not exist
+    digits : significant ones of a float
+    """
     if isinstance(value, list):
         low, high = ("inf" if edge is None else text(edge, digits) for edge in value)
         return f"{low} to {high}"

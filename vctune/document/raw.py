@@ -20,7 +20,13 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 
 
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
-    """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made."""
+    """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made.
+
+    Parameters
+    ----------
+    document : tables
+    numbers : each with its path of keys and places in lists
+    """
     copy = deepcopy(document)
     for path, number in numbers:
         node: Any = copy

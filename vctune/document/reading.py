@@ -64,13 +64,36 @@ def read_problem(path: str | Path) -> ProblemFile:
 
 
 def problem_file(text: str, path: Path) -> ProblemFile:
-    """Return the problem that the text of a file states. Raises `InputError` like `read_problem`."""
+    """Return the problem that the text of a file states.
+
+    Parameters
+    ----------
+    text : TOML
+    path : of the file, whose stem is the problem's name unless the text has one
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
     name = path.stem.encode("utf-8", "replace").decode()
     return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 
 
 def parse_problem(text: str, source: str, default_name: str) -> Problem:
-    """Return the problem that a TOML text states. Raises `InputError` like `read_problem`."""
+    """Return the problem that a TOML text states.
+
+    Parameters
+    ----------
+    text : TOML
+    source : what messages call it
+    default_name : of the problem, unless the text has one
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
     problem, faults = pose(toml.parse(text, source), default_name)
     if problem is None:
         raise refusal(faults, text, source)
@@ -78,7 +101,18 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
 
 
 def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
-    """Return the problem that parsed TOML states, or None and everything that is wrong with it."""
+    """Return the problem that parsed TOML states, or None and everything that is wrong with it.
+
+    Parameters
+    ----------
+    raw : tables
+    default_name : of the problem, unless they have one
+
+    Returns
+    -------
+    problem : every default filled in; None if there are faults
+    faults : each with the path of its key
+    """
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
         return None, faults
@@ -111,7 +145,18 @@ def read_gains(path: str | Path) -> GainsFile:
 
 
 def gains_file(text: str, path: Path) -> GainsFile:
-    """Return the gains that the text of a file states. Raises `InputError` like `read_problem`."""
+    """Return the gains that the text of a file states.
+
+    Parameters
+    ----------
+    text : TOML
+    path : of the file, for messages
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
     document = validated(GainsDocument, text, str(path), lambda _raw: [])
     gains, coupling = document.gains, document.coupling
     return GainsFile(

@@ -7,12 +7,14 @@ from the fields of these classes: a new number is a new field.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import radians
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from vctune.document.part import Number, Pair, Part, Row, Shown, how_shown, text
-from vctune.model.quantities import Coupling, Gains
+from vctune.document.prices import PriceRecord
+from vctune.model.quantities import Coupling, Gains, Unmodelled
 
 SCHEMA = "vctune/design/1"
 
@@ -36,6 +38,11 @@ class GainsRecord(Part):
     velocity: Annotated[NotNegative, Shown("velocity K_v", "N s/m", 8)]
     position: Annotated[NotNegative, Shown("position K_p", "N/m", 8)]
 
+    @property
+    def plain(self) -> Gains:
+        """The gains."""
+        return Gains(self.velocity, self.position)
+
 
 class CouplingRecord(Part):
     """The virtual coupling."""
@@ -43,6 +50,11 @@ class CouplingRecord(Part):
     damping: Annotated[Positive, Shown("damping b_c", "N s/m", 8)]
     mass: Annotated[Positive, Shown("mass m_c", "kg", 8)]
     drag: Annotated[NotNegative, Shown("drag b_0", "N s/m", 8)] = 0.0
+
+    @property
+    def plain(self) -> Coupling:
+        """The coupling."""
+        return Coupling(self.damping, self.mass, self.drag)
 
 
 class TransparencyRecord(Part):
@@ -54,15 +66,29 @@ class TransparencyRecord(Part):
     coupling: Annotated[Number, Shown("|Z_c|/Z_0")]
 
 
+class PerturbationRecord(Part):
+    """Which of the responses that a device may have: times 1 + share r e^(j phase), r the radius of the disc."""
+
+    share: float
+    phase_deg: float
+
+    def __str__(self) -> str:
+        return str(Unmodelled((), self.share, radians(self.phase_deg)))
+
+
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain."""
+    """The numbers of a device that may be uncertain; those of its parts by their keys."""
 
     mass: Annotated[float, Shown("mass", "kg")]
     damping: Annotated[float, Shown("damping", "N s/m")]
     delay: Annotated[float, Shown("delay", "s")]
+    parts: dict[str, float] = Field(default_factory=dict)
+    unmodelled: PerturbationRecord | None = None
 
     def __str__(self) -> str:
-        return ", ".join(f"{row.value} {row.unit}" for row in self.rows() if float(row.value))
+        own = [f"{row.value} {row.unit}" for row in self.rows() if float(row.value)]
+        off = [] if self.unmodelled is None else [str(self.unmodelled)]
+        return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
 
 class ClaimRecord(Part):
@@ -200,6 +226,7 @@ class UncertaintyRecord(Part):
     """What the design comes to on the devices of its box, and what certainty would be worth."""
 
     box: dict[str, Pair]
+    unmodelled: list[list[float]] = Field(default_factory=list)
     objective: str
     nominal_error: Annotated[Number, Shown("error if certain", "of the best design", optional=True)]
     robust_error: Number
@@ -212,6 +239,9 @@ class UncertaintyRecord(Part):
         for name, ends in self.box.items():
             shown = how_shown(DeviceRecord).get(name)
             yield Row(name, text(ends), shown.unit if shown else "")
+        if self.unmodelled:
+            radii = [radius for _, radius in self.unmodelled]
+            yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
         yield Row("least ratio", "", f"at {self.min_ratio_device}")
         yield from super().rows()
 
@@ -242,6 +272,7 @@ class DesignRecord(Part):
     proved: bool | None = None
     idle: bool = False
     repairs: list[RepairRecord] | None = None
+    prices: list[PriceRecord] | None = None
     at_bound: list[str]
     left_out: list[str]
     warnings: list[str]
@@ -262,10 +293,7 @@ class DesignRecord(Part):
     @property
     def design(self) -> tuple[Gains, Coupling] | None:
         """Gains and coupling; None if there is no design."""
-        if self.gains is None or self.coupling is None:
-            return None
-        gains, coupling = self.gains, self.coupling
-        return Gains(gains.velocity, gains.position), Coupling(coupling.damping, coupling.mass, coupling.drag)
+        return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
     def to_json(self) -> dict[str, Any]:
         """Return the object of design.json; every number in it is finite or null."""

@@ -1,65 +1,86 @@
-"""The region file: which gains are proved admissible, cell by cell, as a baseline for continuous integration."""
+"""The region file: which gains are proved admissible, cell by cell, as a baseline for continuous integration.
+
+Each key of region.json once, with its type: what is written and what a file must hold to be read back.
+"""
 
 from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, Strict, model_validator
 
-from vctune.document.errors import InputError, Mistake
-from vctune.document.json import read_json
-from vctune.document.schema import FixedCouplingTable, FixedGainsTable
-from vctune.document.validation import MAX_MISTAKES, dotted
+from vctune.document.json import as_record, read_json
+from vctune.document.part import Part
+from vctune.document.record import CouplingRecord, GainsRecord, NotNegative, ProblemRecord
+from vctune.model.quantities import Coupling, Gains
 
 SCHEMA = "vctune/region/1"
 MAX_BYTES = 100_000_000
+KIND = "a region.json of `vctune region`"
 
 Key = Literal["gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag"]
 Index = Annotated[int, Field(ge=0)]
-Edges = Annotated[list[Annotated[float, Field(ge=0, le=1e20)]], Field(min_length=2)]
+Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
-Cell = tuple[Index, Index, Index, Index, Verdict, float | None]
+Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
 """Numbers of the edges x_low, x_high, y_low, y_high; what is proved; b_c of a feasible cell where it is free."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="allow", frozen=True)
+class DemandsRecord(Part):
+    """What was asked of the gains."""
+
+    safety_factor: float
+    max_sensitivity: float
 
 
-class _Problem(_Part):
-    name: str
-    sha256: str
-    text: str
+class AxesRecord(Part):
+    """The variables that span the plane."""
 
-
-class _Axes(_Part):
     x: Key
     y: Key
 
 
-class _Edges(_Part):
+class EdgesRecord(Part):
+    """The values at which cells begin and end, SI units."""
+
     x: Edges
     y: Edges
 
 
-class DesignPoint(_Part):
+class ListedGains(GainsRecord, extra="forbid"):
+    """Gains that somebody may have added by hand: a slip of the pen is not kept as a key of another version."""
+
+
+class ListedCoupling(CouplingRecord, extra="forbid"):
+    """Their coupling."""
+
+
+class DesignPoint(Part):
     """Gains and coupling that are proved on their own."""
 
-    gains: FixedGainsTable
-    coupling: FixedCouplingTable
+    gains: ListedGains
+    coupling: ListedCoupling
+
+    @property
+    def design(self) -> tuple[Gains, Coupling]:
+        """Gains and coupling."""
+        return self.gains.plain, self.coupling.plain
 
 
-class RegionDocument(_Part):
-    """A region file."""
+class RegionDocument(Part):
+    """What was found of a plane of gains, in SI units: the object of region.json."""
 
-    schema_: Literal["vctune/region/1"] = Field(alias="schema")
-    problem: _Problem
-    axes: _Axes
-    edges: _Edges
-    cells: list[Cell]
+    problem: ProblemRecord
+    demands: DemandsRecord | None = None
+    axes: AxesRecord
+    others: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+    areas: dict[str, float] = Field(default_factory=dict)
     designs: list[DesignPoint]
+    edges: EdgesRecord
+    cells: list[Cell]
+    versions: dict[str, str | None] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _cells_lie_on_edges(self) -> RegionDocument:
@@ -74,6 +95,10 @@ class RegionDocument(_Part):
                 raise ValueError(f"the edges of {name} do not rise")
         return self
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of region.json; every number in it is finite or null."""
+        return {"schema": SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
+
 
 def read_region(path: Path) -> RegionDocument:
     """Read a region file.
@@ -83,12 +108,6 @@ def read_region(path: Path) -> RegionDocument:
     InputError
         If it cannot be read or is not one.
     """
-    record = read_json(path, "a region.json of `vctune region`", MAX_BYTES)
-    if not isinstance(record, dict) or record.get("schema") != SCHEMA:
-        raise InputError(str(path), [Mistake("schema", f"is not {SCHEMA}; name a region.json of `vctune region`")])
-    try:
-        return RegionDocument.model_validate(record)
-    except ValidationError as error:
-        listed = error.errors(include_url=False)[:MAX_MISTAKES]
-        faults = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in listed]
-        raise InputError(str(path), faults) from None
+    value = read_json(path, KIND, MAX_BYTES)
+    remedy = "correct it, or find the region again"
+    return as_record(value, RegionDocument, SCHEMA, str(path), kind=KIND, remedy=remedy)

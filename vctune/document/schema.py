@@ -39,6 +39,47 @@ Variable = Annotated[
 ]
 
 
+Order = Annotated[int, Field(strict=True, ge=1, le=2)]
+
+
+class VelocityTable(Table):
+    """How the firmware knows the velocity of the motor."""
+
+    source: Literal["measured", "difference"] = Field(
+        "measured", alias="from", description="A sensor of its own, or the backward difference of the sampled position."
+    )
+    filter_hz: Positive | None = Field(
+        None,
+        description="Corner f of the firmware's low-pass y += a (x - y), a = 1 - e^(-2 pi f T), Hz. Default: none.",
+    )
+    filter_order: Order = Field(1, description="How many such low-passes follow one another, 1 or 2.")
+
+
+class ActuatorTable(Table):
+    """What the motor makes of its command."""
+
+    bandwidth_hz: Positive = Field(description="Bandwidth of the force (current) loop, Hz.")
+    order: Order = Field(1, description="1: w/(s + w); 2: w^2/(s^2 + sqrt(2) w s + w^2), with w = 2 pi bandwidth_hz.")
+
+
+class ForceSensorTable(Table):
+    """What is sensed of the hand's force."""
+
+    bandwidth_hz: Positive | None = Field(
+        None, description="Bandwidth of sensor and filter, Hz, as the actuator's. Default: none."
+    )
+    order: Order = Field(1, description="Of the low-pass, 1 or 2.")
+    delay: NotNegative = Field(0.0, description="Until the firmware has the sample, s; at most 200 sample times.")
+
+
+class StructureTable(Table):
+    """A handle on a spring: the motor's part, with all of the device's damping, is measured and driven."""
+
+    handle_mass: Positive = Field(description="Of device.mass, what is on the handle's side of the spring, kg.")
+    frequency_hz: Positive = Field(description="Of the free resonance, both parts against each other, Hz.")
+    damping_ratio: NotNegative = Field(description="Of that resonance.")
+
+
 class DeviceTable(Table):
     """The mechanism, as an admittance display: Z_d = mass s + damping."""
 
@@ -53,6 +94,10 @@ class DeviceTable(Table):
         description="Delay from sampling to actuation beyond the hold, s; at most 200 sample times, the longest of an "
         "uncertain one too.",
     )
+    velocity: VelocityTable | None = Field(None, description="Default: measured, at once.")
+    actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command at once.")
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+    structure: StructureTable | None = Field(None, description="Default: rigid.")
 
 
 class LeastOperatorTable(Table):
@@ -70,7 +115,7 @@ class GainsTable(Table):
     velocity: Variable | None = Field(
         None,
         description="K_v, N s/m. Default { min = 1e-5 Z, max = 2 Z } with Z = mass/tau + damping and tau = "
-        "sample_time/2 + delay.",
+        "sample_time/2 + delay and the lags of actuator and velocity estimate.",
     )
     position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
 
@@ -116,7 +161,7 @@ class StabilityTable(Table):
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
         description="Band, Hz. Default: the transparency band's lower edge to 0.05/tau, a tenth of the sampling rate "
-        'without delay. The lower edge may be 0, the upper inf with hold "lag" and no delay.',
+        'without delay. The lower edge may be 0, the upper inf with hold "lag", no delay and an ideal device.',
     )
     safety_factor: Positive = Field(
         1.05, description="Least Re Z_c / R on the band, at least 1. Gains below it are refused; 1 asks for no reserve."
@@ -128,11 +173,36 @@ class StabilityTable(Table):
 
 
 class UncertaintyTable(Table):
-    """How far the device may be from its numbers: relative half-widths; the demands hold for every device within."""
+    """How far the device may be from its numbers: relative half-widths; the demands hold for every device within.
+
+    A number of a part of the device is named in quotes, "actuator.bandwidth_hz" = 0.2.
+    """
 
     mass: Share = Field(0.0, description="Of device.mass; 0.1 means plus or minus 10 %.")
     damping: Share = Field(0.0, description="Of device.damping.")
     delay: Share = Field(0.0, description="Of device.delay.")
+    velocity_filter_hz: Share = Field(0.0, alias="velocity.filter_hz", description="Of device.velocity.filter_hz.")
+    actuator_bandwidth_hz: Share = Field(
+        0.0, alias="actuator.bandwidth_hz", description="Of device.actuator.bandwidth_hz."
+    )
+    force_sensor_bandwidth_hz: Share = Field(
+        0.0, alias="force_sensor.bandwidth_hz", description="Of device.force_sensor.bandwidth_hz."
+    )
+    force_sensor_delay: Share = Field(0.0, alias="force_sensor.delay", description="Of device.force_sensor.delay.")
+    structure_handle_mass: Share = Field(
+        0.0, alias="structure.handle_mass", description="Of device.structure.handle_mass."
+    )
+    structure_frequency_hz: Share = Field(
+        0.0, alias="structure.frequency_hz", description="Of device.structure.frequency_hz."
+    )
+    structure_damping_ratio: Share = Field(
+        0.0, alias="structure.damping_ratio", description="Of device.structure.damping_ratio."
+    )
+    unmodelled: list[tuple[Positive, Positive]] = Field(
+        default_factory=list,
+        description="What is not modelled: [[Hz, radius], ...], a disc around 1 by which the device's response may be "
+        "multiplied; straight between the frequencies on logarithmic axes, constant beyond.",
+    )
     objective: Literal["nominal", "worst"] = Field(
         "nominal", description="Whose error is least: the device's own, or the greatest at the corners of the box."
     )

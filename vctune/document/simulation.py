@@ -1,21 +1,133 @@
-"""The simulation file: the object that `vctune simulate --json` prints, read back for a report."""
+"""The simulation file: the object that `vctune simulate --json` prints, read back for a report.
+
+Each key is a field here: what is written and what a file must hold to be read back follow from them.
+"""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 from vctune.document.digest import experiments_digest
+from vctune.document.errors import InputError
+from vctune.document.json import as_record, read_json
+from vctune.document.part import Number, Part
 from vctune.document.reading import parse_problem
-from vctune.document.record import DesignRecord
+from vctune.document.record import CouplingRecord, DesignRecord, GainsRecord
 
 SCHEMA = "vctune/simulation/1"
 FILE = "simulation.json"
+MAX_BYTES = 100_000_000
+KIND = "a simulation.json of `vctune simulate`"
 
 
-def simulation_beside(folder: Path, design: DesignRecord) -> dict[str, Any] | None:
-    """Return the object of a folder's simulation.json if it is of this very design, else None.
+class SimulatedProblemRecord(Part):
+    """The problem file."""
+
+    name: str
+    sha256: str
+    experiments_sha256: str
+
+
+class EnvironmentRecord(Part):
+    """What was rendered."""
+
+    mass: float
+    damping: float
+    stiffness: float
+    zero: float
+    wall: bool
+
+
+class LeastVirtualRecord(Part):
+    """The least virtual mass and damping with which the regular PID is stable, and their share of its own."""
+
+    share: float
+    mass: float
+    damping: float
+
+
+class FitRecord(Part):
+    """A number of the environment as it was felt."""
+
+    value: Number
+    asked: Number
+    standard_error: Number
+
+
+class MetricsRecord(Part):
+    """The measures of a run."""
+
+    non_overlap: Number
+    fits: dict[str, FitRecord]
+    offset: Number
+    residual: Number
+    ripple: Number
+    handle_energy: Number
+    environment_energy: Number
+    motor_energy: Number
+    handle_deficit: Number
+    environment_deficit: Number
+    peak_motor: Number
+    saturated: Number
+    peak_force: Number
+
+
+class SimulatedLoopRecord(Part):
+    """The linear sampled loop of device, hand and environment."""
+
+    stable: bool
+    spectral_radius: Number
+    hz: float
+
+
+class RunRecord(Part):
+    """One controller in one experiment."""
+
+    diverged_s: Number
+    metrics: MetricsRecord | None
+    loop: SimulatedLoopRecord
+    curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+
+
+class ExperimentRecord(Part):
+    """An experiment with the runs of the regular PID and of the design."""
+
+    name: str
+    environment: EnvironmentRecord
+    axis: Literal["position", "velocity"]
+    samples: int
+    least_virtual: LeastVirtualRecord | None
+    baseline: RunRecord | None
+    design: RunRecord
+
+
+class SimulationRecord(Part):
+    """Simulated experiments, in SI units and hertz: the object of simulation.json."""
+
+    problem: SimulatedProblemRecord
+    gains: GainsRecord
+    coupling: CouplingRecord
+    experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
+    versions: dict[str, str | None]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of simulation.json; every number in it is finite or null."""
+        return {"schema": SCHEMA} | self.model_dump(exclude_unset=True)
+
+    def is_of(self, design: DesignRecord) -> bool:
+        """Whether it is of the very design and experiments of a design.json."""
+        given = design.problem
+        if self.problem.sha256 != given.sha256 or (self.gains, self.coupling) != (design.gains, design.coupling):
+            return False
+        experiments = parse_problem(given.text, given.name, given.name).experiments
+        return self.problem.experiments_sha256 == experiments_digest(experiments)
+
+
+def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
+    """Return what a folder's simulation.json holds if it is of this very design, else None.
 
     Parameters
     ----------
@@ -23,18 +135,18 @@ def simulation_beside(folder: Path, design: DesignRecord) -> dict[str, Any] | No
     design : its record
     """
     try:
-        record = json.loads((folder / FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        record = simulation_of(read_json(folder / FILE, KIND, MAX_BYTES))
+    except InputError:
         return None
-    return record if isinstance(record, dict) and is_of(record, design) else None
+    return record if record.is_of(design) else None
 
 
-def is_of(record: dict[str, Any], design: DesignRecord) -> bool:
-    """Whether the object of a simulation.json is of the very design and experiments of a design.json."""
-    made_for, given, numbers = record.get("problem"), design.problem, design.to_json()
-    if record.get("schema") != SCHEMA or not isinstance(made_for, dict) or made_for.get("sha256") != given.sha256:
-        return False
-    experiments = parse_problem(given.text, given.name, given.name).experiments
-    return made_for.get("experiments_sha256") == experiments_digest(experiments) and all(
-        record.get(key) == numbers[key] for key in ("gains", "coupling")
-    )
+def simulation_of(value: Any) -> SimulationRecord:
+    """Return the record that the object of a simulation.json holds.
+
+    Raises
+    ------
+    InputError
+        If it is not one, listing the parts that are missing or wrong.
+    """
+    return as_record(value, SimulationRecord, SCHEMA, FILE, kind=KIND, remedy="simulate again")

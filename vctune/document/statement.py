@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from math import inf, pi
 from typing import Any
 
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
 from vctune.model.problem import Band, Bounds, Problem, Range
+from vctune.model.quantities import ForceSensor, VelocityEstimate
 
 
 def statement(problem: Problem) -> dict[str, Any]:
@@ -16,8 +17,8 @@ def statement(problem: Problem) -> dict[str, Any]:
 
     Reading it gives the same problem, with edges of bands to the last place but one.
     """
-    device = asdict(problem.device)
-    operator = device.pop("operator")
+    device = table_of(problem.device)
+    operator = device.pop("operator", None)
     transparency, stability = problem.transparency, problem.stability
     document: dict[str, Any] = {
         "name": problem.name,
@@ -38,10 +39,35 @@ def statement(problem: Problem) -> dict[str, Any]:
         },
     }
     if problem.uncertainty is not None:
-        document["uncertainty"] = asdict(problem.uncertainty)
+        stated = problem.uncertainty
+        document["uncertainty"] = dict(stated.half_widths) | {"objective": stated.objective}
+        if stated.unmodelled:
+            document["uncertainty"]["unmodelled"] = [list(point) for point in stated.unmodelled]
     if problem.experiments:
         document["experiment"] = [_experiment(experiment) for experiment in problem.experiments]
     return document
+
+
+def table_of(value: Any) -> dict[str, Any]:
+    """Return an object of the model as the table that states it, what is not there left out.
+
+    Parameters
+    ----------
+    value : a `Device`, one of its parts, `Range` and the like
+    """
+    table = {field.name: getattr(value, field.name) for field in fields(value)}
+    table = {
+        key: table_of(entry) if is_dataclass(entry) and not isinstance(entry, type) else entry
+        for key, entry in table.items()
+        if entry is not None
+    }
+    if isinstance(value, VelocityEstimate):
+        table["from"] = table.pop("source")
+        if "filter_hz" not in table:
+            del table["filter_order"]  # of a low-pass that is not there
+    elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
+        del table["order"]
+    return table
 
 
 def _bounds(bounds: Bounds) -> dict[str, Any]:
@@ -67,10 +93,6 @@ def _edge(omega: float) -> float:
 def _experiment(experiment: Experiment) -> dict[str, Any]:
     operator, sensors = asdict(experiment.operator), asdict(experiment.sensors)
     operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")
-    if sensors["filter_hz"] is None:
-        sensors.pop("filter_hz")
-    else:
-        sensors["velocity"] = "difference"
     parts = {
         "friction": experiment.friction and asdict(experiment.friction),
         "actuator": {"limit": experiment.limit} if experiment.limit is not None else None,

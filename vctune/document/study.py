@@ -114,6 +114,13 @@ def build_study(
 ) -> Study:
     """Return the study of a problem whose axes and sample are stated as in a study file's tables.
 
+    Parameters
+    ----------
+    problem : read or built
+    axes : by dotted key: values, or `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
+    sample : `kind`, and what it needs of `n` and `seed`; None for every combination
+    name : of the study
+
     Raises
     ------
     InputError

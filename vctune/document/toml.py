@@ -48,6 +48,11 @@ def read_text(path: Path) -> str:
 def parse(text: str, source: str) -> dict[str, Any]:
     """Parse TOML.
 
+    Parameters
+    ----------
+    text : of a file
+    source : what messages call it
+
     Raises
     ------
     InputError

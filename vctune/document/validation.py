@@ -20,9 +20,12 @@ LONG = 60
 
 KeyPath = tuple[str | int, ...]
 Fault = tuple[KeyPath, str]
-
-
 """Path of a key and what is wrong with it."""
+MOVED: dict[KeyPath, str] = {
+    ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
+    ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
+}
+"""Keys that earlier versions had, and where they are now."""
 Check = Callable[[dict[str, Any]], list[Fault]]
 """Finds what is wrong between values that are each right, in whatever part of a document is valid."""
 Document = TypeVar("Document", bound=BaseModel)
@@ -30,6 +33,13 @@ Document = TypeVar("Document", bound=BaseModel)
 
 def validated(model: type[Document], text: str, source: str, check: Check) -> Document:
     """Return the document that a TOML text states.
+
+    Parameters
+    ----------
+    model : class of the document
+    text : TOML
+    source : what messages call it
+    check : finds what is wrong between values that are each right
 
     Raises
     ------
@@ -43,7 +53,14 @@ def validated(model: type[Document], text: str, source: str, check: Check) -> Do
 
 
 def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
-    """Return the document that parsed TOML states, if it states one, and everything that is wrong with it."""
+    """Return the document that parsed TOML states, if it states one, and everything that is wrong with it.
+
+    Parameters
+    ----------
+    model : class of the document
+    raw : tables
+    check : finds what is wrong between values that are each right
+    """
     try:
         return model.model_validate(raw), check(raw)
     except ValidationError as error:
@@ -51,7 +68,14 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
-    """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text."""
+    """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text.
+
+    Parameters
+    ----------
+    faults : at least one
+    text : that was read; None if there is no file
+    source : what the message calls it
+    """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
     shown = [Mistake(dotted(path), message, _line(lines, path) if lines else None) for path, message in listed]
@@ -82,7 +106,7 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
     path = tuple(step for step in details["loc"] if step not in ("<number>", "<range>"))
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
-        return path, f"unknown key{_suggestion(model, path)}"
+        return path, MOVED.get(path[-2:], f"unknown key{_suggestion(model, path)}")
     if isinstance(value, float) and isnan(value):
         return path, "nan is not a number; write a number"
     if kind == "value_error":

@@ -72,20 +72,18 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What the controller sees.
+    """What encoder and force sensor make of handle and hand.
 
     Attributes
     ----------
     position_resolution : of the encoder, m; 0 for none
     force_noise : standard deviation of each force sample, N
     seed : of the noise
-    filter_hz : corner of the filter on differences of the position; None where the velocity itself is measured
     """
 
     position_resolution: float
     force_noise: float
     seed: int
-    filter_hz: float | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,5 +30,10 @@ class Pair:
 
 
 def re_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Re(a conj(b))."""
+    """Return Re(a conj(b)).
+
+    Parameters
+    ----------
+    a, b : in numbers of the same arithmetic
+    """
     return a.re * b.re + a.im * b.im

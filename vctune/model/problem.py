@@ -8,7 +8,7 @@ from typing import Literal
 
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
+from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms
 
 Norm = Literal["rms", "peak"]
@@ -85,14 +85,19 @@ class Uncertainty:
 
     Attributes
     ----------
-    mass, damping, delay : relative half-widths, 0 <= width < 1
+    half_widths : of numbers of the device by their keys, relative, 0 < width < 1
     objective : "nominal" for the error of the device's own numbers, "worst" for the greatest at the box's corners
+    unmodelled : (frequency in Hz, radius) of a disc around 1 by which the device's response may be multiplied; straight
+        between them on logarithmic axes, constant beyond; none for no disc
     """
 
-    mass: float
-    damping: float
-    delay: float
+    half_widths: tuple[tuple[str, float], ...]
     objective: Literal["nominal", "worst"]
+    unmodelled: tuple[tuple[float, float], ...] = ()
+
+    def in_time(self, time: float) -> Uncertainty:
+        """Return the same with times in units of `time`, s."""
+        return replace(self, unmodelled=tuple((hz * time, radius) for hz, radius in self.unmodelled))
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,20 +133,23 @@ class Problem:
         )
 
     def in_units(self, impedance: float, time: float) -> Problem:
-        """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s]."""
+        """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s].
+
+        Parameters
+        ----------
+        impedance : N s/m, > 0
+        time : s, > 0
+
+        Returns
+        -------
+        Problem
+            Its angular frequencies in rad per unit of time; with the device's own sample time as the unit T is 1.
+        """
         Z, t = 1 / impedance, 1 / time
-        device, bounds, transparency, stability = self.device, self.bounds, self.transparency, self.stability
-        operator = device.operator
+        bounds, transparency, stability = self.bounds, self.transparency, self.stability
         return replace(
             self,
-            device=replace(
-                device,
-                mass=device.mass * Z * t,
-                damping=device.damping * Z,
-                sample_time=device.sample_time * t,
-                delay=device.delay * t,
-                operator=operator and LeastOperator(operator.mass * Z * t, operator.damping * Z),
-            ),
+            device=self.device.in_units(impedance, time),
             bounds=Bounds(
                 velocity=bounds.velocity.times(Z),
                 position=bounds.position.times(Z / t),
@@ -155,5 +163,6 @@ class Problem:
                 reference_impedance=transparency.reference_impedance * Z,
             ),
             stability=replace(stability, band=Band(stability.band.min / t, stability.band.max / t)),
+            uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),
         )

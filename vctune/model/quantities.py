@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from math import degrees
+from typing import Any, Literal
+
+import numpy as np
 
 from vctune.model.arithmetic import Number
 
@@ -26,6 +29,110 @@ class LeastOperator:
 
 
 @dataclass(frozen=True, slots=True)
+class VelocityEstimate:
+    """How the firmware knows the velocity (model/README.md, section 12).
+
+    Attributes
+    ----------
+    source : "measured" by a sensor of its own, or the backward "difference" of the sampled position
+    filter_hz : corner of the low-pass y += a (x - y), a = 1 - e^(-2 pi f T), after it, Hz; None for none
+    filter_order : how many such filters follow one another
+    """
+
+    source: Literal["measured", "difference"] = "measured"
+    filter_hz: Number | None = None
+    filter_order: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Actuator:
+    """What the motor makes of its command: a low-pass of order 1, or of order 2 with damping ratio 1/sqrt(2).
+
+    Attributes
+    ----------
+    bandwidth_hz : Hz, > 0
+    order : 1 or 2
+    """
+
+    bandwidth_hz: Number
+    order: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ForceSensor:
+    """What is sensed of the hand's force: late, and through a low-pass as the actuator's.
+
+    Attributes
+    ----------
+    bandwidth_hz : Hz, > 0; None without a low-pass
+    order : 1 or 2
+    delay : s, >= 0
+    """
+
+    bandwidth_hz: Number | None = None
+    order: int = 1
+    delay: Number = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """A handle on a spring: the device's mass is in two, and the motor's part is what is measured and driven.
+
+    Attributes
+    ----------
+    handle_mass : kg, > 0, less than the device's
+    frequency_hz : of the free resonance of both masses, Hz, > 0
+    damping_ratio : of that resonance, >= 0
+    load : what moves as one with the handle; None for nothing. Frequency and damping ratio are those without it
+    """
+
+    handle_mass: Number
+    frequency_hz: Number
+    damping_ratio: Number
+    load: LeastOperator | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unmodelled:
+    """A response that is not quite the device's: all of it times 1 + share r(omega) e^(j phase) (README, section 13).
+
+    Attributes
+    ----------
+    radii : (frequency in Hz, radius), increasing in frequency: r is straight between them on logarithmic axes, and
+        constant beyond
+    share : of the radius, 0 <= share <= 1
+    phase : rad
+    """
+
+    radii: tuple[tuple[float, float], ...]
+    share: Number = 0.0
+    phase: Number = 0.0
+
+    def __str__(self) -> str:
+        return f"response off by {self.share:.3g} r at {degrees(self.phase):.4g} deg"
+
+
+PARTS = ("velocity", "actuator", "force_sensor", "structure")
+"""The tables of a device that say what an ideal one has not."""
+NUMBERS = (
+    "mass",
+    "damping",
+    "sample_time",
+    "delay",
+    "velocity.filter_hz",
+    "actuator.bandwidth_hz",
+    "force_sensor.bandwidth_hz",
+    "force_sensor.delay",
+    "structure.handle_mass",
+    "structure.frequency_hz",
+    "structure.damping_ratio",
+)
+"""The numbers of a device by their keys in its table."""
+PERTURBATION = ("unmodelled.share", "unmodelled.phase")
+"""What tells apart the responses of one device."""
+
+
+@dataclass(frozen=True, slots=True)
 class Device:
     """An admittance display: Z_d = mass s + damping, sampled and held (model/README.md, section 1).
 
@@ -37,6 +144,8 @@ class Device:
     delay : s, >= 0, from sampling to actuation, beyond the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : what is always at the handle; None if nothing need be
+    velocity, actuator, force_sensor, structure : what an ideal device has not; None each
+    unmodelled : which of the responses that are as good as its own; None for its own
     """
 
     mass: Number
@@ -45,6 +154,11 @@ class Device:
     delay: Number = 0.0
     hold: Hold = "zoh"
     operator: LeastOperator | None = None
+    velocity: VelocityEstimate | None = None
+    actuator: Actuator | None = None
+    force_sensor: ForceSensor | None = None
+    structure: Structure | None = None
+    unmodelled: Unmodelled | None = None
 
     @property
     def bare(self) -> Device:
@@ -52,20 +166,25 @@ class Device:
         return replace(self, operator=None)
 
     @property
+    def ideal(self) -> bool:
+        """Whether it is rigid, and measures, pushes and feels at once."""
+        late = self.velocity is not None or self.actuator is not None or self.force_sensor is not None
+        return not late and self.structure is None and self.unmodelled is None
+
+    @property
+    def modelled(self) -> Device:
+        """The device with its own response."""
+        return self if self.unmodelled is None else replace(self, unmodelled=None)
+
+    @property
     def with_operator(self) -> Device:
-        """The device with its least operator absorbed: W = Z_d + Z_h in place of Z_d."""
+        """The device with its least operator at the handle, a part of it: W = Z_d + Z_h in place of Z_d if rigid."""
         if self.operator is None:
             return self
+        if self.structure is not None:
+            return replace(self, structure=replace(self.structure, load=self.operator), operator=None)
         mass, damping = self.mass + self.operator.mass, self.damping + self.operator.damping
         return replace(self, mass=mass, damping=damping, operator=None)
-
-    def converted(self, number: Callable[[Number], Number]) -> Device:
-        """Return the device in numbers of another arithmetic."""
-        operator = self.operator and LeastOperator(number(self.operator.mass), number(self.operator.damping))
-        mass, damping, sample_time, delay = map(number, (self.mass, self.damping, self.sample_time, self.delay))
-        return Device(
-            mass=mass, damping=damping, sample_time=sample_time, delay=delay, hold=self.hold, operator=operator
-        )
 
     @property
     def loops(self) -> tuple[Device, ...]:
@@ -73,9 +192,89 @@ class Device:
         return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property
+    def motor_mass(self) -> Number:
+        """What the motor drives directly: all of a rigid device, kg."""
+        return self.mass if self.structure is None else self.mass - self.structure.handle_mass
+
+    @property
+    def least_damping(self) -> Number:
+        """b + b_h, of the device in the hand of its least operator, N s/m."""
+        return self.damping if self.operator is None else self.damping + self.operator.damping
+
+    def number(self, key: str) -> Number:
+        """Return one of its numbers by its key; None where it has not got that."""
+        of: Any = self
+        for name in key.split("."):
+            of = getattr(of, name) if of is not None else None
+        return of
+
+    def numbers(self) -> dict[str, Number]:
+        """Return the numbers that it has, by their keys."""
+        found = {key: self.number(key) for key in NUMBERS}
+        return {key: number for key, number in found.items() if number is not None}
+
+    def _varying(self) -> dict[str, Number]:
+        """Return its numbers, and which of its responses it has."""
+        return self.numbers() | {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
+
+    def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
+        """Return the device with other numbers in place of some that it has, by their keys."""
+        parts: dict[str, dict[str, Number]] = {}
+        own: dict[str, Any] = {}
+        for key, number in numbers.items():
+            part, _, name = key.rpartition(".")
+            (parts.setdefault(part, {}) if part else own)[name] = number
+        own |= {part: replace(getattr(self, part), **changed) for part, changed in parts.items()}
+        return replace(self, **own)
+
+    def converted(self, number: Callable[[Number], Number]) -> Device:
+        """Return the device in numbers of another arithmetic."""
+        same = self.with_numbers({key: number(value) for key, value in self._varying().items()})
+        return same._with_hands(lambda hand: LeastOperator(number(hand.mass), number(hand.damping)))
+
+    def in_units(self, impedance: Number, time: Number) -> Device:
+        """Return the device with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+
+        Parameters
+        ----------
+        impedance : N s/m, > 0
+        time : s, > 0
+        """
+        units = {"mass": impedance * time, "damping": impedance, "delay": time, "sample_time": time}
+        units |= {"handle_mass": impedance * time, "frequency_hz": 1 / time, "bandwidth_hz": 1 / time}
+        units |= {"filter_hz": 1 / time, "damping_ratio": 1.0}
+        scaled = {key: value / units[key.rpartition(".")[2]] for key, value in self.numbers().items()}
+        same = self.with_numbers(scaled)
+        if same.unmodelled is not None:
+            radii = tuple((hz * time, radius) for hz, radius in same.unmodelled.radii)
+            same = replace(same, unmodelled=replace(same.unmodelled, radii=radii))
+        return same._with_hands(lambda hand: LeastOperator(hand.mass / units["mass"], hand.damping / impedance))
+
+    def _with_hands(self, changed: Callable[[LeastOperator], LeastOperator]) -> Device:
+        """Return the device with its operator, and what its handle is loaded with, changed."""
+        structure = self.structure
+        if structure is not None and structure.load is not None:
+            structure = replace(structure, load=changed(structure.load))
+        return replace(self, structure=structure, operator=self.operator and changed(self.operator))
+
+    @property
     def loop_lag(self) -> Number:
-        """tau = T/2 + delay, the loop's low-frequency lag, s."""
+        """tau = T/2 + delay, the low-frequency lag of hold and delay, s."""
         return self.sample_time / 2 + self.delay
+
+
+def stacked(devices: Sequence[Device]) -> Device:
+    """Return devices as one whose numbers are arrays of shape (n,); plain where all have the same.
+
+    Parameters
+    ----------
+    devices : n devices with the same parts
+    """
+    first, *others = devices
+    if not others:
+        return first
+    columns = {key: [device.number(key) for device in devices] for key in first._varying()}
+    return first.with_numbers({key: np.array(each) for key, each in columns.items() if len(set(each)) > 1})
 
 
 @dataclass(frozen=True, slots=True)

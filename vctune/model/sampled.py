@@ -1,64 +1,79 @@
-"""The sampled velocity loop: plant 1/(m s + b) sampled exactly, any real delay (model/README.md, section 7).
+"""The sampled velocity loop: device and hold sampled exactly, any real delay (model/README.md, sections 7 and 12).
 
-Between samples the plant sees u[k-N-1] for the first delta T and u[k-N] for the rest, where
-delay = (N + delta) T. With z = e^{j theta} the loop's return difference is
+Between samples the device sees u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T. In
+w = z^-1 and d = 1 - w, its pulse transfer functions from the held command to the velocity and to the position are
 
-    F(z) = (1 - a/z)(1 - 1/z) + K_v z^-1 B (1 - 1/z) + K_p z^-2 (m phi B + G (z - a)),
-    B = beta_0 z^-N + beta_1 z^-(N+1),   G = gamma_0 z^-N + gamma_1 z^-(N+1),
+    G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
 
-or F = (1 - a/z) + K_v z^-1 B when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
-loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x), G_v and G_x being the pulse transfer functions from the
-held force to velocity and position; they are affine in the gains with complex constants that only the device knows.
+with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k): their coefficients are those of the step
+z - 1, and nothing cancels next to z = 1. The firmware estimates the velocity as L G_v or L d G_x/T with its low-pass
+L = a^r/(d + a w)^r, so that the loop's return difference, cleared of its denominators, is
+
+    F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
+
+or F = O (d + a w)^r + K_v V when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
+loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x); F is affine in the gains with complex constants that only
+the device knows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from math import floor
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import zip_longest
+from math import comb, floor
 
 import numpy as np
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.filters import smoothing
 from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
+from vctune.model.state_space import StepResponse, sampled_states
+
+Polynomial = tuple[Number, ...]
+"""Coefficients c_k of d^k w^(n-k), lowest power of d first."""
 
 
 @dataclass(frozen=True, slots=True)
 class SampledPlant:
-    """The step-invariant plant with input delay.
+    """The step-invariant device with input delay.
 
     Attributes
     ----------
-    pole : a = e^{-bT/m}
-    one_minus_pole : 1 - a, by its own formula, which does not cancel for small b T/m
-    drift : m phi(T), how far a unit velocity coasts in one sample, s
-    velocity : beta_0, beta_1: velocity after one sample per unit held force, m/(N s)
-    position : gamma_0, gamma_1: position after one sample per unit held force, m/N
+    open : O, of degree n, without its last coefficient, which is 1
+    velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last, which is 0
+    position : P, the same of degree n + 1, m/N
+    low_pass : a of the firmware's low-passes; None without one
+    order : r, how many of them there are
     whole_samples : N, of the delay
-    fractional : whether delta > 0, that is, whether beta_1 and gamma_1 are there at all
+    fractional : whether delta > 0, that is, whether there is an older force at all
     """
 
-    pole: Number
-    one_minus_pole: Number
-    drift: Number
-    velocity: tuple[Number, Number]
-    position: tuple[Number, Number]
+    open: Polynomial
+    velocity: tuple[Polynomial, Polynomial]
+    position: tuple[Polynomial, Polynomial]
     whole_samples: Number
     fractional: bool
+    low_pass: Number | None = None
+    order: int = 0
 
     def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
         """Return the plant in numbers of another arithmetic."""
-        (beta_0, beta_1), (gamma_0, gamma_1) = self.velocity, self.position
-        older = (number(beta_1), number(gamma_1)) if self.fractional else (beta_1, gamma_1)
-        return SampledPlant(
-            pole=number(self.pole),
-            one_minus_pole=number(self.one_minus_pole),
-            drift=number(self.drift),
-            velocity=(number(beta_0), older[0]),
-            position=(number(gamma_0), older[1]),
-            whole_samples=self.whole_samples,
-            fractional=self.fractional,
+
+        def each(polynomial: Polynomial) -> Polynomial:
+            return tuple(number(c) for c in polynomial)
+
+        def taps(newer: Polynomial, older: Polynomial) -> tuple[Polynomial, Polynomial]:
+            return each(newer), each(older) if self.fractional else older
+
+        low_pass = None if self.low_pass is None else number(self.low_pass)
+        return replace(
+            self,
+            open=each(self.open),
+            velocity=taps(*self.velocity),
+            position=taps(*self.position),
+            low_pass=low_pass,
         )
 
 
@@ -93,7 +108,7 @@ def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
 
 
 def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
-    """Sample the plant exactly.
+    """Sample the device exactly.
 
     Parameters
     ----------
@@ -107,8 +122,30 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     SampledPlant
         Its numbers of the shape of the device's.
     """
+    T = device.sample_time
+    older = device.delay - whole_samples * T if fractional else None
+    if device.actuator is None and device.structure is None:
+        response = _rigid(device, older, ops)
+    else:
+        response = _in_si(sampled_states(device, older, ops), device)
+    plant = SampledPlant(response.open, response.velocity, response.position, whole_samples, fractional)
+    estimate = device.velocity
+    if estimate is None:
+        return plant
+    if estimate.source == "difference":
+        newer, older_force = plant.position
+        velocity = tuple(c / T for c in newer), tuple(c / T for c in older_force)
+        plant = replace(plant, velocity=velocity)
+    if estimate.filter_hz is None:
+        return plant
+    a, _ = smoothing(estimate.filter_hz, T, ops)
+    return replace(plant, low_pass=a, order=estimate.filter_order)
+
+
+def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
+    """Sample 1/(m s + b) in closed form, with 1 - e^{-bT/m} by its own formula."""
     m, T = device.mass, device.sample_time
-    rate, t_1 = device.damping / m, device.delay - whole_samples * T
+    rate = device.damping / m
 
     def velocity_step(t: Number) -> Number:
         return t / m * ops.phi_1(rate * t)
@@ -116,23 +153,32 @@ def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fra
     def position_step(t: Number) -> Number:
         return t * t / m * ops.phi_2(rate * t)
 
-    t_0 = T - t_1 if fractional else T
+    t_0 = T if older is None else T - older
+    drift = T * ops.phi_1(rate * T)  # how far a unit velocity coasts in one sample
+    fall = rate * drift
     beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
     beta_1 = gamma_1 = 0
-    if fractional:
-        v_1 = velocity_step(t_1)  # what the older force leaves coasts on for t_0
+    if older is not None:
+        v_1 = velocity_step(older)  # what the older force leaves coasts on for t_0
         beta_1 = v_1 * ops.exp(-(rate * t_0))
-        gamma_1 = position_step(t_1) + v_1 * (t_0 * ops.phi_1(rate * t_0))
-    drift = T * ops.phi_1(rate * T)
-    return SampledPlant(
-        pole=ops.exp(-(rate * T)),
-        one_minus_pole=rate * drift,
-        drift=drift,
-        velocity=(beta_0, beta_1),
-        position=(gamma_0, gamma_1),
-        whole_samples=whole_samples,
-        fractional=fractional,
+        gamma_1 = position_step(older) + v_1 * (t_0 * ops.phi_1(rate * t_0))
+    return StepResponse(
+        open=(fall,),
+        velocity=((beta_0,), (beta_1,)),
+        position=((drift * beta_0 + gamma_0 * fall, gamma_0), (drift * beta_1 + gamma_1 * fall, gamma_1)),
     )
+
+
+def _in_si(response: StepResponse, device: Device) -> StepResponse:
+    """Return a response with velocities and positions in m/s and m per newton."""
+    velocity = device.sample_time / device.mass
+    position = velocity * device.sample_time
+
+    def both(taps: tuple[Polynomial, Polynomial], unit: Number) -> tuple[Polynomial, Polynomial]:
+        newer, older = (tuple(c * unit for c in tap) for tap in taps)
+        return newer, older
+
+    return StepResponse(response.open, both(response.velocity, velocity), both(response.position, position))
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,52 +209,136 @@ def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, po
     ReturnDifference
         Each part of the shape of theta.
     """
+    sin = ops.sin(theta)
+    half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
+    d, w = Pair(2 * half_sine * half_sine, sin), Pair(ops.cos(theta), -sin)
 
-    def delayed(steps: int) -> Pair:
+    def delayed(steps: Number) -> Pair:
+        if isinstance(steps, int) and steps == 1:
+            return w
         return Pair(ops.cos(theta * steps), -ops.sin(theta * steps))
 
-    first = delayed(plant.whole_samples + 1)
-    second = delayed(plant.whole_samples + 2) if plant.fractional else None
+    newer = delayed(plant.whole_samples + 1)
+    older = delayed(plant.whole_samples + 2) if plant.fractional else None
 
-    def input_path(taps: tuple[Number, Number]) -> Pair:
-        path = first.scaled(taps[0])
-        return path if second is None else path + second.scaled(taps[1])
+    def input_path(taps: tuple[Polynomial, Polynomial]) -> Pair:
+        path = _homogeneous(taps[0], d, w, newer)
+        return path if older is None else path + _homogeneous(taps[1], d, w, older)
 
-    half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
-    difference = Pair(2 * half_sine * half_sine, ops.sin(theta))
-    decay = Pair(plant.one_minus_pole + plant.pole * difference.re, plant.pole * difference.im)
-    velocity = input_path(plant.velocity)
+    open_loop, velocity = _monic(plant.open, d, w), input_path(plant.velocity)
+    low_pass = None
+    if plant.low_pass is not None:
+        once = _monic((plant.low_pass,), d, w)
+        gain = plant.low_pass if plant.order == 1 else plant.low_pass * plant.low_pass
+        low_pass, velocity = once if plant.order == 1 else once * once, velocity.scaled(gain)
+        open_loop = open_loop * low_pass
     if not position:
-        return ReturnDifference(decay, velocity, Pair(0, 0))
-    travel = (delayed(1) * velocity).scaled(plant.drift) + input_path(plant.position) * decay
-    return ReturnDifference(decay * difference, velocity * difference, travel)
+        return ReturnDifference(open_loop, velocity, Pair(0, 0))
+    travel = input_path(plant.position)
+    return ReturnDifference(open_loop * d, velocity * d, travel if low_pass is None else travel * low_pass)
+
+
+def _homogeneous(coefficients: Polynomial, d: Pair, w: Pair, delay: Pair) -> Pair:
+    """Return the sum of c_k d^k w^(n - 1 - k) over k < n, of n coefficients, delayed."""
+    *lower, last = coefficients
+    total, power = None, w
+    for c in reversed(lower):
+        total = (d.scaled(last) if total is None else total * d) + power.scaled(c)
+        power = power * w
+    return delay.scaled(last) if total is None else total * delay
+
+
+def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
+    """Return d^n + the sum of c_k d^k w^(n - k) over k < n, of n coefficients."""
+    *lower, last = coefficients
+    rest = 1 - last
+    total, power = Pair(last + rest * d.re, rest * d.im), w  # d + last w, w = 1 - d, with theta in one place only
+    for c in reversed(lower):
+        power = power * w
+        total = total * d + power.scaled(c)
+    return total
 
 
 def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
-    """Return |S|^2 of the sampled loop at one point of the unit circle."""
+    """Return |S|^2 of the sampled loop at one point of the unit circle.
+
+    Parameters
+    ----------
+    parts : of F, at one or several points
+    gains : K_v and K_p, N s/m and N/m
+
+    Returns
+    -------
+    Number
+        Of the shape of the parts.
+    """
     return parts.open.abs2() / parts.closed(gains).abs2()
 
 
 def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
-    """Return (1 - e^{-j theta})/theta, regular at theta = 0: what the integrator adds to F, divided by theta."""
+    """Return (1 - e^{-j theta})/theta, regular at theta = 0: what the integrator adds to F, divided by theta.
+
+    Parameters
+    ----------
+    theta : omega T, rad
+    ops : arithmetic of it
+    """
     half = theta / 2
     return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))
 
 
 def characteristic_polynomial(plant: SampledPlant, gains: Gains) -> list[Number]:
-    """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first."""
-    delay = [*plant.velocity] if plant.fractional else [plant.velocity[0]]
-    travel = [*plant.position] if plant.fractional else [plant.position[0]]
-    a, K_v, K_p = plant.pole, gains.velocity, gains.position
-    order = plant.whole_samples + len(delay)
+    """Return the coefficients of the sampled loop's characteristic polynomial, highest power of z first.
+
+    That is F as a polynomial in w, whose coefficient of w^0 is that of the highest power of z.
+
+    Parameters
+    ----------
+    plant : plain or in balls, not on arrays; its whole samples an int
+    gains : in the plant's numbers; with K_p = 0 for certain the position is not in the loop
+
+    Returns
+    -------
+    list of Number
+        One more than there are poles.
+    """
+    K_v, K_p = gains.velocity, gains.position
+    difference, unit = [1, -1], [1]
+    low_pass = unit
+    for _ in range(plant.order):
+        low_pass = _times(low_pass, _in_w((plant.low_pass, 1), 1))
+    gain = 1 if plant.low_pass is None else plant.low_pass**plant.order
+
+    def input_path(taps: tuple[Polynomial, Polynomial]) -> list[Number]:
+        late = [0] * plant.whole_samples
+        path = [*late, *_in_w(taps[0], len(taps[0]))]
+        return _plus(path, [*late, 0, *_in_w(taps[1], len(taps[1]))]) if plant.fractional else path
+
+    open_loop = _times(_in_w((*plant.open, 1), len(plant.open)), low_pass)
+    velocity = [K_v * gain * c for c in input_path(plant.velocity)]
     if K_p == 0:
-        coefficients = [1, -a] + [0] * (order - 1)
-        for i, beta in enumerate(delay):
-            coefficients[plant.whole_samples + 1 + i] = coefficients[plant.whole_samples + 1 + i] + K_v * beta
-        return coefficients
-    coefficients = [1, -(1 + a), a] + [0] * (order - 1)
-    for i, (beta, gamma) in enumerate(zip(delay, travel, strict=True)):
-        at = plant.whole_samples + 1 + i
-        coefficients[at] = coefficients[at] + K_v * beta + K_p * gamma
-        coefficients[at + 1] = coefficients[at + 1] - K_v * beta + K_p * (plant.drift * beta - a * gamma)
-    return coefficients
+        return _plus(open_loop, velocity)
+    travel = _times(input_path(plant.position), low_pass)
+    return _plus(_times(_plus(open_loop, velocity), difference), [K_p * c for c in travel])
+
+
+def _in_w(coefficients: Sequence[Number], degree: int) -> list[Number]:
+    """Return the sum of c_k d^k w^(degree - k), d = 1 - w, as coefficients of w, lowest power first."""
+    total: list[Number] = [0] * (degree + 1)
+    for k, c in enumerate(coefficients):
+        for i in range(k + 1):
+            at = degree - k + i
+            total[at] = total[at] + c * ((-1) ** i * comb(k, i))
+    return total
+
+
+def _times(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
+    total: list[Number] = [0] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            total[i + j] = total[i + j] + x * y
+    return total
+
+
+def _plus(a: Sequence[Number], b: Sequence[Number]) -> list[Number]:
+    return [x + y for x, y in zip_longest(a, b, fillvalue=0)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
-from vctune.model.loop import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.pair import Pair
 
 PANEL_NODES = 8

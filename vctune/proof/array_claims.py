@@ -6,11 +6,12 @@ See proof/README.md, section 7.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from vctune.model.arithmetic import Number
+from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import LoopResponse, hold_response, loop_response
+from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import Device
 from vctune.model.sampled import (
@@ -25,13 +26,16 @@ from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims import (
     Design,
     across_position,
-    along_hold,
+    along_drive,
     conditions_margin,
     high_margin,
     loop_gain_margin,
     low_margin,
+    model_curve,
+    resistance_margin,
     sensitivity_margin,
     sensitivity_sufficient_margin,
+    unmodelled_margin,
 )
 from vctune.proof.jets import ENCLOSURES as OPS
 
@@ -62,9 +66,11 @@ class Claims:
     ----------
     conditions, sensitivity : margins that must be positive; the latter of theta = omega T
     conditions_near_zero : proves as much as `conditions`, next to omega = 0
+    unmodelled : must be positive too where the device's response is not known exactly, of theta
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
-    resistance : Re(D + Z_h), which must be positive too, whatever the coupling, N s/m
-    required : the least admissible Re Z_c where Re(D + Z_h) > 0 throughout, N s/m; elsewhere nothing is known of it
+    resistance : the loop's, which must be positive too, whatever the coupling, N s/m
+    required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
+        elsewhere
     sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
     model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
     model_any_position, sampled_any_position : where positive, the curve is not 0 for any K_p > 0
@@ -76,6 +82,7 @@ class Claims:
     conditions_near_zero: Margin
     conditions_near_infinity: Margin
     sensitivity: Margin
+    unmodelled: Margin
     resistance: Margin
     required: Margin
     sensitivity_any_position: Margin
@@ -98,20 +105,21 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     device, plant = _devices(demands.device, uncertain)
     factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
 
-    def has_integrator(v: Values) -> bool:
-        return not OPS.is_zero(gains_of(v).position)
+    def at(omega: Number, v: Values) -> DeviceResponse:
+        return device_response(device(v), omega, OPS)
 
-    def loop(omega: Number, v: Values) -> LoopResponse:
-        hold = hold_response(device(v), omega, OPS)
-        return loop_response(device(v), gains_of(v), omega, hold, OPS)
-
-    def model_curve(omega: Enclosure, v: Values) -> Pair:
-        D = loop(omega, v).D_scaled
-        return Pair(-D.im, D.re) if has_integrator(v) else D
+    def required(omega: Number, v: Values) -> Number:
+        return required_resistance(loop_response(at(omega, v), gains_of(v), OPS), OPS)
 
     def sampled_curve(theta: Enclosure, v: Values) -> Pair:
-        parts = return_difference(plant(v), theta, OPS, position=has_integrator(v))
+        parts = return_difference(plant(v), theta, OPS, position=not OPS.is_zero(gains_of(v).position))
         return parts.closed(gains_of(v))
+
+    def unmodelled(theta: Number, v: Values) -> Number:
+        known = device(v).unmodelled
+        hz = theta / (2 * OPS.pi * device(v).sample_time)
+        radius = OPS.interpolated(hz, known.radii) if known is not None else Enclosure(0.0)
+        return unmodelled_margin(plant(v), gains_of(v), theta, radius, OPS)
 
     def design(v: Values) -> Design:
         return Design(device(v), gains_of(v), coupling_of(v))
@@ -121,14 +129,15 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         conditions_near_zero=lambda omega, v: low_margin(design(v), omega, factor, OPS),
         conditions_near_infinity=lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
-        resistance=lambda omega, v: loop(omega, v).resistance,
-        required=lambda omega, v: required_resistance(loop(omega, v), OPS),
+        unmodelled=unmodelled,
+        resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
+        required=required,
         sensitivity_any_position=lambda theta, v: sensitivity_sufficient_margin(
             plant(v), gains_of(v), theta, limit, OPS
         ),
-        model_poles=model_curve,
+        model_poles=lambda omega, v: model_curve(at(omega, v), gains_of(v), OPS),
         sampled_poles=sampled_curve,
-        model_any_position=lambda omega, v: along_hold(device(v), gains_of(v), omega, OPS),
+        model_any_position=lambda omega, v: along_drive(at(omega, v), gains_of(v)),
         sampled_any_position=lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
         sampled_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
         sensitivity_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
@@ -151,7 +160,7 @@ def _devices(
     any_delay = "delay" in uncertain
 
     def device(v: Values) -> Device:
-        return replace(exact, **{name: v[f"device.{name}"] for name in uncertain})
+        return exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
 
     return device, lambda v: sampled(
         device(v), v[WHOLE_SAMPLES] if any_delay else whole, fractional=any_delay or fraction > 0

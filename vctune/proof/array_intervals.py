@@ -112,7 +112,12 @@ def _exact(x: Any) -> bool:
 
 
 def between(low: Any, high: Any) -> Enclosure:
-    """Return an enclosure of the intervals [low, high]."""
+    """Return an enclosure of the intervals [low, high].
+
+    Parameters
+    ----------
+    low, high : floats or arrays, low <= high, taken as the doubles that they are
+    """
     mid = 0.5 * (low + high)
     return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
 
@@ -123,5 +128,11 @@ def decimal(x: Any) -> Enclosure:
 
 
 def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
-    """Return yes where the condition holds and no elsewhere."""
+    """Return yes where the condition holds and no elsewhere.
+
+    Parameters
+    ----------
+    where : the condition
+    yes, no : of its shape, or such that they broadcast against it
+    """
     return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

@@ -119,6 +119,16 @@ def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
 
     The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
     a turn a box lies.
+
+    Parameters
+    ----------
+    curve : of a frequency and of values
+    fixed : the values that are not among a box's rows
+
+    Returns
+    -------
+    function
+        Of n boxes; its angles have the shape (n,).
     """
 
     def turn(boxes: Boxes) -> Floats:

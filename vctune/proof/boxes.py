@@ -110,7 +110,13 @@ class Boxes:
         return [Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
-        """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed."""
+        """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed.
+
+        Parameters
+        ----------
+        rows : one number for each of `names`, the frequency first
+        fixed : the other numbers by name; a row replaces one of its name
+        """
         return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
 
     def varied(self) -> list[bool]:
@@ -183,18 +189,51 @@ def over_band(
 
 
 def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
-    """Return each interval of a band with each cell."""
+    """Return each interval of a band with each cell.
+
+    Parameters
+    ----------
+    cells : n of them
+    band : edges of m intervals, from `band_of`
+
+    Returns
+    -------
+    Boxes
+        n m of them, each owned by its cell.
+    """
     return over_band(KEYS, cells.low, cells.high, band)
 
 
 def over_each(cells: Cells, omega: Floats) -> Boxes:
-    """Return each cell at one frequency of its own."""
+    """Return each cell at one frequency of its own.
+
+    Parameters
+    ----------
+    cells : n of them
+    omega : the frequency of each as the claim has it, rad/s or rad, shape (n,)
+
+    Returns
+    -------
+    Boxes
+        n of them, without width in frequency, each owned by its cell.
+    """
     low, high = (np.vstack((omega, edge)) for edge in (cells.low, cells.high))
     owner = np.arange(len(cells))
     return Boxes(names=(FREQUENCY, *KEYS), low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
-    """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds."""
+    """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds.
+
+    Parameters
+    ----------
+    f : of boxes; its last axis is theirs
+    boxes : n of them
+
+    Returns
+    -------
+    array
+        Of shape (..., n).
+    """
     starts = range(0, max(len(boxes), 1), CHUNK)
     return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

@@ -82,7 +82,7 @@ def prove(
     owners : their number
     halved : which rows may be halved
     max_halvings : how often a box is halved at most
-    most : boxes of one owner that are looked at before it is left open
+    max_boxes : boxes of one owner that are looked at before it is left open
     measure : of proved boxes; what is summed up in `Proofs.total`
 
     Returns

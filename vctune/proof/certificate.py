@@ -22,7 +22,7 @@ from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
 from vctune.proof.interval import Outcome, Verdict
-from vctune.proof.llewellyn import prove_conditions, widest_band
+from vctune.proof.llewellyn import conditions_at, prove_conditions, widest_band
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.robust import (
@@ -32,9 +32,10 @@ from vctune.proof.robust import (
     prove_model_poles_for_all,
     prove_sampled_poles_for_all,
     prove_sensitivity_for_all,
+    prove_unmodelled,
     widest_band_for_all,
 )
-from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity
+from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity, unmodelled_at
 
 
 class Claim(StrEnum):
@@ -44,6 +45,11 @@ class Claim(StrEnum):
     SENSITIVITY = "|S| <= max_sensitivity of the sampled loop up to Nyquist"
     MODEL_POLES = "no pole of the frequency model in the closed right half plane"
     SAMPLED_POLES = "spectral radius of the sampled loop below 1"
+    UNMODELLED = "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled"
+
+
+STABILITY = Claim.MODEL_POLES, Claim.SAMPLED_POLES, Claim.UNMODELLED
+"""Those without which no ratio means anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +85,8 @@ class Certificate:
     @property
     def proved_ratio(self) -> float | None:
         """The least Re Z_c / R that is proved of the band, of a stable loop: the demanded one, or 1, or None."""
-        if any(
-            self.outcomes[claim].verdict is not Verdict.PROVED for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)
-        ):
+        stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
+        if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
         if self.outcomes[Claim.CONDITIONS].verdict is Verdict.PROVED:
             return self.demands.factor
@@ -126,10 +131,12 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         Each claim proved, refuted or undecided.
     """
     (low, high), limit = demands.band, demands.max_sensitivity
-    claim = _everywhere(design, box, demands)
+    claim = _everywhere(design, box and box.modelled, demands)
 
     def conditions(factor: float) -> Outcome:
-        return claim(partial(prove_conditions, low=low, high=high, factor=factor), prove_conditions_for_all, factor)
+        in_doubt = partial(conditions_at, factor=factor)
+        alone = partial(prove_conditions, low=low, high=high, factor=factor)
+        return _everywhere(design, box, demands, in_doubt)(alone, prove_conditions_for_all, factor)
 
     with ctx.workprec(PRECISION):
         outcomes = {
@@ -138,6 +145,8 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
             Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), prove_model_poles_for_all),
             Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), prove_sampled_poles_for_all),
         }
+        if box is not None and box.nominal.unmodelled is not None:
+            outcomes[Claim.UNMODELLED] = _unmodelled(design, box, box.nominal.unmodelled.radii, demands)
         missed = demands.factor > 1 and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
@@ -154,8 +163,24 @@ def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Desi
     return replace(outcome, boxes=boxes)
 
 
-def _everywhere(design: Design, box: DeviceBox | None, demands: Demands) -> Callable[..., Outcome]:
-    """Return what proves a claim for the design's own device, and then for every one of the box."""
+def _unmodelled(design: Design, box: DeviceBox, radii: tuple[tuple[float, float], ...], demands: Demands) -> Outcome:
+    """Prove that no response within the discs of those of a box makes the loop unstable."""
+    if not design.gains.closed:
+        return Outcome(Verdict.PROVED, 1)
+
+    def alone(device: Device, theta: float) -> Outcome:
+        return unmodelled_at(device, design.gains, radii, theta)
+
+    return prove_unmodelled(RobustDesign(design, box, demands), alone)
+
+
+def _everywhere(
+    design: Design, box: DeviceBox | None, demands: Demands, in_doubt: Callable[..., Outcome] | None = None
+) -> Callable[..., Outcome]:
+    """Return what proves a claim for the design's own device, and then for every one of the box.
+
+    `in_doubt` judges a device whose response is perturbed, at a frequency.
+    """
 
     def claim(
         alone: Callable[[Design], Outcome],
@@ -166,16 +191,28 @@ def _everywhere(design: Design, box: DeviceBox | None, demands: Demands) -> Call
         robust = _robust_design(design, box, replace(demands, factor=factor))
         if robust is None or nominal.verdict is not Verdict.PROVED:
             return nominal
-        outcome = for_all(robust, lambda device: alone(replace(design, device=device)))
+
+        def one(device: Device, omega: float) -> Outcome:
+            there = replace(design, device=device)
+            if in_doubt is not None and device.unmodelled is not None:
+                return in_doubt(there, omega=omega)
+            return alone(there)
+
+        outcome = for_all(robust, one)
         return replace(outcome, boxes=nominal.boxes + outcome.boxes)
 
     return claim
 
 
 def _robust_design(design: Design, box: DeviceBox | None, demands: Demands) -> RobustDesign | None:
-    """Return the design on a box of devices; None where they are one, or all alike because there is no loop."""
-    looped = design.gains.velocity > 0 or design.gains.position > 0
-    return RobustDesign(design, box, demands) if box is not None and looped else None
+    """Return the design on a box of devices; None where they are one, or all alike.
+
+    Without a loop a mechanism is passive whatever its numbers are, but not if its response is another.
+    """
+    if box is None or not box.uncertain:
+        return None
+    alike = not design.gains.closed and box.nominal.unmodelled is None
+    return None if alike else RobustDesign(design, box, demands)
 
 
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
@@ -200,6 +237,6 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
         proofs = prove(demands, Cells(values, values))
         for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
-            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=True)}
+            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=False)}
             found[index] = Certificate(designs[index], demands, outcomes) if proved else None
     return [certificate or certify(design, demands, box) for design, certificate in zip(designs, found, strict=True)]

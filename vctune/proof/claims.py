@@ -7,9 +7,10 @@ from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.llewellyn import llewellyn_demand
-from vctune.model.loop import hold_response, loop_response
-from vctune.model.pair import re_conj_product
+from vctune.model.loop import loop_response
+from vctune.model.pair import Pair, re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import SampledPlant, difference_slope, return_difference
 
@@ -27,10 +28,11 @@ class Design:
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return 2 Re(D + Z_h) (Re Z_c - factor R) at omega > 0, (N s/m)^2 (model/README.md, section 4).
+    """Return 2 r (Re Z_c - factor R) at omega > 0, (N s/m)^2, r the loop's resistance (model/README.md, section 4).
 
-    Where it is positive Re(D + Z_h) > 0 and ratio >= factor: with N = |C||D| - Re(C conj D) >= 0 it is
-    2 Re(D + Z_h) Re Z_c + factor (2 b_h Re C - N), which for Re(D + Z_h) <= 0, hence Re C <= 0, is not positive.
+    Where it is positive and r > 0, ratio >= factor. Without an operator it is 2 r Re Z_c - factor (|C||D| -
+    Re(C conj D)), of an ideal device in a hand 2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0: then
+    it is not positive unless r is. Of any other device r > 0 has to be proved beside it (`resistance_apart`).
 
     Parameters
     ----------
@@ -39,8 +41,7 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
     factor : least Re Z_c / R
     ops : arithmetic of all of these
     """
-    device = design.device
-    loop = loop_response(device, design.gains, omega, hold_response(device, omega, ops), ops)
+    loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
     return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * llewellyn_demand(loop, ops)
 
 
@@ -59,30 +60,23 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     ops : arithmetic of all of these
     """
     device, coupling = design.device, design.coupling
-    hold = hold_response(device, omega, ops)
-    loop = loop_response(device, design.gains, omega, hold, ops)
+    loop = loop_response(device_response(device, omega, ops), design.gains, ops)
     weight = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) + re_conj_product(loop.C_scaled, loop.D_scaled)
-    im = loop.im_C_conj_Zd_scaled
+    im = loop.im_C_conj_D_scaled
     if device.operator is not None and not ops.is_zero(device.operator.damping):
         eased = 2 * loop.resistance * coupling.drag + factor * loop.operator_relief
         return eased * weight - factor * (im * im)
     if not ops.is_zero(coupling.drag):
-        return 2 * loop.resistance * coupling.drag * weight - factor * (
-            loop.im_C_conj_Zd_scaled * loop.im_C_conj_Zd_scaled
-        )
+        return 2 * loop.resistance * coupling.drag * weight - factor * (im * im)
+    if loop.im_slope is None:
+        return -weight
     b_c, m_c, reactance = coupling.damping, coupling.mass, coupling.mass * omega
     slope = b_c * (m_c * m_c) / (b_c * b_c + reactance * reactance)
-    re_C = loop.resistance - device.damping
-    im = device.mass * re_C  # Im(C conj Z_d)/omega^2 with an integrator and b = 0, over -omega without one
-    integral = not ops.is_zero(design.gains.position)
-    if integral and not ops.is_zero(device.damping):
-        return -weight
-    im = im * omega if integral else im + device.damping * design.gains.velocity * hold.lag
-    return 2 * loop.resistance * slope * weight - factor * (im * im)
+    return 2 * loop.resistance * slope * weight - factor * (loop.im_slope * loop.im_slope)
 
 
 def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
-    """Return `conditions_margin` at omega = 1/v for hold "lag" without delay, in terms that are smooth at v = 0.
+    """Return `conditions_margin` at omega = 1/v of an ideal device, hold "lag" without delay, smooth at v = 0.
 
     Parameters
     ----------
@@ -92,6 +86,7 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     ops : arithmetic of all of these
     """
     device, gains, coupling = design.device, design.gains, design.coupling
+    assert device.ideal, "beyond Nyquist only an ideal device has a model"
     half = device.sample_time / 2
     decay = 1 / (v * v + half * half)
     re_C_over_v = (gains.velocity - gains.position * half) * decay * v
@@ -123,6 +118,23 @@ def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: 
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
+def unmodelled_margin(plant: SampledPlant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
+    """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1.
+
+    Then no response within the disc of that radius around the device's makes a stable loop unstable (small gain).
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    radius : greatest |delta| there
+    ops : arithmetic of all of these
+    """
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
+    loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
+    return (parts.open + loop).abs2() - radius * radius * loop.abs2()
+
+
 def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
 
@@ -140,21 +152,62 @@ def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Nu
     return limit * limit * parts.open.abs2() - loop.abs2()
 
 
-def along_hold(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Number:
-    """Return Re(D conj H), which does not depend on K_p; regular at omega = 0.
+def resistance_apart(device: Device) -> bool:
+    """Return whether a loop's resistance has to be proved positive beside the conditions."""
+    return device.operator is not None and not device.ideal
 
-    The integrator's K_p H/(j omega) is at right angles to H. Where Re(D conj H) > 0, D is not 0 for any K_p.
+
+def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
+    """Return the loop's resistance, N s/m: |D|^2 Re G_hh, of a device in the hand of its least operator.
 
     Parameters
     ----------
-    device, gains : in numbers of the arithmetic
+    design : in numbers of the arithmetic; only its device and gains
     omega : rad/s, >= 0
-    ops : arithmetic of all of these
+    ops : arithmetic of both
     """
-    hold = hold_response(device, omega, ops)
-    lagging = omega * hold.lag
-    H2 = hold.re * hold.re + lagging * lagging
-    return device.damping * hold.re - device.mass * omega * lagging + gains.velocity * H2
+    return loop_response(device_response(design.device, omega, ops), design.gains, ops).resistance
+
+
+def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
+    """Return D, with an integrator j omega D, of a handle on a spring times (k + j omega c) and a positive number.
+
+    It has the zeros of D, no pole to the right of the imaginary axis, and is real and positive at omega = 0.
+
+    Parameters
+    ----------
+    at : the device at omega >= 0
+    gains : in numbers of the arithmetic
+    ops : arithmetic of both
+    """
+    D = loop_response(at, gains, ops).D_scaled
+    if not ops.is_zero(gains.position):
+        D = Pair(-D.im, D.re)
+    return D if at.spring is None else D * Pair(at.spring.y_k, at.omega * at.spring.y_c)
+
+
+def along_drive(at: DeviceResponse, gains: Gains) -> Number:
+    """Return Re(D conj(e A H)), e = 1 + y Z_2, which does not depend on K_p; regular at omega = 0.
+
+    The integrator's e K_p A H/(j omega) is at right angles to e A H. Where Re(D conj(e A H)) > 0, D is not 0 for any
+    K_p. With D = e W + Z_2 it is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
+
+    Parameters
+    ----------
+    at : the device at omega >= 0
+    gains : in numbers of the arithmetic
+    """
+    omega, drive, spring = at.omega, at.drive, at.spring
+    lagging = omega * drive.lag
+    H2 = drive.re * drive.re + lagging * lagging
+    kept = H2 if at.estimate is None else H2 * at.estimate.re
+    along = at.damping * drive.re - at.mass * omega * lagging + gains.velocity * kept
+    if spring is None:
+        return along
+    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
+    e = Pair(omega * (omega * spring.y_c), omega * spring.y_k) * Z_2
+    e = Pair(1 + e.re, e.im)
+    return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
 
 
 def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:

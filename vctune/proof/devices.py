@@ -1,17 +1,17 @@
-"""Boxes of devices: mass, damping and delay known within relative half-widths."""
+"""Boxes of devices: numbers known within relative half-widths."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
-from math import nextafter
+from math import inf, nextafter, pi
 
 from vctune.model.problem import Uncertainty
-from vctune.model.quantities import Device
+from vctune.model.quantities import NUMBERS, PERTURBATION, Device, Unmodelled
 
-UNCERTAIN = ("mass", "damping", "delay")
-"""The numbers of a device that may be uncertain."""
+UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
+"""The numbers of a device that may be uncertain: all but the firmware's clock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class DeviceBox:
     ----------
     nominal : the device as its numbers say
     low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
-        place
+        place. Where their responses are not known exactly either, `Device.unmodelled` is one of all of these
     """
 
     nominal: Device
@@ -32,7 +32,14 @@ class DeviceBox:
     @property
     def uncertain(self) -> tuple[str, ...]:
         """The numbers that are uncertain."""
-        return tuple(name for name in UNCERTAIN if getattr(self.low, name) < getattr(self.high, name))
+        keys = (*UNCERTAIN, *(PERTURBATION if self.low.unmodelled is not None else ()))
+        ends = ((key, self.low.number(key), self.high.number(key)) for key in keys)
+        return tuple(key for key, low, high in ends if low is not None and low < high)
+
+    @property
+    def modelled(self) -> DeviceBox:
+        """The same devices, each with its own response."""
+        return DeviceBox(self.nominal.modelled, self.low.modelled, self.high.modelled)
 
     @property
     def loops(self) -> tuple[DeviceBox, ...]:
@@ -41,27 +48,56 @@ class DeviceBox:
         return tuple(DeviceBox(*ends) for ends in parts)
 
     def corners(self) -> list[Device]:
-        """Return the devices at the vertices."""
-        ends = product(*((getattr(self.low, name), getattr(self.high, name)) for name in self.uncertain))
-        return [replace(self.nominal, **dict(zip(self.uncertain, end, strict=True))) for end in ends]
+        """Return the devices at the vertices, of many numbers those with one number at an end.
+
+        Responses that are not known exactly are taken at the edge of their discs, in `PHASES` directions.
+        """
+        box = self.modelled
+        ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
+        if len(ends) <= MOST_AT_ONCE:
+            found = [dict(zip(ends, values, strict=True)) for values in product(*ends.values())]
+        else:
+            found = [{key: value} for key, pair in ends.items() for value in pair]
+        if self.nominal.unmodelled is not None:
+            turns = [{"unmodelled.share": 1.0, "unmodelled.phase": 2 * pi * k / PHASES} for k in range(PHASES)]
+            found = [numbers | turn for numbers in found for turn in turns]
+        return [self.nominal.with_numbers(numbers) for numbers in found]
 
     def devices(self) -> list[Device]:
         """Return the nominal device and those at the vertices."""
         return [self.nominal, *self.corners()]
 
 
+PHASES = 8
+"""Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
+worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""
+MOST_AT_ONCE = 4
+"""Uncertain numbers up to which all vertices are looked at beforehand, 16 of them. With one more there are twice as
+many, with one less a fifth round of the exchange finds what is missing."""
+
+
 def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
-    """Return the box of devices around one."""
+    """Return the box of devices around one.
+
+    Parameters
+    ----------
+    device : the nominal one, plain floats
+    uncertainty : relative half-widths, of which those of numbers that the device lacks do not count, and the disc
+    """
     low, high = (
-        replace(
-            device,
-            mass=_edge(device.mass, sign * uncertainty.mass),
-            damping=_edge(device.damping, sign * uncertainty.damping),
-            delay=_edge(device.delay, sign * uncertainty.delay),
+        device.with_numbers(
+            {
+                key: _edge(device.number(key), sign * width)
+                for key, width in uncertainty.half_widths
+                if device.number(key) is not None
+            }
         )
         for sign in (-1, 1)
     )
-    return DeviceBox(device, low, high)
+    if not uncertainty.unmodelled:
+        return DeviceBox(device, low, high)
+    none, all_ = Unmodelled(uncertainty.unmodelled), Unmodelled(uncertainty.unmodelled, 1.0, nextafter(2 * pi, inf))
+    return DeviceBox(replace(device, unmodelled=none), replace(low, unmodelled=none), replace(high, unmodelled=all_))
 
 
 def _edge(value: float, change: float) -> float:

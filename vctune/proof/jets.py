@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 from typing import Any
 
 import numpy as np
@@ -26,14 +26,16 @@ measurements of others, not theorems: `tests/test_enclosures.py` measures on the
 more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
 """
 PHI_ERROR = 1e-13
-"""Bound on the relative error of `FLOATS.phi_1` and `FLOATS.phi_2` for 0 <= x <= 1e100; a problem file has b T/m <=
-1e60.
+"""Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has
+b T/m <= 1e60.
 
 With u = 2^-53 and expm1 right to 16 u (`LIBRARY_ERROR`):
 phi_1 = -expm1(-x)/x adds one division, 17 u = 2e-15.
 phi_2 = (x + expm1(-x))/x^2 for x >= c = `SERIES_BELOW`: an error of 16 u (1 - e^-x) in the numerator x^2 phi_2 is
 16 u phi_1/(x phi_2) relative to it. The quotient falls with x and is 39.7 at c: 7.1e-14, and 3 u for the operations.
 Below c the series of eight terms leaves out less than x^8/10!, 1e-17, of at least 0.49, and Horner's rule adds 3 u.
+sinc_curvature for x >= c = `CURVATURE_BELOW`: the quotient sin(x)/x is right to 17 u, so that 1 - sinc x >= 0.041 is to
+18 u/0.041, 4.9e-14; below c its series is as that of phi_2.
 Where an argument is itself rounded, by u, so are phi_1 and phi_2, for |x phi'| <= phi; and e^-x by x u, 8e-14 until it
 underflows. Half is not proved by this; twice widens an enclosure of width 2e-13 by as much again.
 """
@@ -46,6 +48,7 @@ divided by x, is used down to there. Twice: the series' second term, enclosed fr
 first."""
 
 Slopes = tuple[Enclosure | None, ...]
+Table = tuple[tuple[float, float], ...]
 
 
 class Jet:
@@ -95,12 +98,29 @@ class Jet:
         return _reciprocal(self) * other
 
     def mapped(self, value: Enclosure, derivative: Any) -> Jet:
-        """Return f of this number from its values and its derivative (the chain rule)."""
+        """Return f of this number from its values and its derivative (the chain rule).
+
+        Parameters
+        ----------
+        value : enclosure of f over the box
+        derivative : enclosure of f' there, or a plain number
+        """
         return Jet(value, _scaled(self.slopes, derivative))
 
 
 def variables(values: Sequence[Enclosure], varied: Sequence[bool]) -> list[Enclosure | Jet]:
-    """Return the variables as jets, each with slope 1 in itself; those that do not vary stay plain."""
+    """Return the variables as jets, each with slope 1 in itself; those that do not vary stay plain.
+
+    Parameters
+    ----------
+    values : enclosures of n variables
+    varied : for each, whether it varies
+
+    Returns
+    -------
+    list of Enclosure or Jet
+        n of them; a jet has one slope for each variable that varies, in order.
+    """
     order = {index: place for place, index in enumerate(i for i, varies in enumerate(varied) if varies)}
     one = Enclosure(1.0)
 
@@ -153,8 +173,24 @@ def _sinc_slope(x: Enclosure) -> Enclosure:
     return selected(small, series, direct)
 
 
+def _curvature(x: Enclosure) -> Enclosure:
+    """Return (1 - sinc x)/x^2, which falls for x >= 0: x sinc' + 2 (1 - sinc x) > 0."""
+    return _falling(FLOATS.sinc_curvature, x)
+
+
+def _curvature_slope(x: Enclosure) -> Enclosure:
+    """Return the derivative of (1 - sinc x)/x^2; for small x it is -x/60 (1 - t x^2/21) with t between 0 and 1."""
+    direct = (_sinc_slope(x) + 2 * (x * _curvature(x))) / -(x * x)
+    small = np.asarray(np.abs(x.mid) + x.rad < SMALL)
+    series = (x / -60) * (1 - (x * x) * between(np.float64(0.0), np.float64(1 / 21) * (1 + UNIT)))
+    return selected(small, series, direct)
+
+
 class _EnclosureArithmetic:
     """Enclosures, and jets of enclosures for derivatives."""
+
+    pi = Enclosure(np.pi, UNIT * np.pi)
+    precision = UNIT
 
     @staticmethod
     def is_zero(x: Number) -> bool:
@@ -192,6 +228,10 @@ class _EnclosureArithmetic:
         return x.mapped(_sinc(x.value), _sinc_slope(x.value)) if isinstance(x, Jet) else _sinc(x)
 
     @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        return x.mapped(_curvature(x.value), _curvature_slope(x.value)) if isinstance(x, Jet) else _curvature(x)
+
+    @staticmethod
     def phi_1(x: Number) -> Number:
         """Its derivative is minus the mean of t e^-xt over 0 <= t <= 1: what it is above `phi_2`."""
         if not isinstance(x, Jet):
@@ -212,8 +252,59 @@ class _EnclosureArithmetic:
         sure = (x.value if isinstance(x, Jet) else x).positive()
         return yes() if sure.all() else _chosen(sure, yes(), no())
 
+    @staticmethod
+    def interpolated(x: Number, table: Table) -> Number:
+        if not isinstance(x, Jet):
+            return interpolated_over(x, table)
+        value = interpolated_over(x.value, table)
+        return x.mapped(value, value * (_exponents(x.value, table) / x.value))
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return Enclosure(0.0, radius)
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        value = x.value if isinstance(x, Jet) else x
+        if not isinstance(value, Enclosure):
+            return abs(float(value))
+        return float(np.max(np.abs(value.mid) + value.rad)) * (1 + UNIT)
+
 
 ENCLOSURES: Arithmetic = _EnclosureArithmetic()
+
+
+def interpolated_over(x: Enclosure, table: Table) -> Enclosure:
+    """Return what is straight between points on logarithmic axes: least and greatest at an end of x, or at a point.
+
+    Parameters
+    ----------
+    x : of positive numbers
+    table : points (x, value), both > 0, increasing in x; constant beyond the first and the last
+    """
+    low, high = np.maximum(x.mid - x.rad, TINY), x.mid + x.rad
+    ends = [FLOATS.interpolated(edge, table) for edge in (low, high)]
+    least, greatest = np.minimum(*ends), np.maximum(*ends)
+    for at, value in table:
+        inside = (low <= at) & (at <= high)
+        least = np.where(inside, np.minimum(least, value), least)
+        greatest = np.where(inside, np.maximum(greatest, value), greatest)
+    return between(least * (1 - EXPONENT_ERROR), greatest * (1 + EXPONENT_ERROR))
+
+
+def _exponents(x: Enclosure, table: Table) -> Enclosure:
+    """Return the slopes of a table on logarithmic axes wherever x may be: they bound its rise, for it has no jumps."""
+    low, high = x.mid - x.rad, x.mid + x.rad
+    edges = [0.0, *(at for at, _ in table), np.inf]
+    slopes = [0.0, *(np.log(d / b) / np.log(c / a) for (a, b), (c, d) in pairwise(table)), 0.0]
+    least, greatest = np.full(np.shape(low), np.inf), np.full(np.shape(low), -np.inf)
+    for slope, start, stop in zip(slopes, edges[:-1], edges[1:], strict=True):
+        touched = (low * (1 - PHI_ERROR) <= stop) & (start <= high * (1 + PHI_ERROR))
+        least, greatest = (
+            np.where(touched, np.minimum(least, slope), least),
+            np.where(touched, np.maximum(greatest, slope), greatest),
+        )
+    return between(least - EXPONENT_ERROR, greatest + EXPONENT_ERROR)
 
 
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:

@@ -11,6 +11,7 @@ from math import inf, pi
 
 import numpy as np
 
+from vctune.model.arithmetic import FLOATS, Arithmetic
 from vctune.model.keys import KEYS
 from vctune.model.quantities import Device
 from vctune.proof.array_claims import Claims, Demands, claims_of
@@ -19,10 +20,8 @@ from vctune.proof.box_tests import Curve, Margin, lower_bound_over, misses_zero,
 from vctune.proof.boxes import Boxes, Cells, Integers, band_of, over_cells, over_each
 from vctune.proof.branching import Proofs, Test
 from vctune.proof.branching import prove as prove_boxes
-from vctune.proof.claims import (
-    HALF_TURN,
-    outwards,
-)
+from vctune.proof.claims import HALF_TURN, outwards, resistance_apart
+from vctune.proof.poles import NEAR, curve_end, final_angle
 
 STEP = 1.4
 """Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
@@ -38,9 +37,6 @@ MAX_BOXES = 4_000
 many prove the same cells."""
 IN_FREQUENCY = (True, *[False] * len(KEYS))
 """Only intervals of frequency are halved here; cells are their caller's business."""
-NEAR = 1e-6
-"""Allowance for rounding of 1e-12, in an angle that is a whole number of quarter turns in the end and in a frequency
-beyond which something holds. Half and twice it count alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +58,16 @@ def prove(demands: Demands, cells: Cells) -> Certified:
 
     A cell whose K_p starts at 0 does not contain K_p = 0 itself, which takes the position out of the loop; a cell
     whose K_p is 0 throughout does.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    cells : n of them
+
+    Returns
+    -------
+    Certified
+        A cell that is not proved is open, not refuted.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
     for at in by_integrator(cells):
@@ -84,7 +90,11 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
         low, high = outwards(demands.band)
         beyond = max(1 / demands.device.sample_time, low)
         test = positive(claims.conditions, {}, claims.conditions_near_zero if low == 0 else None)
-        found = _over(test, cells, low, beyond if high == inf else high)
+        finite = beyond if high == inf else high
+        found = _over(test, cells, low, finite)
+        if resistance_apart(demands.device):
+            apart = _over(positive(claims.resistance, {}), cells, low, finite)
+            return found.proved & apart.proved, found.boxes + apart.boxes
         if high < inf:
             return found.proved, found.boxes
         above = _over(positive(claims.conditions_near_infinity, {}), cells, 0.0, 1 / beyond)
@@ -143,12 +153,36 @@ def refuted(demands: Demands, cells: Cells, omega: Floats, theta_S: Floats) -> F
 
 
 def negative_at(margin: Margin, cells: Cells, omega: Floats) -> Flags:
-    """Return where a margin is negative throughout each cell, at one frequency of its own."""
+    """Return where a margin is negative throughout each cell, at one frequency of its own.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    cells : n of them
+    omega : for each cell a frequency as the margin has it, rad/s or rad, shape (n,)
+
+    Returns
+    -------
+    array of bool
+        Shape (n,).
+    """
     return np.asarray(lower_bound_at(lambda at, values: -margin(at, values), cells, omega) > 0)
 
 
 def lower_bound_at(margin: Margin, cells: Cells, omega: Floats) -> Floats:
-    """Return a lower bound of a margin over each cell, at one frequency of its own, shape (number of cells,)."""
+    """Return a lower bound of a margin over each cell, at one frequency of its own, shape (number of cells,).
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    cells : n of them
+    omega : for each cell a frequency as the margin has it, rad/s or rad, shape (n,)
+
+    Returns
+    -------
+    array of float
+        In the margin's unit; nan where nothing is known of it.
+    """
     return lower_bound_over(margin, over_each(cells, omega), {})
 
 
@@ -168,7 +202,13 @@ class Encirclements:
 
 
 def encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none."""
+    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none.
+
+    Parameters
+    ----------
+    demands : of which the device counts, with each of its loops
+    cells : n of them
+    """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
     number, boxes = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
     return Encirclements(np.concatenate(number), boxes.sum(axis=0))
@@ -188,11 +228,12 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _turns_at(claims: Claims, device: Device, points: Cells) -> tuple[Floats, Integers]:
     """Return the number of each point, nan where not settled, and the pairs looked at.
 
-    The arguments are those of `vctune.proof.poles`: the model's curve ends within a quarter turn of where it goes; the
-    sampled loop's begins at F(1) > 0 and ends on the real axis.
+    The arguments are those of `vctune.proof.poles`: the model's curve ends within a third of a turn of where it goes;
+    the sampled loop's begins at F(1) > 0 and ends on the real axis.
     """
+    goal = final_angle(device, integral=bool(points.high[1].any()))
     curves = (
-        (claims.model_poles, model_curve_end(device, points), 2 * pi, pi if points.high[1].any() else pi / 2),
+        (claims.model_poles, model_curve_end(device, points), 2 * pi, goal),
         (claims.sampled_poles, HALF_TURN, pi, 0.0),
     )
     numbers, boxes = [], []
@@ -220,8 +261,14 @@ def no_pole_crosses(claims: Claims, device: Device, cells: Cells) -> Flags:
     return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)))
 
 
-def model_curve_end(device: Device, cells: Cells) -> float:
-    """Return a frequency beyond which |C| < |m omega|/2 in every cell, because |H| <= 1, rad/s; > 0 without a loop."""
-    K_v, K_p = cells.high[:2]
-    least = NEAR / device.sample_time
-    return 4 * (1 + NEAR) * float(np.maximum(K_v / device.mass, np.sqrt(K_p / device.mass)).max(initial=least))
+def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
+    """Return a frequency beyond which the model's curve turns no more in any cell, rad/s; > 0 without a loop.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic; enclosures for all devices of a box
+    cells : their greatest gains count
+    ops : arithmetic of the device's numbers
+    """
+    K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
+    return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

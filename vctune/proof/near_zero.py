@@ -8,7 +8,7 @@ from flint import arb
 
 from vctune.model.limits import low_frequency_limit
 from vctune.proof.arb_balls import BALLS, box, design_ball
-from vctune.proof.claims import Design, low_margin
+from vctune.proof.claims import Design, low_margin, resistance_apart, resistance_margin
 from vctune.proof.interval import Verdict, prove_boxes
 
 SHRINK = 4.0
@@ -23,7 +23,7 @@ END_BOXES = 64
 def low_end_verdict(design: Design) -> Verdict:
     """Compare the exact limits of Re Z_c and R for omega -> 0; undecided where they are equal."""
     exact = design_ball(design)
-    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling)
+    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling, BALLS)
     if limit.coupling < limit.required:
         return Verdict.REFUTED
     return Verdict.PROVED if limit.coupling > limit.required else Verdict.UNDECIDED
@@ -40,15 +40,20 @@ def prove_low_end(design: Design, factor: float, below: float) -> float | None:
     """
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:  # no loop, R = 0
-        return below if design.device.with_operator.damping > 0 else None
-    return _largest(lambda omega: low_margin(exact, omega, threshold, BALLS), below)
+        return below if design.device.least_damping > 0 else None
+
+    def met(omega: arb) -> bool:
+        apart = resistance_apart(design.device) and not resistance_margin(exact, omega, BALLS) > 0
+        return bool(not apart and low_margin(exact, omega, threshold, BALLS) > 0)
+
+    return _largest(met, below)
 
 
-def _largest(margin: Callable[[arb], arb], start: float) -> float | None:
-    """Return the greatest start, start/4, start/16, ... such that the margin is proved positive from 0 to there."""
+def _largest(met: Callable[[arb], bool], start: float) -> float | None:
+    """Return the greatest start, start/4, start/16, ... such that the conditions are proved from 0 to there."""
 
     def decide(low: float, high: float) -> Verdict:
-        return Verdict.PROVED if margin(box(low, high)) > 0 else Verdict.UNDECIDED
+        return Verdict.PROVED if met(box(low, high)) else Verdict.UNDECIDED
 
     edge = start
     for _ in range(STEPS):

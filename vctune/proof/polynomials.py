@@ -15,7 +15,8 @@ from math import inf, isinf, nextafter
 
 from flint import arb, fmpq, fmpq_poly
 
-from vctune.model.loop import HoldResponse, loop_response
+from vctune.model.device_response import DeviceResponse, DriveResponse
+from vctune.model.loop import loop_response
 from vctune.model.pair import re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.arb_balls import BALLS
@@ -45,8 +46,8 @@ class Conditions:
 
 
 def is_rational(device: Device) -> bool:
-    """Return whether a device's conditions are polynomials."""
-    return device.hold == "lag" and device.delay == 0
+    """Return whether a device's conditions are polynomials: ideal, hold "lag", no delay."""
+    return device.ideal and device.hold == "lag" and device.delay == 0
 
 
 def conditions(design: Design, factor: float) -> Conditions:
@@ -64,7 +65,9 @@ def conditions(design: Design, factor: float) -> Conditions:
     clearing = 1 + half * half * omega * omega
     cleared = device.converted(lambda x: x * clearing)
     gains = Gains(_rational(design.gains.velocity), _rational(design.gains.position))
-    loop = loop_response(cleared, gains, omega, HoldResponse(fmpq_poly([1]), half), BALLS)
+    operator = None if cleared.operator is None else cleared.operator.damping
+    drive = DriveResponse(fmpq_poly([1]), half)
+    loop = loop_response(DeviceResponse(omega, cleared.mass, cleared.damping, drive, operator=operator), gains, BALLS)
     coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
     b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
     below = b_c * b_c + reactance2

@@ -13,15 +13,17 @@ from vctune.model.arithmetic import Number
 from vctune.model.keys import KEYS
 from vctune.model.quantities import Device
 from vctune.proof.array_claims import Claims, Demands, claims_of
-from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.array_intervals import Enclosure, Floats, between, decimal
 from vctune.proof.box_tests import Margin, misses_zero, positive
 from vctune.proof.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
 from vctune.proof.branching import Proofs, Test, prove
-from vctune.proof.claims import HALF_TURN, Design, outwards
+from vctune.proof.claims import HALF_TURN, Design, outwards, resistance_apart
 from vctune.proof.devices import DeviceBox
 from vctune.proof.interval import Outcome, Verdict
+from vctune.proof.jets import ENCLOSURES
 from vctune.proof.llewellyn import EXTENSION_BOXES, LOWEST_EDGE, extend_band
-from vctune.proof.many_designs import NEAR, STEP, model_curve_end
+from vctune.proof.many_designs import STEP, model_curve_end
+from vctune.proof.poles import NEAR
 from vctune.proof.polynomials import is_rational
 
 LITTLE_PHASE = 0.5
@@ -74,7 +76,8 @@ class RobustDesign:
     def ends(self) -> tuple[Floats, Floats]:
         """Return the least and the greatest of the uncertain numbers."""
         low, high = (
-            np.array([[getattr(end, name)] for name in self.box.uncertain]) for end in (self.box.low, self.box.high)
+            np.array([end.number(key) for key in self.box.uncertain], float).reshape(-1, 1)
+            for end in (self.box.low, self.box.high)
         )
         return low, high
 
@@ -86,15 +89,32 @@ class RobustDesign:
     def device(self, numbers: Floats) -> Device:
         """Return a device of the box from its uncertain numbers."""
         within = np.clip(numbers[:, None], *self.ends())
-        return replace(self.box.nominal, **dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
+        return self.box.nominal.with_numbers(dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
+
+    def enclosed(self) -> Device:
+        """Return the nominal device with all numbers of the box enclosed."""
+        low, high = self.ends()
+        numbers = dict(zip(self.box.uncertain, map(between, low[:, 0], high[:, 0]), strict=True))
+        return self.box.nominal.converted(decimal).with_numbers(numbers)
 
 
-NominalProof = Callable[[Device], Outcome]
-"""Judges a claim for one device."""
+NominalProof = Callable[[Device, float], Outcome]
+"""Judges a claim for one device, of which it is in doubt at a frequency, rad/s or rad."""
 
 
 def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove Llewellyn's conditions for every device."""
+    """Prove Llewellyn's conditions for every device.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the conditions for one device, at a frequency in rad/s if its response is perturbed
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
     return _outcome(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
 
@@ -105,6 +125,8 @@ def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -
         claims.conditions, robust.values, claims.conditions_near_zero, LITTLE_PHASE / robust.box.high.loop_lag
     )
     parts, finite = [], beyond if high == inf else high
+    if resistance_apart(robust.box.nominal):
+        parts.append(_part(robust, positive(claims.resistance, robust.values), low, finite, max_boxes))
     if low < turning:
         parts.append(_part(robust, test, low, min(turning, finite), max_boxes))
     if turning < finite:
@@ -153,7 +175,18 @@ def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
 
 
 def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop for every device."""
+    """Prove |S| < max_sensitivity of the sampled loop for every device.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges |S| for one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
     return _outcome(robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES), alone)
@@ -198,14 +231,49 @@ def _small_from(robust: RobustDesign, gain: Margin) -> float:
     return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
 
 
+def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove |1 - S| r < 1 of the sampled loop for every device, r the radius of what is not modelled.
+
+    Parameters
+    ----------
+    robust : the design and a box whose devices have a radius of what is not modelled
+    alone : judges |1 - S| r for one device at an angle omega T, rad
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails, and a witness in rad/s.
+    """
+    modelled = replace(robust, box=robust.box.modelled)
+    claims = claims_of(replace(robust.demands, device=robust.box.nominal), modelled.box.uncertain)
+    test = positive(claims.unmodelled, robust.values)
+    parts = [
+        _proved(test, over_band(modelled.names, low, high, band_of(0.0, HALF_TURN, STEP), whole), MAX_BOXES)
+        for whole, low, high in _whole_samples(modelled)
+    ]
+    return _outcome(modelled, parts, alone)
+
+
 def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
-    """Prove that no pole of the frequency model crosses the imaginary axis from one device to another."""
+    """Prove that no pole of the frequency model crosses the imaginary axis from one device to another.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the poles of one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
     gains = robust.design.gains
     law, parts = np.array([[gains.velocity], [gains.position]]), []
     for loop in robust.loops():
         claims = loop.claims()
         test = misses_zero(claims.model_poles, loop.values, claims.model_any_position)
-        parts.append(_part(loop, test, 0.0, model_curve_end(loop.box.low, Cells(law, law)), MAX_BOXES_OF_CURVES))
+        end = model_curve_end(loop.enclosed(), Cells(law, law), ENCLOSURES)
+        parts.append(_part(loop, test, 0.0, end, MAX_BOXES_OF_CURVES))
     return _outcome(robust, parts, alone)
 
 
@@ -213,6 +281,16 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
     """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
 
     The loop depends continuously on the delay where a whole sample is added to it.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the poles of one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
     """
     parts = []
     for loop in robust.loops():
@@ -252,8 +330,8 @@ def _outcome(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> 
         return Outcome(Verdict.PROVED, boxes)
     point = open_.open[:, 0] if np.isnan(open_.failing[0, 0]) else open_.failing[:, 0]
     doubtful = robust.device(point[1:])
-    for device in (doubtful, *robust.box.corners()):
-        judged = alone(device)
+    for device in (doubtful, *robust.box.modelled.corners()):
+        judged = alone(device, float(point[0]))
         boxes += judged.boxes
         if judged.verdict is Verdict.REFUTED:
             return Outcome(Verdict.REFUTED, boxes, judged.witness, device)

@@ -19,7 +19,7 @@ from vctune.model.sampled import (
     split_delay,
 )
 from vctune.proof.arb_balls import BALLS, PRECISION, as_series, ball, device_ball, gains_ball
-from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin
+from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin, unmodelled_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.winding import turned_angle
 
@@ -32,7 +32,18 @@ same double."""
 
 
 def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
-    """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s."""
+    """Prove |S| < max_sensitivity of the sampled loop at every frequency; the witness is in rad/s.
+
+    Parameters
+    ----------
+    design : its device and its gains are taken as the decimals that they are written as
+    max_sensitivity : greatest |S|, a decimal too
+
+    Returns
+    -------
+    Outcome
+        Refuted or undecided with a witness.
+    """
     plant, gains, limit = exact_plant(design.device), gains_ball(design.gains), ball(max_sensitivity)
     in_series = (
         plant.converted(as_series),
@@ -47,11 +58,36 @@ def prove_sensitivity(design: Design, max_sensitivity: float) -> Outcome:
     return in_rad_per_s(prove_positive(margin, 0.0, HALF_TURN, curved=True), design.device)
 
 
+def unmodelled_at(device: Device, gains: Gains, radii: tuple[tuple[float, float], ...], theta: float) -> Outcome:
+    """Return whether |1 - S| r > 1 for certain at theta = omega T, r the radius there; undecided where it is not.
+
+    Parameters
+    ----------
+    device, gains : taken as the decimals that they are written as
+    radii : of `Unmodelled`
+    theta : rad, in (0, pi]
+    """
+    radius = BALLS.interpolated(arb(theta / (2 * pi * device.sample_time)), radii)
+    margin = unmodelled_margin(exact_plant(device), gains_ball(gains), arb(theta), radius, BALLS)
+    if margin < 0:
+        return in_rad_per_s(Outcome(Verdict.REFUTED, 1, theta), device)
+    return Outcome(Verdict.UNDECIDED, 1)
+
+
 def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the exact sampled loop has its spectral radius below 1.
 
     z^-n times the characteristic polynomial of degree n is followed along the upper half of the unit circle: real at
     both ends, it must come back without a turn. The witness is in rad/s.
+
+    Parameters
+    ----------
+    device, gains : taken as the decimals that they are written as
+
+    Returns
+    -------
+    Outcome
+        Undecided with a witness where the curve comes too close to 0; refuted without one.
     """
     law, plant = gains_ball(gains), exact_plant(device)
 
@@ -68,7 +104,13 @@ def prove_sampled_poles(device: Device, gains: Gains) -> Outcome:
 
 
 def in_rad_per_s(outcome: Outcome, device: Device) -> Outcome:
-    """Return an outcome found over theta = omega T with its witness in rad/s."""
+    """Return an outcome found over theta = omega T with its witness in rad/s.
+
+    Parameters
+    ----------
+    outcome : its witness is theta, rad, or None
+    device : with the sample time T, s
+    """
     witness = outcome.witness / device.sample_time if outcome.witness is not None else None
     return replace(outcome, witness=witness)
 
@@ -81,10 +123,19 @@ def exact_plant(device: Device) -> SampledPlant:
 
 
 def spectral_radius(device: Device, gains: Gains) -> float:
-    """Return the greatest modulus of the sampled loop's poles, from enclosures wherever they can be isolated."""
-    law = gains_ball(gains)
+    """Return the greatest modulus of the sampled loop's poles, from enclosures wherever they can be isolated.
+
+    Parameters
+    ----------
+    device, gains : taken as the decimals that they are written as
+
+    Returns
+    -------
+    float
+        Rounded, and from eigenvalues in double precision where poles cannot be isolated: for display, no proof.
+    """
     with ctx.workprec(PRECISION):
-        coefficients = characteristic_polynomial(exact_plant(device), law)
+        coefficients = characteristic_polynomial(exact_plant(device), gains_ball(gains))
         if len(coefficients) <= ISOLATED_DEGREE:
             try:
                 return max(float(abs(root)) for root in acb_poly(coefficients[::-1]).roots(tol=ROOT_TOLERANCE))

@@ -21,6 +21,11 @@ def turned_angle(curve: Curve, low: float, high: float) -> tuple[Outcome, float]
     across it is then the principal argument of the quotient of its ends. The sum is rounded by about 1e-12 rad,
     which cannot hide a whole turn.
 
+    Parameters
+    ----------
+    curve : of a ball
+    low, high : ends of its parameter, 0 <= low <= high
+
     Returns
     -------
     outcome : proved when no box's image contains 0; undecided with a witness otherwise

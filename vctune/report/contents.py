@@ -6,6 +6,11 @@ from pathlib import Path
 
 REPORT = "report.html"
 READINGS = {
+    "loop": (
+        "The loop as designed",
+        "From the hand's force to its velocity: blue is what is designed, green what makes it late. A part that the "
+        "device has not is a plain line.",
+    ),
     "llewellyn": (
         "Absolute stability",
         "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "

@@ -5,7 +5,7 @@ See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from math import pi
 
 import numpy as np
@@ -13,17 +13,20 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
 from vctune.analysis.extrema import Floats
+from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import loop_gain
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import required_resistance
-from vctune.model.loop import LoopResponse
 from vctune.model.pair import Pair
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Device, Gains
 
 Complex = NDArray[np.complex128]
 POINTS = 400
+NARROWER = 6.0
+"""How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
 ENVIRONMENTS = ("free", "14 N s/m", "200 N/m", "rigid")
 SPRING, DAMPER = 200.0, 14.0
 """The paper's two environments, sect. 5, N/m and N s/m."""
@@ -59,16 +62,23 @@ class Transparency:
 
 
 def frequencies(problem: Problem) -> Floats:
-    """Return the page's frequency axis, Hz: both bands and a decade around, up to Nyquist."""
+    """Return the page's frequency axis, Hz: both bands and a decade around, up to Nyquist, closer at a resonance."""
     bands = (problem.transparency.band, problem.stability.band)
     nyquist = problem.nyquist / (2 * pi)
     low = min(band.min for band in bands if band.min > 0) / (2 * pi)
     high = max(band.max for band in bands if np.isfinite(band.max)) / (2 * pi)
-    return np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
+    hz = np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
+    return _closer(problem.device, hz)
 
 
 def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
-    """Return Re Z_c, R and their ratio."""
+    """Return Re Z_c, R and their ratio.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+    """
     hz = frequencies(problem)
     omega = 2 * pi * hz
     loop = response(problem.device, gains, omega)
@@ -81,14 +91,26 @@ def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
 
 
 def nyquist(problem: Problem, gains: Gains) -> Nyquist:
-    """Return L on a fine logarithmic axis."""
+    """Return L on a fine logarithmic axis.
+
+    Parameters
+    ----------
+    problem : the device
+    gains : of the velocity loop
+    """
     top = problem.nyquist / (2 * pi)
-    hz = np.geomspace(top * 1e-5, top, 4 * POINTS)
+    hz = _closer(problem.device, np.geomspace(top * 1e-5, top, 4 * POINTS))
     return Nyquist(hz, loop_gain(problem.device, gains, 2 * pi * hz))
 
 
 def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transparency:
-    """Return the three terms of the error and their weighted sum."""
+    """Return the three terms of the error and their weighted sum.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+    """
     hz = frequencies(problem)
     omega = 2 * pi * hz
     squares = error_terms(problem, gains, coupling, omega)
@@ -102,22 +124,42 @@ def handle_impedance(
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return hz and, for each of `ENVIRONMENTS`, the impedance felt at the handle and the ideal one, N s/m.
 
-    With f_e = Z_e v_e the handle's admittance is G_hh + G_he/(Z_c + Z_e); the ideal handle feels Z_e.
+    With f_e = Z_e v_e the handle's admittance is G_hh + q/(Z_c + Z_e), q = F_s G_he; the ideal handle feels Z_e.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+
+    Returns
+    -------
+    hz : shape (`POINTS`,)
+    felt : by environment, both moduli of that shape; the ideal of a rigid environment is inf
     """
     hz = frequencies(problem)
     s = 2j * pi * hz
     loop = response(problem.device, gains, 2 * pi * hz)
     G_hh = _scale(loop) / _complex(loop.D_scaled)
-    G_he = _complex(loop.C_scaled) / _complex(loop.D_scaled)
+    if loop.numerator is not None:
+        G_hh = G_hh * _complex(loop.numerator)
+    q = _complex(loop.C_scaled) / _complex(loop.D_scaled)
     Z_c = _complex(coupling_impedance(coupling, 2 * pi * hz))
     environments = (0 * s, DAMPER + 0 * s, SPRING / s, None)
     felt = {}
     with np.errstate(all="ignore"):
         for name, Z_e in zip(ENVIRONMENTS, environments, strict=True):
-            admittance = G_hh + (G_he / (Z_c + Z_e) if Z_e is not None else 0)
+            admittance = G_hh + (q / (Z_c + Z_e) if Z_e is not None else 0)
             ideal = np.abs(Z_e) if Z_e is not None else np.full(hz.size, np.inf)
             felt[name] = (1 / np.abs(admittance), ideal)
     return hz, felt
+
+
+def _closer(device: Device, hz: Floats) -> Floats:
+    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon."""
+    if device.structure is None:
+        return hz
+    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
+    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)
 
 
 def _complex(pair: Pair) -> Complex:

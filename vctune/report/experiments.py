@@ -9,79 +9,77 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from vctune.document.simulation import ExperimentRecord, RunRecord, SimulationRecord
 from vctune.report.style import BLUE, GREY, ORANGE, RED, STYLE, canvas
 
 HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
 UNITS = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
 
 
-def simulation_figure(simulation: dict[str, Any]) -> Figure:
+def simulation_figure(simulation: SimulationRecord) -> Figure:
     """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
-    experiments = simulation["experiments"]
     with rc_context(STYLE):
-        height = 3.1 * len(experiments)
-        figure = canvas(8, height, top=0.35, gaps=(0.06, 0.4))
-        rows = figure.subplots(len(experiments), 2, squeeze=False, sharey="row", sharex="row")
-        for (left, right), experiment in zip(rows, experiments, strict=True):
-            _draw(left, experiment, "baseline", "a) regular PID", ORANGE)
-            _draw(right, experiment, "design", "b) this design", BLUE)
+        count = len(simulation.experiments)
+        figure = canvas(8, 3.1 * count, top=0.35, gaps=(0.06, 0.4))
+        rows = figure.subplots(count, 2, squeeze=False, sharey="row", sharex="row")
+        for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
+            _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE)
+            _draw(right, experiment, experiment.design, "b) this design", BLUE)
             left.set_ylabel("force of the hand, N")
     return figure
 
 
-def _draw(axes: Axes, experiment: dict[str, Any], name: str, title: str, colour: str) -> None:
-    axes.set_title(f"{experiment['name']}: {title}")
-    axes.set_xlabel({"position": "position, m", "velocity": "velocity, m/s"}[experiment["axis"]])
-    run = experiment[name]
+def _draw(axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str) -> None:
+    axes.set_title(f"{experiment.name}: {title}")
+    axes.set_xlabel({"position": "position, m", "velocity": "velocity, m/s"}[experiment.axis])
     if run is None:
         axes.text(0.5, 0.5, "no baseline in the file", transform=axes.transAxes, ha="center", color=GREY)
         return
-    curve = np.array(run["curve"])
+    curve = np.array(run.curve)
     axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
     ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
     asked = _asked(experiment, ends)
     reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
     axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
     axes.locator_params(axis="x", nbins=5)
-    if run["diverged_s"] is not None:
-        note = f"diverged from {run['diverged_s']:.4g} s on"
+    if run.diverged_s is not None:
+        note = f"diverged from {run.diverged_s:.4g} s on"
         axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
 
 
-def _asked(experiment: dict[str, Any], at: np.ndarray[Any, Any]) -> Any:
+def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
     """Return the force that the environment asks for over the figure's axis, as if at rest or at constant speed."""
-    environment = experiment["environment"]
-    if experiment["axis"] == "velocity":
-        return environment["damping"] * at
-    force = environment["stiffness"] * (at - environment["zero"])
-    return np.maximum(force, 0.0) if environment["wall"] else force
+    environment = experiment.environment
+    if experiment.axis == "velocity":
+        return environment.damping * at
+    force = environment.stiffness * (at - environment.zero)
+    return np.maximum(force, 0.0) if environment.wall else force
 
 
-def measured_rows(simulation: dict[str, Any]) -> list[tuple[str, ...]]:
+def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     """Return the rows of the table under `HEADINGS`, as texts."""
     return [
-        (experiment["name"], controller, *_cells(experiment[name]))
-        for experiment in simulation["experiments"]
-        for name, controller in (("baseline", "regular PID"), ("design", "this design"))
-        if experiment[name] is not None
+        (experiment.name, controller, *_cells(run))
+        for experiment in simulation.experiments
+        for run, controller in ((experiment.baseline, "regular PID"), (experiment.design, "this design"))
+        if run is not None
     ]
 
 
-def _cells(run: dict[str, Any]) -> tuple[str, ...]:
-    loop = run["loop"]
-    stable = "stable" if loop["stable"] else f"unstable at {loop['hz']:.4g} Hz"
-    if run["metrics"] is None:
-        return (f"diverged from {run['diverged_s']:.4g} s on", "", "", "", "", "", stable)
-    measured = run["metrics"]
-    fits = measured["fits"]
-    felt = ", ".join(f"{fit['value']:.5g} {UNITS[name]}" for name, fit in fits.items())
-    off = ", ".join(f"{100 * (fit['value'] / fit['asked'] - 1):+.3g} %" for fit in fits.values() if fit["asked"])
-    saturated = f", {measured['saturated']:.1%} saturated" if measured["saturated"] else ""
+def _cells(run: RunRecord) -> tuple[str, ...]:
+    stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
+    measured = run.metrics
+    if measured is None:
+        return (f"diverged from {run.diverged_s:.4g} s on", "", "", "", "", "", stable)
+    fits = {name: (fit.value, fit.asked) for name, fit in measured.fits.items() if fit.value is not None}
+    felt = ", ".join(f"{value:.5g} {UNITS[name]}" for name, (value, _) in fits.items())
+    off = ", ".join(f"{100 * (value / asked - 1):+.3g} %" for value, asked in fits.values() if asked)
+    saturated = f", {measured.saturated:.1%} saturated" if measured.saturated else ""
     return (
         felt,
         off,
-        *(_newtons(measured[key]) for key in ("non_overlap", "residual", "ripple")),
-        _newtons(measured["peak_motor"]) + saturated,
+        *map(_newtons, (measured.non_overlap, measured.residual, measured.ripple)),
+        _newtons(measured.peak_motor) + saturated,
         stable,
     )
 

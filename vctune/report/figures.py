@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.analysis.margins import loop_margins
+from vctune.analysis.phases import sensor_miss
 from vctune.design.prepared import pose
 from vctune.document.record import BoxRecord, CertificateRecord, DesignRecord, OptimalityRecord
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
@@ -24,6 +25,7 @@ from vctune.report.curves import (
     nyquist,
     transparency,
 )
+from vctune.report.diagram import loop_figure
 from vctune.report.style import (
     BLUE,
     GREEN,
@@ -58,6 +60,7 @@ def figures(design: Design) -> dict[str, Figure]:
     """Return every figure that the design has, by name, in the order of the page."""
     with rc_context(STYLE):
         drawn = {
+            "loop": loop_figure(design.problem.device, design.gains, design.coupling),
             "llewellyn": _llewellyn(design),
             "nyquist": _nyquist(design),
             "transparency": _transparency(design),
@@ -113,19 +116,22 @@ def _thresholds(axes: Axes, factor: float, proof: CertificateRecord) -> None:
 
 
 def _edges(axes: Axes, proved: list[float | None]) -> None:
-    for edge, label in zip(proved, ("proved band", None), strict=True):
-        if edge:
-            axes.axvline(edge, color=GREEN, linewidth=1, linestyle="--", label=label)
+    for number, edge in enumerate(edge for edge in proved if edge):
+        label = "proved band" if number == 0 else None
+        axes.axvline(edge, color=GREEN, linewidth=1, linestyle="--", label=label)
 
 
 def _asymptotes(design: Design, axes: Axes) -> None:
-    """Draw 1.6's limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag"."""
+    """Draw the limits of R where they are numbers: omega -> 0 with K_p > 0, omega -> inf with hold "lag".
+
+    See model/README.md, section 6.
+    """
     device, gains = design.problem.device, design.gains
-    if gains.position > 0 and device.damping > 0:
+    if gains.position > 0:
         limit = low_frequency_limit(device, gains, design.coupling).required
         if 0 < limit < inf:
             axes.axhline(limit, color=ORANGE, linewidth=1, linestyle=":", label="R for ω → 0")
-    if device.hold == "lag" and device.delay == 0 and device.damping > 0 and gains.velocity > 0:
+    if device.hold == "lag" and device.delay == 0 and device.ideal and device.damping > 0 < gains.velocity:
         limit = high_frequency_limit(device, gains, design.coupling).required
         axes.axhline(limit, color=ORANGE, linewidth=1, linestyle="-.", label="R for ω → ∞")
 
@@ -173,6 +179,11 @@ def _transparency(design: Design) -> Figure:
         frequency_axis(axes, cases["designed"][0].hz[0], cases["designed"][0].hz[-1])
         shade(axes, problem.transparency.band, BLUE, "transparency band")
         axes.set_title(title)
+    miss = sensor_miss(problem.device, 2 * pi * cases["designed"][0].hz)
+    if miss is not None:
+        panels[1].semilogy(cases["designed"][0].hz, miss, "-.", linewidth=1.2, color=ORANGE, label="|1 - F_s|")
+        panels[1].legend(loc="lower right", fontsize=9, handles=panels[1].lines[-1:])
+    for axes in panels:
         decades(axes)
     for axes in panels[:2]:
         axes.set_xlabel("")
@@ -193,7 +204,7 @@ def _impedance(design: Design) -> Figure:
     figure = canvas(8, 5.2, top=0.75)
     axes = figure.subplots()
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
-        colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (10 * number, 40), ("", "--", "-.", "")[number]
+        colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
         axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
             axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")

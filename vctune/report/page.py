@@ -6,21 +6,30 @@ import json
 import re
 from io import BytesIO
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vctune.document.record import DesignRecord
+from vctune.document.simulation import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
+from vctune.report.phase_table import phase_table
 from vctune.report.style import INK, PAPER
+
+IDLE = {
+    r"<metadata>.*?</metadata>\n": "",
+    r"font-family: [^;\"]*": "font-family: sans-serif",
+    r'<g id="[^"]*">': "<g>",
+    r' transform="rotate\(-0 [^"]*\)"': "",
+}
+"""What an SVG file of Matplotlib's says to no end, and what is said instead."""
 
 
 def page(
-    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: dict[str, Any] | None = None
+    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None = None
 ) -> str:
     """Return the HTML of a design.
 
@@ -29,13 +38,14 @@ def page(
     record : of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
-    simulation : the object of simulation.json, if there is one
+    simulation : of this design, if there is one
     """
     environment = Environment(
         loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
     shown = [
-        {"title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)} for name, text in drawn.items()
+        {"name": name, "title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)}
+        for name, text in drawn.items()
     ]
     embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
     template = environment.get_template("page.html.j2")
@@ -44,6 +54,7 @@ def page(
         problem=problem,
         figures=shown,
         groups=record.groups(),
+        phases=phase_table(problem, record.design[0]) if record.design is not None else None,
         embedded=embedded,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
@@ -53,25 +64,49 @@ def page(
 def inline(text: str) -> str:
     """Return an SVG file as an element that takes its ink from the page's text colour and lets its ground through."""
     text = re.sub(r"^.*?(?=<svg)", "", text, flags=re.DOTALL)
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     return text.replace(INK, "currentColor").replace(PAPER, "none")
 
 
 def svg(figure: Figure, name: str) -> str:
-    """Return a figure as SVG: the same bytes for the same figure, places to a hundredth of a point, no idle names."""
+    """Return a figure as SVG: the same bytes for the same figure, places to a hundredth of a point, no idle names.
+
+    Parameters
+    ----------
+    figure : drawn
+    name : salt of the identifiers in the file, so that figures of several names go on one page
+    """
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})
     text = re.sub(r"\n +", "\n", stream.getvalue().decode())
-    for long, short in ((r"font-family: [^;\"]*", "font-family: sans-serif"), (r'<g id="[^"]*">', "<g>")):
-        text = re.sub(long, short, text)
-    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _rounded, text)
+    for long, short in IDLE.items():
+        text = re.sub(long, short, text, flags=re.DOTALL)
+    return re.sub(r'(?<=[ \n])(d|x|y|transform)="[^"]*"', _shortened, text)
 
 
-def _rounded(attribute: re.Match[str]) -> str:
-    return re.sub(r"-?\d+\.\d{3,}(e-?\d+)?", lambda number: f"{float(number[0]):.2f}", attribute[0])
+def _shortened(attribute: re.Match[str]) -> str:
+    """Return an attribute with its places to a hundredth and the letter of a run of lines said once."""
+    text = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda number: _hundredths(float(number[0])), attribute[0])
+    text = text.replace(" \n", "\n")
+    return re.sub(r"[ML] [^A-Za-z\"]+(L [^A-Za-z\"]+)+", lambda run: run[0][0] + run[0][1:].replace("L ", ""), text)
+
+
+def _hundredths(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
 def figure_file(figure: Figure, folder: Path, stem: str) -> dict[Path, str]:
-    """Return a figure as an SVG file."""
+    """Return a figure as an SVG file.
+
+    Parameters
+    ----------
+    figure : drawn
+    folder : for the file
+    stem : of its name
+
+    Returns
+    -------
+    dict
+        The file's text by its path.
+    """
     return {folder / f"{stem}.svg": svg(figure, stem)}

@@ -41,7 +41,14 @@ UNITS |= {"coupling.mass": "m_c, kg", "coupling.drag": "b_0, N s/m"}
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -> Figure:
-    """Return the cells in the optimiser's coordinates, in which their areas are counted."""
+    """Return the cells in the optimiser's coordinates, in which their areas are counted.
+
+    Parameters
+    ----------
+    problem : for contours of the error and the limit of K_p, where the axes are K_v and K_p
+    region : the cells and what is proved of each
+    designs : gain sets to mark
+    """
     plane = region.plane
     with rc_context(STYLE):
         figure, axes = _frame(plane)

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from matplotlib.figure import Figure
 
 from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.document.record import DesignRecord
+from vctune.document.simulation import SimulationRecord
 from vctune.report.contents import REPORT, report_paths
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
 from vctune.report.page import figure_file, page, svg
 
 
-def write_report(record: DesignRecord, folder: Path, simulation: dict[str, Any] | None = None) -> None:
+def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
     """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
 
     Parameters
     ----------
     record : of the design
     folder : for report.html and the figures
-    simulation : the object of simulation.json of this design; None without one
+    simulation : of this design; None without one
 
     Raises
     ------
@@ -34,8 +34,25 @@ def write_report(record: DesignRecord, folder: Path, simulation: dict[str, Any] 
     write_together(files, [path for path in report_paths(folder) if path not in files])
 
 
-def report_files(record: DesignRecord, folder: Path, simulation: dict[str, Any] | None = None) -> dict[Path, str]:
-    """Return what `write_report` writes, the page last."""
+def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> dict[Path, str]:
+    """Return what `write_report` writes, the page last.
+
+    Parameters
+    ----------
+    record : of the design
+    folder : for the files
+    simulation : of this design; None without one
+
+    Returns
+    -------
+    dict
+        Texts by path.
+
+    Raises
+    ------
+    InputError
+        If the record's problem cannot be read.
+    """
     problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
     drawn: dict[str, Figure] = {}
     if record.design is not None:
@@ -47,6 +64,17 @@ def report_files(record: DesignRecord, folder: Path, simulation: dict[str, Any] 
     return {**files, folder / REPORT: page(record, problem, pictures, simulation)}
 
 
-def simulation_files(simulation: dict[str, Any], folder: Path) -> dict[Path, str]:
-    """Return the figure of a simulation alone."""
+def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:
+    """Return the figure of a simulation alone.
+
+    Parameters
+    ----------
+    simulation : of any design
+    folder : for the file
+
+    Returns
+    -------
+    dict
+        The SVG text by its path.
+    """
     return figure_file(simulation_figure(simulation), folder, "simulation")

@@ -67,12 +67,25 @@ def canvas(
 
 
 def legend_above(axes: Axes, columns: int, **options: Any) -> None:
-    """Put the legend over the axes, where it covers no curve."""
+    """Put the legend over the axes, where it covers no curve.
+
+    Parameters
+    ----------
+    axes : with labelled lines
+    columns : of the legend
+    options : of `Axes.legend`
+    """
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, fontsize=9, borderaxespad=0.2, **options)
 
 
 def frequency_axis(axes: Axes, low: float, high: float) -> None:
-    """Make the x axis one of frequencies, in plain decimals."""
+    """Make the x axis one of frequencies, in plain decimals.
+
+    Parameters
+    ----------
+    axes : to be changed
+    low, high : ends, Hz
+    """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
     axes.xaxis.set_major_formatter(PLAIN)
     axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
@@ -89,13 +102,26 @@ def decades(axes: Axes) -> None:
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str) -> None:
-    """Shade the part of a band that is on the axis."""
+    """Shade the part of a band that is on the axis.
+
+    Parameters
+    ----------
+    axes : whose limits are set, Hz
+    band : rad/s
+    colour, label : of the shade and in the legend
+    """
     low, high = axes.get_xlim()
     axes.axvspan(max(band.min / (2 * pi), low), min(band.max / (2 * pi), high), color=colour, alpha=0.1, label=label)
 
 
 def time_text(seconds: float, digits: int) -> tuple[str, str]:
-    """Return a time and its unit: seconds, ms or µs, the first that gives a number from 0.1 on."""
+    """Return a time and its unit: seconds, ms or µs, the first that gives a number from 0.1 on.
+
+    Parameters
+    ----------
+    seconds : the time, s
+    digits : significant ones
+    """
     for scale, unit in ((1.0, "s"), (1e3, "ms")):
         if abs(seconds) * scale >= 0.1 or seconds == 0:
             return f"{seconds * scale:.{digits}g}", unit

@@ -98,7 +98,13 @@ def terms_figure(front: Table) -> Figure:
 
 
 def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
-    """Return the front of the error against the upper edge of the stability band."""
+    """Return the front of the error against the upper edge of the stability band.
+
+    Parameters
+    ----------
+    front : designs that none other beats, by the edge, Hz
+    transparency_edge_hz : upper edge of the transparency band, which is marked
+    """
     with rc_context(STYLE):
         figure, axes = _frame()
         edge = front.axes["stability.band_hz[1]"]

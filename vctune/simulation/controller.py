@@ -22,7 +22,9 @@ class Law:
     virtual_mass, virtual_damping : beside the environment, kg, N s/m
     environment : what is rendered
     position_resolution : of the encoder, m; 0 for none
-    smoothing : weight of the newest difference in the filtered velocity; None where the velocity is measured
+    difference : whether the velocity is the backward difference of the measured position; measured itself if not
+    smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
+    low_passes : how many of them, up to 2
     limit : greatest force, N; None for none
     """
 
@@ -35,13 +37,15 @@ class Law:
     virtual_damping: float
     environment: Environment
     position_resolution: float
+    difference: bool
     smoothing: float | None
+    low_passes: int
     limit: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the sensors say at a sample: position [m], velocity [m/s], force of the hand [N]."""
+    """What the sensors say at a sample: position [m] and velocity [m/s] of the motor, force of the hand [N]."""
 
     position: Number
     velocity: Number
@@ -57,7 +61,8 @@ class State:
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
     coupling : velocity of the coupling's mass, m/s
     integral : of the position error, m s
-    measured, filtered : last measured position and filtered velocity, m, m/s
+    measured : position at the sample before, m
+    filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
     """
 
     reference: Number
@@ -66,6 +71,7 @@ class State:
     integral: Number
     measured: Number
     filtered: Number
+    twice_filtered: Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +104,8 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     command : for the motor
     """
     T = law.sample_time
-    position, velocity, filtered = _measured(law, state, measurement, ops)
+    position = encoded(law, measurement.position, ops)
+    velocity, filtered, twice_filtered = _velocity(law, state, measurement.velocity, position)
 
     mass = (law.virtual_mass + law.environment.mass) / T
     resistance, memory = mass + law.virtual_damping, mass * state.desired
@@ -129,22 +136,37 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
         desired=desired,
         coupling=coupling,
         integral=integral,
-        measured=position if law.smoothing else state.measured,
+        measured=position if law.difference else state.measured,
         filtered=filtered,
+        twice_filtered=twice_filtered,
     )
     return remembered, Command(force, environment)
 
 
-def _measured(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[Number, Number, Number]:
-    """Return position and velocity as the firmware sees them, and its filtered velocity."""
-    position = measurement.position
-    if law.position_resolution > 0:
-        position = law.position_resolution * ops.floor(position / law.position_resolution + 0.5)
+def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
+    """Return a position as the encoder has it, m.
+
+    Parameters
+    ----------
+    law : with the encoder's resolution, m
+    position : m
+    ops : arithmetic of the position
+    """
+    if law.position_resolution == 0:
+        return position
+    return law.position_resolution * ops.floor(position / law.position_resolution + 0.5)
+
+
+def _velocity(law: Law, state: State, measured: Number, position: Number) -> tuple[Number, Number, Number]:
+    """Return the velocity that the law acts on, and what its two low-passes remember."""
+    velocity = (position - state.measured) / law.sample_time if law.difference else measured
     if law.smoothing is None:
-        return position, measurement.velocity, state.filtered
-    difference = (position - state.measured) / law.sample_time
-    filtered = state.filtered + law.smoothing * (difference - state.filtered)
-    return position, filtered, filtered
+        return velocity, state.filtered, state.twice_filtered
+    filtered = state.filtered + law.smoothing * (velocity - state.filtered)
+    if law.low_passes == 1:
+        return filtered, filtered, state.twice_filtered
+    twice_filtered = state.twice_filtered + law.smoothing * (filtered - state.twice_filtered)
+    return twice_filtered, filtered, twice_filtered
 
 
 def _rendered(law: Law, force: Number, resistance: Number, middle: Number, ops: Arithmetic) -> tuple[Number, Number]:

@@ -23,7 +23,14 @@ SERIES_BELOW = 0.01
 
 
 def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return a(v) [1/s] and damping(v) [N s/m]."""
+    """Return a(v) [1/s] and damping(v) [N s/m].
+
+    Parameters
+    ----------
+    friction : its parameters
+    velocity : m/s
+    ops : arithmetic of the velocity
+    """
     speed = ops.absolute(velocity)
     g = friction.coulomb
     if friction.stiction > friction.coulomb:
@@ -131,14 +138,55 @@ def slide_step(
     tuple of Slide and Number
         The state at the end and w, m/s.
     """
+    bristles = bristle_step(friction, foreseen, h, ops)
+    inertia = carriage.mass / (theta * h)
+    free = inertia * at.v + push - carriage.stiffness * at.x - bristles.stiffness * at.z
+    w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + bristles.slope)
+    return Slide(at.x + h * w, at.v + (w - at.v) / theta, bristles.deflection_after(at.z, w)), w
+
+
+@dataclass(frozen=True, slots=True)
+class BristleStep:
+    """The bristles over a step h at a constant velocity w: their mean force is stiffness z + slope w.
+
+    Attributes
+    ----------
+    rate : a(v), 1/s
+    time : h phi_1, by which z goes on at its rate of the beginning, s
+    stiffness, slope : N/m, N s/m
+    """
+
+    rate: Number
+    time: Number
+    stiffness: Number
+    slope: Number
+
+    def deflection_after(self, z: Number, w: Number) -> Number:
+        """Return the deflection after the step, m.
+
+        Parameters
+        ----------
+        z : deflection before the step, m
+        w : velocity over the step, m/s
+        """
+        return z + self.time * (w - self.rate * z)
+
+
+def bristle_step(friction: Friction, foreseen: Number, h: Number, ops: Arithmetic) -> BristleStep:
+    """Return the bristles over a step with rate and damping at the foreseen velocity.
+
+    Parameters
+    ----------
+    friction : its parameters
+    foreseen : m/s
+    h : length of the step, s
+    ops : arithmetic of the velocity
+    """
     rate, damping = relaxation(friction, foreseen, ops)
     phi_1, phi_2 = _phi_1_and_2(rate * h, ops)
     stiffness = (friction.stiffness - damping * rate) * phi_1
     slope = friction.stiffness * h * phi_2 + damping * phi_1
-    inertia = carriage.mass / (theta * h)
-    free = inertia * at.v + push - carriage.stiffness * at.x - stiffness * at.z
-    w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + slope)
-    return Slide(at.x + h * w, at.v + (w - at.v) / theta, at.z + h * phi_1 * (w - rate * at.z)), w
+    return BristleStep(rate, h * phi_1, stiffness, slope)
 
 
 def _phi_1_and_2(y: Number, ops: Arithmetic) -> tuple[Number, Number]:

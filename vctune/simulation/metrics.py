@@ -53,7 +53,7 @@ class Metrics:
     ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
     handle_energy : what the hand has put into the handle, J
     environment_energy : what the environment has taken in, J
-    motor_energy : what the motor has put into the device, J
+    motor_energy : what the motor has put into the device, J, as commanded
     handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
     peak_motor : greatest |u|, N
     saturated : share of the samples at the actuator's limit
@@ -90,6 +90,7 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     if environment.wall:
         counted &= traces.environment_force > 0
     fitted = _fit(traces, environment, counted)
+    driven = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
     handle = _energy(traces.time, traces.force * traces.velocity)
     rendered = _energy(traces.time, traces.environment_force * traces.desired)
     return Metrics(
@@ -100,7 +101,7 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
         ripple=_ripple(fitted.about, np.abs(traces.velocity[counted])) if fitted else None,
         handle_energy=float(handle[-1]),
         environment_energy=float(rendered[-1]),
-        motor_energy=float(_energy(traces.time, traces.motor * traces.velocity)[-1]),
+        motor_energy=float(_energy(traces.time, traces.motor * driven)[-1]),
         handle_deficit=float(abs(handle.min())),
         environment_deficit=float(abs(rendered.min())),
         peak_motor=float(np.abs(traces.motor).max()),

@@ -32,7 +32,13 @@ def stroke_time(operator: Operator) -> float:
 
 
 def sample_count(operator: Operator, sample_time: float) -> int:
-    """Return the number of sample intervals of an experiment."""
+    """Return the number of sample intervals of an experiment.
+
+    Parameters
+    ----------
+    operator : the hand, whose cycles make up the experiment
+    sample_time : s
+    """
     return max(1, ceil(2 * operator.cycles * stroke_time(operator) / sample_time * (1 - 1e-12)))
 
 
@@ -75,6 +81,16 @@ def hand_force_derivatives(operator: Operator, sample_time: float) -> Floats:
     """Return the matrix from (x, v, x', v') of two samples to the hand's push and its three derivatives at the first.
 
     The push is stiffness x_i + damping v_i with x_i the cubic that has these positions and velocities.
+
+    Parameters
+    ----------
+    operator : the hand
+    sample_time : s
+
+    Returns
+    -------
+    array of float
+        Shape (4, 4): rows for N, N/s, N/s^2 and N/s^3, columns for m, m/s, m, m/s.
     """
     T, k, b = sample_time, operator.stiffness, operator.damping
     position = np.array([1.0, 0.0, 0.0, 0.0])

@@ -1,4 +1,7 @@
-"""Device and hand between two samples, without friction: exact, by matrix exponentials (model/README.md, section 7)."""
+"""A rigid device and the hand between two samples, without friction (model/README.md, section 7).
+
+Exact, by matrix exponentials. With an actuator, a handle on a spring or a filter of the force sensor: `assembly`.
+"""
 
 from __future__ import annotations
 
@@ -36,7 +39,10 @@ def timing(scene: Scene) -> Timing:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """(x, v) after a sample: state @ (x, v) + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i')."""
+    """After a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
+
+    States are position and velocity first.
+    """
 
     state: Floats
     early: Floats
@@ -63,7 +69,12 @@ def transition(scene: Scene) -> Transition:
 
 
 def exponential(matrix: Floats) -> Floats:
-    """Return e^matrix of a small matrix, by scaling, Taylor's series and squaring of e^A - 1."""
+    """Return e^matrix of a small matrix."""
+    return np.eye(len(matrix)) + exponential_less_one(matrix)
+
+
+def exponential_less_one(matrix: Floats) -> Floats:
+    """Return e^matrix - 1 of a small matrix, by scaling, Taylor's series and squaring."""
     norm = float(np.abs(matrix).sum(axis=1).max())
     halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
     scaled = matrix / 2.0**halvings
@@ -73,4 +84,4 @@ def exponential(matrix: Floats) -> Floats:
         excess = excess + term
     for _ in range(halvings):
         excess = 2 * excess + excess @ excess
-    return np.eye(len(matrix)) + excess
+    return excess

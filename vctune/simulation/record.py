@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
 from vctune.document.digest import experiments_digest
 from vctune.document.reading import ProblemFile
-from vctune.document.simulation import SCHEMA
-from vctune.document.strict import finite
+from vctune.document.record import CouplingRecord, GainsRecord
+from vctune.document.simulation import (
+    EnvironmentRecord,
+    ExperimentRecord,
+    LeastVirtualRecord,
+    MetricsRecord,
+    RunRecord,
+    SimulatedLoopRecord,
+    SimulatedProblemRecord,
+    SimulationRecord,
+)
 from vctune.model.experiment import Environment
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import Run, Simulated
@@ -26,71 +35,76 @@ simulation.json, the same picture. Twice: corners begin to show in print."""
 
 def simulation_record(
     file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated]
-) -> dict[str, Any]:
-    """Return the JSON object of simulated experiments; every number in it is finite or null.
+) -> SimulationRecord:
+    """Return the record of simulated experiments.
 
     Curves are thinned for drawing, to `TOLERANCE`.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    gains, coupling : the design, SI units
+    simulated : the experiments
     """
-    return {
-        "schema": SCHEMA,
-        "problem": {
-            "name": file.problem.name,
-            "sha256": file.sha256,
-            "experiments_sha256": experiments_digest(file.problem.experiments),
-        },
-        "gains": asdict(gains),
-        "coupling": asdict(coupling),
-        "experiments": [_experiment(one) for one in simulated],
-        "versions": {"vctune": __version__},
-    }
+    return SimulationRecord(
+        problem=SimulatedProblemRecord(
+            name=file.problem.name,
+            sha256=file.sha256,
+            experiments_sha256=experiments_digest(file.problem.experiments),
+        ),
+        gains=GainsRecord(**asdict(gains)),
+        coupling=CouplingRecord(**asdict(coupling)),
+        experiments=[_experiment(one) for one in simulated],
+        versions={"vctune": __version__},
+    )
 
 
 def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
     """Return every trace by experiment, run and quantity: "spring/design/force"."""
     return {
-        f"{one.experiment.name}/{name}/{field.name}": getattr(made.traces, field.name)
+        f"{one.experiment.name}/{name}/{field.name}": values
         for one in simulated
         for name, made in (("baseline", one.baseline), ("design", one.design))
         if made is not None
         for field in fields(Traces)
-        if field.name != "diverged"
+        if field.name != "diverged" and (values := getattr(made.traces, field.name)) is not None
     }
 
 
-def _experiment(one: Simulated) -> dict[str, Any]:
+def _experiment(one: Simulated) -> ExperimentRecord:
     experiment, pid = one.experiment, one.experiment.baseline
     least, runs = one.least_virtual, {"baseline": one.baseline, "design": one.design}
     over, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
     curves = {name: _curve(made.traces, over, cycle) for name, made in runs.items() if made is not None}
     x_range, y_range = (max(np.ptp(curve[k]) for curve in curves.values()) for k in (0, 1))
     tolerance = (TOLERANCE * x_range or 1.0, TOLERANCE * y_range or 1.0)
-    return {
-        "name": experiment.name,
-        "environment": asdict(experiment.environment),
-        "axis": over,
-        "samples": len(one.design.traces.time),
-        "least_virtual": None
-        if least is None or pid is None
-        else {"share": least, "mass": least * pid.mass, "damping": least * pid.damping},
-        **{
-            name: None if made is None else _run(made) | {"curve": _thinned(curves[name], tolerance)}
-            for name, made in runs.items()
-        },
-    }
+    virtual = None
+    if least is not None and pid is not None:
+        virtual = LeastVirtualRecord(share=least, mass=least * pid.mass, damping=least * pid.damping)
+    baseline = None if one.baseline is None else _run(one.baseline, _thinned(curves["baseline"], tolerance))
+    return ExperimentRecord(
+        name=experiment.name,
+        environment=EnvironmentRecord(**asdict(experiment.environment)),
+        axis=over,
+        samples=len(one.design.traces.time),
+        least_virtual=virtual,
+        baseline=baseline,
+        design=_run(one.design, _thinned(curves["design"], tolerance)),
+    )
 
 
-def axis(environment: Environment) -> str:
+def axis(environment: Environment) -> Literal["position", "velocity"]:
     """Return over what an environment's force is drawn: position for a spring, velocity for the rest."""
     return "position" if environment.stiffness > 0 else "velocity"
 
 
-def _run(made: Run) -> dict[str, Any]:
-    measured = asdict(made.metrics) if made.metrics else None
-    return {
-        "diverged_s": made.traces.diverged,
-        "metrics": finite(measured),
-        "loop": {"stable": made.mode.radius < 1, "spectral_radius": made.mode.radius, "hz": made.mode.hz},
-    }
+def _run(made: Run, curve: list[list[float]]) -> RunRecord:
+    return RunRecord(
+        diverged_s=made.traces.diverged,
+        metrics=MetricsRecord(**asdict(made.metrics)) if made.metrics else None,
+        loop=SimulatedLoopRecord(stable=made.mode.radius < 1, spectral_radius=made.mode.radius, hz=made.mode.hz),
+        curve=curve,
+    )
 
 
 def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:

@@ -10,7 +10,8 @@ import numpy as np
 from vctune.interrupt import interrupt_deferred
 from vctune.simulation.motion import Floats, intended_motion, sample_count
 from vctune.simulation.scene import Scene
-from vctune.simulation.step import CHUNK, COLUMNS, INPUTS, Stretch, build, fixed_steps
+from vctune.simulation.step import CHUNK, INPUTS, build, columns
+from vctune.simulation.stretches import Stretch, fixed_steps
 
 DIVERGENCE = 1e3
 """A handle this many times the hand's travel away from where the hand wants it has diverged. No stable loop comes near
@@ -25,12 +26,13 @@ class Traces:
     ----------
     time : s
     intended : position that the hand wants, m
-    position, velocity : of the handle, m, m/s
-    force : f_h, the hand's force on the handle, N
+    position, velocity : of the handle, m, m/s; without a spring between them also the motor's
+    force : f_h, the hand's force on the handle, N; what the sensor makes of it is not recorded
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the commanded force, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
+    motor_position, motor_velocity : what the firmware's encoder sees, m, m/s; None where it moves as the handle
     """
 
     time: Floats
@@ -43,6 +45,8 @@ class Traces:
     environment_force: Floats
     motor: Floats
     diverged: float | None
+    motor_position: Floats | None = None
+    motor_velocity: Floats | None = None
 
 
 def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, stretch: Stretch = fixed_steps) -> Traces:
@@ -63,7 +67,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     with interrupt_deferred():
         step = build(scene, stretch)
         chunk = step.chunk()
-    recorded = np.empty((samples, len(COLUMNS)))
+    recorded = np.empty((samples, len(columns(scene))))
     wanted = np.empty(samples)
     noise = np.random.default_rng(scene.seed)
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
@@ -99,5 +103,5 @@ def _traces(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -
         near = np.flatnonzero(np.isfinite(recorded).all(axis=1) & (np.abs(recorded[:, 0] - wanted) <= travel))
         length = int(near[-1]) + 1 if near.size else 1
         recorded, wanted, began = recorded[:length], wanted[:length], length * T
-    columns = dict(zip(COLUMNS, recorded.T, strict=True))
-    return Traces(time=np.arange(len(wanted)) * T, intended=wanted, **columns, diverged=began)
+    traced = dict(zip(columns(scene), recorded.T, strict=True))
+    return Traces(time=np.arange(len(wanted)) * T, intended=wanted, **traced, diverged=began)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, pi
 
+from vctune.model.arithmetic import FLOATS
+from vctune.model.device_response import mechanism
 from vctune.model.experiment import Baseline, Experiment, Friction, Operator
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.filters import smoothing
+from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
 from vctune.simulation.controller import Law
 from vctune.simulation.friction import Carriage
 
@@ -17,7 +19,7 @@ class Scene:
 
     Attributes
     ----------
-    device : its hold is always the real, zero-order one
+    device : with all its parts; its hold is always the real, zero-order one
     operator : the hand
     friction : of the device; None for none
     law : the firmware
@@ -33,35 +35,49 @@ class Scene:
 
     @property
     def carriage(self) -> Carriage:
-        """Device and hand, which move as one."""
+        """A rigid device and the hand, which move as one."""
         device, hand = self.device, self.operator
         return Carriage(device.mass + hand.mass, device.damping + hand.damping, hand.stiffness)
 
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
-    """Where a scene starts, at rest: handle x and environment x_e, m, and the motor's force, N."""
+    """Where a scene starts, at rest.
+
+    Attributes
+    ----------
+    position, bend : of the motor, and by how much the handle is ahead of it, m
+    reference : x_e, m
+    motor, hand : forces of motor and hand, N
+    """
 
     position: float
+    bend: float
     reference: float
     motor: float
+    hand: float
 
 
 def equilibrium(scene: Scene) -> Equilibrium:
-    """Return the equilibrium at the start of the motion: the springs of hand, controller and environment in a row.
+    """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
 
     Without a position gain the controller holds nothing, and the handle starts where hand and environment agree.
     """
     hand, law, begin = scene.operator, scene.law, scene.operator.start
     rendered = law.environment
     if hand.stiffness == 0 or rendered.stiffness == 0:
-        return Equilibrium(begin, begin, 0.0)
+        return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
     compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / law.position if law.position > 0 else 0.0)
+    structure, give = scene.device.structure, 0.0
+    if structure is not None and law.position > 0:
+        give = 1 / mechanism(scene.device, structure, FLOATS).stiffness
+        compliance = compliance + give
     force = (begin - rendered.zero) / compliance
     if rendered.wall and force < 0:
-        return Equilibrium(begin, begin, 0.0)
+        return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
     motor = -force if law.position > 0 else 0.0
-    return Equilibrium(begin - force / hand.stiffness, rendered.zero + force / rendered.stiffness, motor)
+    handle, bend = begin - force / hand.stiffness, force * give
+    return Equilibrium(handle - bend, bend, rendered.zero + force / rendered.stiffness, motor, force)
 
 
 def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:
@@ -97,7 +113,8 @@ def _scene(
     mass: float,
     damping: float,
 ) -> Scene:
-    sensors = experiment.sensors
+    sensors, estimate = experiment.sensors, device.velocity or VelocityEstimate()
+    smooth = estimate.filter_hz is not None
     law = Law(
         sample_time=device.sample_time,
         velocity=gains.velocity,
@@ -108,7 +125,9 @@ def _scene(
         virtual_damping=damping,
         environment=experiment.environment,
         position_resolution=sensors.position_resolution,
-        smoothing=None if sensors.filter_hz is None else 1 - exp(-2 * pi * sensors.filter_hz * device.sample_time),
+        difference=estimate.source == "difference",
+        smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
+        low_passes=estimate.filter_order if smooth else 0,
         limit=experiment.limit,
     )
     return Scene(

@@ -72,6 +72,12 @@ def least_virtual(device: Device, experiment: Experiment, pid: Baseline) -> floa
 
     Looked for from 10^-`DECADES` to 10^`DECADES` times what the file says.
 
+    Parameters
+    ----------
+    device : Device
+    experiment : what it is tried in
+    pid : the regular controller, with the mass and the damping that are varied
+
     Returns
     -------
     float or None

@@ -1,71 +1,47 @@
 """One sample of a scene as a compiled function, assembled from what the scene contains. Imports casadi.
 
 A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
-arrived. Friction, quantisation, saturation, filters and the coupling are operations of the function only where the
-scene has them.
+arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
+only where the scene has them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, fields
-from math import ceil
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from vctune.model.experiment import Friction
-from vctune.simulation.arithmetic import Arithmetic
-from vctune.simulation.controller import Measurement, State, control
-from vctune.simulation.friction import Slide, SlideStep, friction_force, slide, slide_step
+from vctune.simulation import plant
+from vctune.simulation.arithmetic import FLOATS
+from vctune.simulation.assembly import Assembly, applied, assembly, sensing
+from vctune.simulation.assembly import transition as assembled_transition
+from vctune.simulation.controller import Measurement, State, control, encoded
+from vctune.simulation.friction import Slide, friction_force
 from vctune.simulation.motion import Floats, hand_force_derivatives
-from vctune.simulation.plant import timing, transition
-from vctune.simulation.scene import Scene, equilibrium
+from vctune.simulation.plant import timing
+from vctune.simulation.scene import Equilibrium, Scene, equilibrium
+from vctune.simulation.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 
 CHUNK = 1024
 """Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
 COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
-"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u."""
+"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u; x and v are the handle's."""
+MOTOR_COLUMNS = ("motor_position", "motor_velocity")
+"""What it also records where the motor does not move as the handle."""
 INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
-
-
-STEPS_PER_RADIAN = 64
-"""Fixed steps per radian of the bristles' oscillation. Half: four times the error in half the time, twice: a quarter of
-it in twice the time (results/work-precision.csv)."""
-LEAST_STEPS, MOST_STEPS = 4, 256
-"""Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
-anything that can be felt. Half and twice either are half and twice the time where they apply."""
-
-
-class _SymbolArithmetic:
-    """CasADi symbols."""
-
-    exp = staticmethod(ca.exp)
-    expm1 = staticmethod(ca.expm1)
-    absolute = staticmethod(ca.fabs)
-    floor = staticmethod(ca.floor)
-    minimum = staticmethod(ca.fmin)
-    maximum = staticmethod(ca.fmax)
-    where = staticmethod(ca.if_else)
-
-
-SYMBOLS: Arithmetic = _SymbolArithmetic()
-
-
-Stretch = Callable[[Scene, Friction, float, float], Any]
-"""Makes the function (body, motor, push) -> body over a stretch of a sample: of a scene with friction, where in the
-sample the stretch begins and how long it is, s."""
-MIDPOINT = 0.5
-"""Where in a fixed step its forces are taken; of second order (`friction.slide`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
     """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
 
-    The state is x, v and with friction z; what the firmware remembers and changes; the forces on their way.
+    The state is x, v and what else moves, with friction z, and the force that was sensed within the last sample if it
+    is sensed there; what the firmware remembers and changes; commands and sensed forces on their way.
     """
 
     one: Any
@@ -76,76 +52,105 @@ class Step:
         return self.one.mapaccum(CHUNK)
 
 
-def default_substeps(scene: Scene, friction: Friction) -> int:
-    """Return how many fixed steps a sample gets, by the bristles' oscillation with device and hand.
-
-    No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
-    """
-    bristles = (friction.stiffness / scene.carriage.mass) ** 0.5
-    return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
-
-
-def fixed_steps(
-    scene: Scene,
-    friction: Friction,
-    begin: float,
-    length: float,
-    substeps: int | None = None,
-    theta: float = MIDPOINT,
-) -> Any:
-    """Return the function (body, motor, push) -> body over a stretch of a sample, in fixed steps.
+def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
+    """Assemble and compile the step of a scene; `stretch` says how friction is integrated.
 
     Parameters
     ----------
-    scene, friction : what moves
-    begin, length : where in the sample the stretch begins, and how long it is, s
-    substeps : per sample; None for `default_substeps`
-    theta : where in a step its forces are taken, see `friction.slide`
+    scene : what the run consists of
+    stretch : of no meaning without friction
+
+    Returns
+    -------
+    Step
+        In SI units; its inputs are `INPUTS`, its record is of `columns`.
     """
-    share = length / scene.device.sample_time
-    count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
-    body, motor, push = ca.SX.sym("body", 3), ca.SX.sym("motor"), ca.SX.sym("push", 4)
-
-    def force(time: float) -> Any:
-        return motor + push_at(push, begin + time)
-
-    step = _slide_step(scene, friction, length / count, theta)
-    end = slide(step, Slide(*ca.vertsplit(body)), force, length / count, count, theta)
-    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
-
-
-def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
-    """Assemble and compile the step of a scene; `stretch` says how friction is integrated."""
-    when = timing(scene)
+    when, sensed, moving, begin = timing(scene), sensing(scene), assembly(scene), equilibrium(scene)
     names = [field.name for field in fields(State)]
-    body, inputs = ca.SX.sym("body", 3 if scene.friction else 2), ca.SX.sym("inputs", INPUTS)
+    rest = _at_rest(scene, moving, begin)
+    body, inputs = ca.SX.sym("body", len(rest)), ca.SX.sym("inputs", INPUTS)
     queue = [
         ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
     ]  # forces commanded and not yet spent, the newest first
+    late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces sensed and not yet read
     memory = {name: ca.SX.sym(name) for name in names}
 
-    at = Slide(body[0], body[1], body[2] if scene.friction else 0.0)
-    hand = _hand_force(scene, at, inputs, queue[-1])
-    measurement = Measurement(at.x, at.v, hand + inputs[4] if scene.force_noise > 0 else hand)
+    seen = _seen(scene, moving, body, inputs, queue[-1])
+    arriving = [seen.sensed, *late]
+    felt = arriving[-1] + inputs[4] if scene.force_noise > 0 else arriving[-1]
+    measurement = Measurement(seen.motor.x, seen.motor.v, felt)
     remembered, command = control(scene.law, State(**memory), measurement, SYMBOLS)
     changed = [name for name in names if getattr(remembered, name) is not memory[name]]
-    record = ca.vertcat(at.x, at.v, hand, remembered.reference, remembered.desired, command.environment, command.force)
+    record = [seen.handle.x, seen.handle.v, seen.force]
+    record += [remembered.reference, remembered.desired, command.environment, command.force]
+    record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
     commanded = [command.force, *queue]
-    state = ca.vertcat(body, *(memory[name] for name in changed), *queue)
-    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *commanded[:-1])
-    begin = equilibrium(scene)
-    start = np.zeros(state.shape[0])
-    start[0], start[-len(queue) :] = begin.position, begin.motor
-    known = {"reference": begin.reference, "measured": begin.position}
-    start[body.shape[0] : -len(queue)] = [known.get(name, 0.0) for name in changed]
+    state = ca.vertcat(body, *(memory[name] for name in changed), *queue, *late)
+    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *commanded[:-1], *arriving[:-1])
+    known = {"reference": begin.reference, "measured": encoded(scene.law, begin.position, FLOATS)}
+    start = [
+        *rest,
+        *(known.get(name, 0.0) for name in changed),
+        *(begin.motor for _ in queue),
+        *(begin.hand for _ in late),
+    ]
     if scene.friction is None:
-        one = ca.Function(
-            "one", [state, inputs], [ca.vertcat(_moved_exactly(scene, body, inputs, commanded), kept), record]
-        )
+        exact = _moved_exactly(scene, moving, body, inputs, commanded)
+        one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
     else:
-        firmware = ca.Function("firmware", [state, inputs], [kept, record, commanded[-1], commanded[-2]])
-        one = _with_friction(scene, scene.friction, stretch, firmware)
-    return Step(one, start)
+        firmware = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
+        one = _with_friction(scene, moving, scene.friction, stretch, firmware)
+    return Step(one, np.array(start))
+
+
+def columns(scene: Scene) -> tuple[str, ...]:
+    """Return what the step of a scene records."""
+    return COLUMNS if scene.device.structure is None else COLUMNS + MOTOR_COLUMNS
+
+
+def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
+    """Return the body's part of the state where the motion starts."""
+    known = {"position": begin.position, "bend": begin.bend, "drive": begin.motor, "sensed": begin.hand}
+    body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
+    body += [0.0] if scene.friction is not None else []
+    return body if sensing(scene).instant is None else [*body, begin.hand]
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What there is at a sample: motor and handle, f_h, and the newest force that the sensor has to say, N."""
+
+    motor: Slide
+    handle: Slide
+    force: Any
+    sensed: Any
+
+
+def _seen(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, motor: Any) -> _Seen:
+    n = 2 if moving is None else moving.size
+    at = Slide(body[0], body[1], body[n] if scene.friction is not None else 0.0)
+    if moving is None:
+        hand = _hand_force(scene, at, inputs, motor)
+        return _Seen(at, at, hand, hand)
+    push = scene.operator.stiffness * inputs[0] + scene.operator.damping * inputs[1]
+    values = _values(scene, ca.vertsplit(body[: n + (scene.friction is not None)]), n, motor, push)
+    handle = Slide(applied(moving.position, values), applied(moving.velocity, values), 0.0)
+    force = applied(moving.force, values)
+    now = force if moving.sensed is moving.force else applied(moving.sensed, values)
+    return _Seen(at, handle, force, now if sensing(scene).instant is None else body[-1])
+
+
+def _values(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
+    """Return states and what acts on them at a moment, as in `assembly.GIVEN`; no force has the push's derivatives."""
+    rubbed = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
+    return [*body[:size], motor, rubbed, push, 0.0, 0.0, 0.0]
+
+
+def _felt(scene: Scene, moving: Assembly, time: float) -> Any:
+    """Return the function (body, motor, push) -> what is sensed, at a time after the sample."""
+    body, motor, push = ca.SX.sym("body", moving.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
+    values = _values(scene, ca.vertsplit(body), moving.size, motor, push_at(push, time))
+    return ca.Function("felt", [body, motor, push], [applied(moving.sensed, values)])
 
 
 def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
@@ -162,39 +167,26 @@ def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
     return (1 - share) * (push - pull) - share * (motor - resisting)
 
 
-def _moved_exactly(scene: Scene, body: Any, inputs: Any, commanded: list[Any]) -> Any:
-    exact = transition(scene)
+def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, commanded: list[Any]) -> Any:
+    exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
     moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[:4])
     moved = moved + ca.DM(exact.late) * commanded[-2]
     return moved + ca.DM(exact.early) * commanded[-1] if exact.early.any() else moved
 
 
-def _with_friction(scene: Scene, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
-    """Return the step of a device with friction: firmware, then one or two stretches of constant motor force."""
+def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
+    """Return the step of a device with friction: firmware, then stretches of constant motor force.
+
+    There are one or two, and one more where the force is sensed in the middle of one.
+    """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
     state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", INPUTS)
     kept, record, early, late = firmware(state, inputs)
-    body = state[:3]
-    for begin, length, motor in ((0.0, when.early, early), (when.early, when.late, late)):
-        if length > 0:
-            body = stretch(scene, friction, begin, length)(body, motor, ca.mtimes(push, inputs[:4]))
-    return ca.Function("one", [state, inputs], [ca.vertcat(body, kept), record])
-
-
-def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
-    """Return `slide_step` as a function that is written down once, however often it is used."""
-    numbers = ca.SX.sym("numbers", 5)
-    x, v, z, foreseen, push = ca.vertsplit(numbers)
-    end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)
-    one = ca.Function("slide", [numbers], [ca.vertcat(end.x, end.v, end.z, mean)])
-
-    def step(at: Slide, foreseen: Any, push: Any) -> tuple[Slide, Any]:
-        x, v, z, w = ca.vertsplit(one(ca.vertcat(at.x, at.v, at.z, foreseen, push)))
-        return Slide(x, v, z), w
-
-    return step
-
-
-def push_at(push: Any, time: Any) -> Any:
-    """Return the force of the hand's spring and damper from its derivatives at the sample, `time` after it."""
-    return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))
+    body, felt = state[: 3 if moving is None else moving.size + 1], []
+    instant, T = sensing(scene).instant, scene.device.sample_time
+    for begin, end in pairwise(sorted({0.0, when.early, T} | ({instant} if instant is not None else set()))):
+        motor = early if end <= when.early else late
+        body = stretch(scene, friction, begin, end - begin)(body, motor, ca.mtimes(push, inputs[:4]))
+        if end == instant and moving is not None:
+            felt = [_felt(scene, moving, end)(body, motor, ca.mtimes(push, inputs[:4]))]
+    return ca.Function("one", [state, inputs], [ca.vertcat(body, *felt, kept), record])

@@ -54,6 +54,11 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
     """Return the study whose designs trade the error against the upper edge of the stability band.
 
     The edge goes from that of the transparency band, or just above the lower edge, up to the Nyquist frequency.
+
+    Parameters
+    ----------
+    document : tables of the problem file, in which the band's edges are replaced
+    problem : what they state
     """
     nyquist = 0.5 / problem.device.sample_time
     low = problem.stability.band.min / (2 * pi)

@@ -72,7 +72,18 @@ class Plane:
 
 
 def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
-    """Return why the region of a problem in the plane of x and y cannot be found, if so."""
+    """Return why the region of a problem in the plane of x and y cannot be found, if so.
+
+    Parameters
+    ----------
+    problem : with or without a region
+    x, y : dotted keys, of `KEYS`
+
+    Returns
+    -------
+    list of Mistake
+        Empty if it can be found.
+    """
     bounds = dict(zip(KEYS, ranges(problem.bounds), strict=True))
     found: list[Mistake] = []
     free = [key for key in KEYS if not bounds[key].fixed]

@@ -71,6 +71,18 @@ def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress 
 
     Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
     demands ease as m_c and b_0 grow, so that their upper bounds decide.
+
+    Parameters
+    ----------
+    problem : one without `plane_errors` in the plane
+    plane : the variables and the edges of the finest cells
+    squares : cells to begin with, shape (4, n)
+    progress : told how many cells are decided
+
+    Returns
+    -------
+    Region
+        The cells that those are divided into, in no particular order.
     """
     done: list[tuple[Squares, Kinds, Floats]] = []
     while squares.shape[1]:
@@ -91,7 +103,13 @@ def free_damping(plane: Plane) -> bool:
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
-    """Return the cells with m_c and b_0 at their upper bounds where they are free."""
+    """Return the cells with m_c and b_0 at their upper bounds where they are free.
+
+    Parameters
+    ----------
+    cells : boxes of the five variables, SI units, n of them
+    plane : says which variables are axes
+    """
     low = cells.low.copy()
     for index in {MASS, DRAG} - set(plane.axes):
         low[index] = cells.high[index]
@@ -99,7 +117,13 @@ def easiest(cells: Cells, plane: Plane) -> Cells:
 
 
 def with_damping(cells: Cells, damping: Floats) -> Cells:
-    """Return the cells with b_c fixed where a value is given."""
+    """Return the cells with b_c fixed where a value is given.
+
+    Parameters
+    ----------
+    cells : boxes of the five variables, n of them
+    damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
+    """
     low, high = cells.low.copy(), cells.high.copy()
     given = np.isfinite(damping)
     low[DAMPING, given] = high[DAMPING, given] = damping[given]
@@ -107,7 +131,19 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 
 def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
-    """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free."""
+    """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free.
+
+    Parameters
+    ----------
+    problem : whose demands are to hold
+    plane : in which the cells lie
+    squares : the cells, shape (4, n)
+
+    Returns
+    -------
+    kinds : of each cell, `Kind`, shape (n,)
+    damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
+    """
     parts = [_judged(problem, plane, squares[:, i : i + TOGETHER]) for i in range(0, squares.shape[1], TOGETHER)]
     kinds, damping = zip(*parts, strict=True)
     return np.concatenate(kinds), np.concatenate(damping)
@@ -127,7 +163,7 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     if free:
         lost |= no_damping(demands, cells.subset(left), worst[:, left])
     kinds[left[lost]] = Kind.INFEASIBLE
-    return kinds, np.where(kinds == Kind.FEASIBLE, damping, np.nan)
+    return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
 
 
 def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Floats, Floats]:

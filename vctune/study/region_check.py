@@ -18,7 +18,6 @@ from vctune.document.reading import ProblemFile
 from vctune.document.region import RegionDocument, read_region
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region
 from vctune.study.region_json import Design
@@ -51,15 +50,17 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be admissible.
 
     The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
+
+    Parameters
+    ----------
+    problem : of today, without `plane_errors` on the baseline's axes
+    baseline : what the region file holds
     """
     axes = (KEYS.index(baseline.axes.x), KEYS.index(baseline.axes.y))
     plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem.bounds))
     feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
     rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T)
-    designs = [
-        (Gains(d.gains.velocity, d.gains.position), Coupling(d.coupling.damping, d.coupling.mass, d.coupling.drag))
-        for d in baseline.designs
-    ]
+    designs = [listed.design for listed in baseline.designs]
     certified = [judgement.status is Status.CERTIFIED for judgement in judge_all(problem, designs)] if designs else []
     return Recheck(rechecked, designs, certified)
 
@@ -101,6 +102,16 @@ class RegionFinding:
 
 def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
+
+    Parameters
+    ----------
+    file : the problem of today
+    baseline : path of a region.json
+
+    Returns
+    -------
+    checked : verdict, message and what became of the baseline
+    again : the cells and gain sets themselves
 
     Raises
     ------

@@ -33,7 +33,13 @@ def solve_point(problem: Problem) -> dict[str, Any]:
 
 
 def row_without_design(status: str, reason: str) -> dict[str, Any]:
-    """Return the row of a point without a design."""
+    """Return the row of a point without a design.
+
+    Parameters
+    ----------
+    status : what became of the point
+    reason : why it has none
+    """
     return {"status": status, "reason": reason, **dict.fromkeys(NUMBERS)}
 
 

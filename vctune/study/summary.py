@@ -17,6 +17,11 @@ def summary(name: str, table: Table) -> dict[str, Any]:
 
     The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
     much of it they fill.
+
+    Parameters
+    ----------
+    name : of the study
+    table : a row a point
     """
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]

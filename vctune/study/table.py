@@ -125,7 +125,19 @@ def parquet_bytes(table: Table) -> bytes | None:
 
 
 def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
-    """Return the files of a table: CSV, and Parquet where it can be made."""
+    """Return the files of a table: CSV, and Parquet where it can be made.
+
+    Parameters
+    ----------
+    table : a row a point
+    folder : for the files
+    stem : of their names
+
+    Returns
+    -------
+    dict
+        Contents by path; Parquet needs pyarrow.
+    """
     parquet = parquet_bytes(table)
     files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}
     return files if parquet is None else {**files, folder / f"{stem}.parquet": parquet}

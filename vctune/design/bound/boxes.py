@@ -45,14 +45,34 @@ class Axis:
     scale: float
 
     def middle(self, low: Floats, high: Floats) -> Floats:
-        """Return where intervals are halved."""
+        """Return where intervals are halved.
+
+        Parameters
+        ----------
+        low, high : edges of n intervals, in the unit of the variable, shape (n,)
+
+        Returns
+        -------
+        array of float
+            In that unit, shape (n,).
+        """
         if self.scale == 0:
             return np.clip(np.sqrt(low) * np.sqrt(high), low, high)
         z = 0.5 * (np.log1p(low / self.scale) + np.log1p(high / self.scale))
         return np.clip(self.scale * np.expm1(z), low, high)
 
     def share(self, low: Floats, high: Floats) -> Floats:
-        """Return which share of the axis intervals take."""
+        """Return which share of the axis intervals take.
+
+        Parameters
+        ----------
+        low, high : edges of n intervals, in the unit of the variable, shape (n,)
+
+        Returns
+        -------
+        array of float
+            From 0 to 1, in the coordinate, shape (n,); 0 for a variable that is fixed.
+        """
         if self.low == self.high:
             return np.zeros_like(low)
         whole = np.log((self.scale + self.high) / (self.scale + self.low))

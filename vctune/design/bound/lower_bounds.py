@@ -15,6 +15,8 @@ import numpy as np
 from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes
 from vctune.design.bound.quadratics import GUARD
 from vctune.design.bound.relaxation import Conditions, Relaxation
+from vctune.model.arithmetic import FLOATS
+from vctune.model.limits import lags
 from vctune.model.problem import Problem
 from vctune.proof.array_intervals import Flags, Floats
 
@@ -64,8 +66,7 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
         infeasibility, np.fmax(least.damping / problem.bounds.damping.max, least.mass / problem.bounds.mass.max)
     )
     none = least.none | (infeasibility > 1 + 4 * GUARD) | ((boxes.low[K_P] > 0) & without_integrator(problem, boxes))
-    admittance, tracking = (term.numerator / term.D2.greatest(boxes) for term in (relaxed.admittance, relaxed.tracking))
-    loop = admittance + tracking
+    loop = relaxed.admittance.least(boxes) + relaxed.tracking.least(boxes)
     b_0, factor = (
         boxes.low[B_0],
         (problem.transparency.weights.coupling / problem.transparency.reference_impedance) ** 2,
@@ -83,21 +84,35 @@ def lower_bounds(relaxed: Relaxation, boxes: DesignBoxes) -> LowerBounds:
 
 def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
     """Return a lower bound of |S| relative to its limit."""
-    at, limit = relaxed.sensitivity, relaxed.problem.stability.max_sensitivity
-    S2: Floats = (at.numerator / at.D2.greatest(boxes)).max(axis=1)
+    limit = relaxed.problem.stability.max_sensitivity
+    S2: Floats = relaxed.sensitivity.least(boxes).max(axis=1)
     return np.sqrt(S2) / limit * (1 - GUARD)
 
 
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
-    With k = K_v - tau K_p the limit is (b^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`).
+    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`), where
+    there is no structure, and no operator unless the device is ideal.
+
+    Parameters
+    ----------
+    problem : in SI units
+    boxes : n of them
+
+    Returns
+    -------
+    array of bool
+        Shape (n,); all False where the limit is not asked for, or not known.
     """
-    if problem.stability.band.min > 0:
+    device = problem.device
+    beyond = device.structure is not None or (device.operator is not None and not device.ideal)
+    if problem.stability.band.min > 0 or beyond:
         return np.zeros(len(boxes), bool)
-    b, gripped, tau = problem.device.damping, problem.device.with_operator.damping, problem.device.loop_lag
-    b_h, factor = gripped - b, problem.stability.safety_factor
-    most = (gripped + boxes.high[K_V]) * (1 + GUARD) - tau * boxes.low[K_P] * (1 - GUARD)
+    late, gripped = lags(device, FLOATS), device.least_damping
+    b = device.damping + boxes.low[K_P] * late.sensor * (1 - GUARD)
+    b_h, factor = gripped - device.damping, problem.stability.safety_factor
+    most = (gripped + boxes.high[K_V]) * (1 + GUARD) - late.drive * boxes.low[K_P] * (1 - GUARD)
     eased = 4 * (most * boxes.high[B_0] + factor * b_h * np.maximum(most - gripped, 0.0))
     return (most < 0) | (eased < factor * b * b * (1 - 10 * GUARD))
 
@@ -107,6 +122,11 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
 
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
     (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega.
+
+    Parameters
+    ----------
+    relaxed : the problem made easier
+    boxes : n of them
     """
     at, bounds = relaxed.conditions, relaxed.problem.bounds
     R, none = _least_resistance(at, boxes)
@@ -123,20 +143,17 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
 def _least_resistance(at: Conditions, boxes: DesignBoxes) -> tuple[Floats, Flags]:
     """Return a lower bound of R where it is positive, shape (boxes, frequencies), and the boxes that have none.
 
-    R = N/(2 r) - b_h (1 - (b + b_h)/r) falls with r = Re(D + Z_h), which is nowhere positive in a box that has none.
+    R is (excess - relief)/(2 r) with the loop's resistance r, which is nowhere positive in a box that has none.
     """
-    low, high = (
-        sum(np.minimum(*(im[axis] * edge[axis][:, None] for edge in (boxes.low, boxes.high))) for axis in (K_V, K_P))
-        for im in (at.im_low, tuple(-part for part in at.im_high))
-    )
-    im = np.maximum(np.maximum(low, high), 0.0) * (1 - GUARD)  # the least |Im(C conj Z_d)|
+    im = np.maximum(np.maximum(at.im_low.least(boxes), -at.im_high.greatest(boxes)), 0.0) * (1 - GUARD)
     resistance, P = at.resistance.greatest(boxes), at.P.greatest(boxes)
     weight = np.sqrt(at.C2.greatest(boxes) * at.D2.greatest(boxes)) * (1 + GUARD) + P
-    product = np.sqrt(np.maximum(at.C2_low.least(boxes) * at.D2_low.least(boxes), 0.0)) * (1 - GUARD)
-    excess = np.fmax(np.where(im > 0, im * im / weight, 0.0), product - P)
+    least = np.maximum(at.C2_low.least(boxes), 0.0) * np.maximum(at.D2_low.least(boxes), 0.0)
+    excess = np.fmax(np.where(im > 0, im * im / weight, 0.0), np.sqrt(least) * (1 - GUARD) - P)
+    if at.operator_relief is not None:
+        relief = at.operator_relief.greatest(boxes)
+        excess = excess - relief - GUARD * np.abs(relief)
     R = excess / (2 * resistance) * (1 - 10 * GUARD)
-    if at.operator > 0:
-        R = R - at.operator * (1 - at.resistance.constant * (1 - 10 * GUARD) / resistance + GUARD)
     return np.fmax(R, 0.0), np.asarray((resistance <= 0).any(axis=1))
 
 

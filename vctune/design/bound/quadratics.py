@@ -29,58 +29,102 @@ class Quadratic:
     Attributes
     ----------
     constant : shape (points,)
-    linear, square : of K_v and of K_p, each of that shape; no square is negative
+    linear, square : of K_v and of K_p, each of that shape; None for 0
     cross : of that shape; None where the contributions of K_v and K_p are at right angles to each other
     """
 
     constant: Floats
-    linear: tuple[Floats, Floats]
-    square: tuple[Floats, Floats]
+    linear: tuple[Floats, Floats] | None = None
+    square: tuple[Floats, Floats] | None = None
     cross: Floats | None = None
 
     def greatest(self, boxes: DesignBoxes) -> Floats:
-        """Return the greatest value over each box of gains, at a vertex because it is convex; shape (boxes, points)."""
-        if self.cross is None:
-            return self.constant + self._greatest_part(K_V, boxes) + self._greatest_part(K_P, boxes)
-        vertices = ((K_v[:, None], K_p[:, None]) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes))
-        values = (self._part(K_V, K_v) + self._part(K_P, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
-        return self.constant + np.maximum.reduce(list(values))
+        """Return a number that no value over a box of gains exceeds, shape (boxes, points).
 
-    def _greatest_part(self, axis: int, boxes: DesignBoxes) -> Floats:
-        low, high = self._ends(axis, boxes)
-        return np.maximum(self._part(axis, low[:, None]), self._part(axis, high[:, None]))
+        It is the greatest value, at a vertex, where no square is negative or there is no cross term; else the sum of
+        what each term at most comes to.
+        """
+        if self.cross is not None and self.square is not None and all(np.all(square >= 0) for square in self.square):
+            vertices = [(K_v, K_p) for K_v in self._ends(K_V, boxes) for K_p in self._ends(K_P, boxes)]
+            values = (self._part(K_V, K_v) + self._part(K_P, K_p) + K_v * K_p * self.cross for K_v, K_p in vertices)
+            return self.constant + np.maximum.reduce(list(values))
+        total = self.constant + sum(np.maximum.reduce(self._extremes(axis, boxes)) for axis in (K_V, K_P))
+        return total if self.cross is None else total + np.maximum(*self._crossed(boxes))
+
+    def least(self, boxes: DesignBoxes) -> Floats:
+        """Return a number that no value over a box of gains falls below, shape (boxes, points).
+
+        It is the least value where there is no cross term; else the sum of what each term at least comes to.
+        """
+        total = self.constant + sum(np.minimum.reduce(self._extremes(axis, boxes)) for axis in (K_V, K_P))
+        return total if self.cross is None else total + np.minimum(*self._crossed(boxes))
 
     @staticmethod
     def _ends(axis: int, boxes: DesignBoxes) -> tuple[Floats, Floats]:
-        return boxes.low[axis], boxes.high[axis]
+        return boxes.low[axis][:, None], boxes.high[axis][:, None]
 
-    def least(self, boxes: DesignBoxes) -> Floats:
-        """Return the least value over each box of gains without a cross term, shape (boxes, points)."""
-        total = self.constant
-        for axis in (K_V, K_P):
-            low, high = (edge[axis][:, None] for edge in (boxes.low, boxes.high))
-            total = total + self._part(axis, np.clip(-0.5 * self.linear[axis] / self.square[axis], low, high))
-        return total
+    def _extremes(self, axis: int, boxes: DesignBoxes) -> list[Floats]:
+        """Return a gain's contribution at both ends of the boxes, and where its slope is 0."""
+        low, high = self._ends(axis, boxes)
+        ends = [self._part(axis, low), self._part(axis, high)]
+        if self.square is None or self.linear is None or not np.any(self.square[axis]):
+            return ends
+        stationary = -0.5 * self.linear[axis] / self.square[axis]
+        return [*ends, self._part(axis, np.clip(np.where(np.isnan(stationary), low, stationary), low, high))]
+
+    def _crossed(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        (K_v, most_v), (K_p, most_p) = self._ends(K_V, boxes), self._ends(K_P, boxes)
+        cross = self.cross if self.cross is not None else 0.0
+        return K_v * K_p * cross, most_v * most_p * cross
 
     def _part(self, axis: int, gain: Floats) -> Floats:
-        return gain * (self.linear[axis] + gain * self.square[axis])
+        part = 0.0 if self.linear is None else self.linear[axis]
+        return gain * (part if self.square is None else part + gain * self.square[axis])
+
+
+Coefficients = tuple[
+    Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
+]
+"""Of a quadratic: constant, linear, square, cross."""
+
+
+def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:
+    """Return a quadratic that is nowhere less than one with the coefficients enclosed, times a power of 2.
+
+    Parameters
+    ----------
+    coefficients : enclosed, of shape (points,)
+    factor : the power of 2, so that the product is not rounded
+    """
+    constant, linear, square, cross = coefficients
+
+    def up(x: Enclosure) -> Floats:
+        return factor * rounded_up(x)
+
+    return Quadratic(
+        up(constant),
+        None if linear is None else (up(linear[0]), up(linear[1])),
+        None if square is None else (up(square[0]), up(square[1])),
+        None if cross is None else up(cross),
+    )
+
+
+def lower(coefficients: Coefficients) -> Quadratic:
+    """Return a quadratic that is nowhere more than one with the coefficients enclosed."""
+    constant, linear, square, cross = coefficients
+    return Quadratic(
+        rounded_down(constant),
+        None if linear is None else (rounded_down(linear[0]), rounded_down(linear[1])),
+        None if square is None else (rounded_down(square[0]), rounded_down(square[1])),
+        None if cross is None else rounded_down(cross),
+    )
 
 
 def rounded_up(x: Enclosure) -> Floats:
     """Return coefficients that are no less than any number enclosed, and more by `GUARD`."""
-    return x.mid + x.rad + GUARD * (np.abs(x.mid) + x.rad)
+    return np.asarray(x.mid + x.rad + GUARD * (np.abs(x.mid) + x.rad))
 
 
 def rounded_down(x: Enclosure) -> Floats:
     """Return coefficients that are no more than any number enclosed, and less by `GUARD`."""
-    return x.mid - x.rad - GUARD * (np.abs(x.mid) + x.rad)
-
-
-def both_up(x: tuple[Enclosure, Enclosure]) -> tuple[Floats, Floats]:
-    """Return the coefficients of K_v and of K_p rounded up."""
-    return rounded_up(x[0]), rounded_up(x[1])
-
-
-def both_down(x: tuple[Enclosure, Enclosure], factor: int = 1) -> tuple[Floats, Floats]:
-    """Return the coefficients of K_v and of K_p rounded down, times a power of 2."""
-    return factor * rounded_down(x[0]), factor * rounded_down(x[1])
+    return np.asarray(x.mid - x.rad - GUARD * (np.abs(x.mid) + x.rad))

@@ -2,35 +2,35 @@
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-C is linear in the gains, C = K_v C_v + K_p C_p with C_p at right angles to C_v, so that
-
-    |D|^2 = |Z_d|^2 + 2 K_v Re(Z_d conj C_v) + 2 K_p Re(Z_d conj C_p) + K_v^2 |C_v|^2 + K_p^2 |C_p|^2
-
-takes its greatest value over a box of gains at a vertex, and so do |C|^2, Re D and P = Re(C conj D). With the least
-|Im(C conj Z_d)|, attained at a vertex or 0, they bound R from below. Any set of frequencies will do, for the demands
-can only be harder on the whole band. The mean of w/|D|^2 over an interval is at least (integral of w)^2 / (integral of
-w |D|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
+C and D are affine in the gains (`vctune.model.loop.LoopConstants`), so that |D|^2, |C|^2, P = Re(C conj D) and the
+loop's resistance are quadratic in them, and take their greatest values over a box of gains at a vertex where they are
+convex. With the least |Im(C conj D)| they bound R from below. Any set of frequencies will do, for the demands can only
+be harder on the whole band. With X_0 what X is without gains, the mean of |X|^2/|D|^2 over an interval is at least
+(integral of Re(X conj X_0))^2 / (integral of |X_0|^2 |D|^2) (Cauchy and Schwarz), where the integrals are of known
+functions, enclosed by Arb; the former is affine in the gains, and least at a vertex.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from flint import acb, arb, ctx
 
-from vctune.design.bound.quadratics import GUARD, Quadratic, both_down, both_up, rounded_down, rounded_up
+from vctune.design.bound.boxes import DesignBoxes
+from vctune.design.bound.quadratics import GUARD, Coefficients, Quadratic, lower, rounded_down, upper
 from vctune.interrupt import interrupt_deferred
-from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.loop import hold_response, loop_response
-from vctune.model.pair import re_conj_product
+from vctune.model.affine import Affine, LoopConstants, loop_constants
+from vctune.model.arithmetic import Number
+from vctune.model.device_response import device_response
+from vctune.model.pair import Pair, re_conj_product
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device, Gains
+from vctune.model.quantities import Device, stacked
 from vctune.model.sampled import return_difference, sampled_plant, split_delay
 from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
-from vctune.proof.devices import UNCERTAIN
 from vctune.proof.jets import ENCLOSURES
 
 PRECISION = 2.0**-44
@@ -38,46 +38,45 @@ PRECISION = 2.0**-44
 time by one of Gauss's nodes."""
 
 
-@dataclass(frozen=True, slots=True)
-class Coefficients:
-    """What a frequency contributes for each unit of gain: of K_v and of K_p, where there are two.
-
-    Attributes
-    ----------
-    Z2 : |Z_d|^2
-    re_Zd_conj_C : Re(Z_d conj C_v), Re(Z_d conj C_p)
-    C2 : |C_v|^2, |C_p|^2
-    im_C_conj_Zd : Im(C_v conj Z_d), Im(C_p conj Z_d)
-    re_C : Re C_v, Re C_p
-    """
-
-    Z2: Number
-    re_Zd_conj_C: tuple[Number, Number]
-    C2: tuple[Number, Number]
-    im_C_conj_Zd: tuple[Number, Number]
-    re_C: tuple[Number, Number]
-
-
-def coefficients(device: Device, omega: Number, ops: Arithmetic) -> Coefficients:
-    """Return the coefficients at a frequency omega > 0 from the loops of unit gains.
+def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, crossed: bool) -> Coefficients:
+    """Return the coefficients of a real product of two numbers that are affine in the gains.
 
     Parameters
     ----------
-    device : its numbers and omega in one arithmetic
-    omega : rad/s, > 0
-    ops : that arithmetic
+    of : Re or Im of the first times the conjugate of the second
+    a, b : at the same frequencies; a coefficient is not there where both its factors are not
+    crossed : whether K_v and K_p contribute together, which they do not where their shares are at right angles
     """
-    hold = hold_response(device, omega, ops)
-    one = loop_response(device, Gains(1, 0), omega, hold, ops)
-    two = loop_response(device, Gains(0, 1), omega, hold, ops)
-    squared = omega * omega
-    return Coefficients(
-        one.Z_d_scaled.abs2(),
-        (re_conj_product(one.Z_d_scaled, one.C_scaled), re_conj_product(two.Z_d_scaled, two.C_scaled) / squared),
-        (one.C_scaled.abs2(), two.C_scaled.abs2() / squared),
-        (one.im_C_conj_Zd_scaled, two.im_C_conj_Zd_scaled / omega),
-        (one.resistance - device.damping, two.resistance - device.damping),
+
+    def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
+        found = [of(x, y) for x, y in pairs if x is not None and y is not None]
+        return sum(found[1:], start=found[0]) if found else None
+
+    def both(one: Number, two: Number) -> tuple[Number, Number] | None:
+        if one is None and two is None:
+            return None
+        return 0 * two if one is None else one, 0 * one if two is None else two
+
+    linear = both(
+        product((a.constant, b.velocity), (a.velocity, b.constant)),
+        product((a.constant, b.position), (a.position, b.constant)),
     )
+    square = both(product((a.velocity, b.velocity)), product((a.position, b.position)))
+    cross = product((a.velocity, b.position), (a.position, b.velocity)) if crossed else None
+    constant = product((a.constant, b.constant))
+    if constant is None:
+        constant = 0 * (linear or square or (0.0,))[0]
+    return constant, linear, square, cross
+
+
+def im_conj_product(a: Pair, b: Pair) -> Number:
+    """Return Im(a conj(b)).
+
+    Parameters
+    ----------
+    a, b : in numbers of the same arithmetic
+    """
+    return a.im * b.re - a.re * b.im
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,22 +86,22 @@ class Conditions:
     Attributes
     ----------
     omega : rad/s, those of one device after another
-    operator : b_h, rounded up
-    D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and Re(D + Z_h), rounded up
+    D2, C2, P, resistance : |D|^2, |C|^2, Re(C conj D) and the loop's resistance, rounded up
+    operator_relief : 2 b_h Re(C conj N), rounded up; None without an operator
     D2_low, C2_low : rounded down
-    im_low, im_high : bounds of what K_v and K_p contribute to Im(C conj Z_d)
+    im_low, im_high : Im(C conj D), rounded down and up
     """
 
     omega: Floats
-    operator: float
     D2: Quadratic
     C2: Quadratic
     P: Quadratic
     resistance: Quadratic
+    operator_relief: Quadratic | None
     D2_low: Quadratic
     C2_low: Quadratic
-    im_low: tuple[Floats, Floats]
-    im_high: tuple[Floats, Floats]
+    im_low: Quadratic
+    im_high: Quadratic
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +112,20 @@ class BoundedQuotient:
 
     Attributes
     ----------
-    numerator : lower bounds, of what does not depend on the gains
-    D2 : upper bounds, weighted like the numerator
+    root : the numerator's root, rounded down: Re(X conj X_0) of what is X_0 with both gains 0
+    D2 : upper bounds, weighted with |X_0|^2
+    scale : of the quotient, rounded down
     """
 
-    numerator: Floats
+    root: Quadratic
     D2: Quadratic
+    scale: float = 1.0
+
+    def least(self, boxes: DesignBoxes) -> Floats:
+        """Return a lower bound over each box of gains, shape (boxes, points)."""
+        root = np.maximum(self.root.least(boxes), 0.0)
+        bound: Floats = np.square(root) * (self.scale * (1 - GUARD)) / self.D2.greatest(boxes)
+        return bound
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,27 +171,37 @@ def relaxation(
     intervals : into how many, or at how many frequencies, the transparency band is divided
     """
     band, weights = problem.transparency.band, problem.transparency.weights
+    crossed = problem.device.velocity is not None
     if problem.transparency.norm == "peak":
-        nodes = np.geomspace(band.min, band.max, intervals)
-        omega_e = np.tile(nodes, len(objective))
-        at_nodes = _enclosed(_stacked(objective, intervals), omega_e)
-        D2 = _squared(at_nodes)
-        terms = BoundedQuotient(np.ones(len(omega_e)), D2), BoundedQuotient(rounded_down(at_nodes.Z2), D2)
+        omega_e = np.tile(np.geomspace(band.min, band.max, intervals), len(objective))
+        at_nodes = _enclosed(_repeated(objective, intervals), omega_e)
+        parts = [_term(at_nodes, at_nodes.numerator, crossed=crossed), _term(at_nodes, at_nodes.miss, crossed=crossed)]
     else:
         omega_e = None
-        admittances, trackings = zip(*(_integrated(d, band.min, band.max, intervals) for d in objective), strict=True)
-        terms = _concatenated(admittances), _concatenated(trackings)
-    scale = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
+        each = [_integrated(device, band.min, band.max, intervals, crossed=crossed) for device in objective]
+        parts = [_concatenated(terms) for terms in zip(*each, strict=True)]
+    scales = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
-        BoundedQuotient(term.numerator * (factor * (1 - GUARD)), term.D2)
-        for term, factor in zip(terms, scale, strict=True)
+        BoundedQuotient(lower(root), upper(D2), scale) for (root, D2), scale in zip(parts, scales, strict=True)
     )
     conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
     return Relaxation(problem, devices, conditions, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
 
 
 def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
-    """Return the relaxation with its demands at other frequencies."""
+    """Return the relaxation with its demands at other frequencies.
+
+    Parameters
+    ----------
+    relaxed : with any frequencies
+    omega : rad/s, frequencies of the stability band
+    omega_S : rad/s, frequencies up to Nyquist
+
+    Returns
+    -------
+    Relaxation
+        The demands at these frequencies on each device; the error's terms as they were.
+    """
     devices = relaxed.devices
     conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
     return replace(relaxed, conditions=conditions, omega_S=omega_S, sensitivity=sensitivity)
@@ -192,45 +209,74 @@ def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relax
 
 def _everywhere(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:
     """Return devices as one, and every frequency for each of them."""
-    return _stacked(devices, len(omega)), np.tile(omega, len(devices))
+    return _repeated(devices, len(omega)), np.tile(omega, len(devices))
 
 
-def _stacked(devices: list[Device], count: int) -> Device:
+def _repeated(devices: list[Device], count: int) -> Device:
     """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
     if len(devices) == 1:
         return devices[0]
-    mass, damping, delay = (np.repeat([getattr(d, name) for d in devices], count) for name in UNCERTAIN)
-    return replace(devices[0], mass=mass, damping=damping, delay=delay)
+    return stacked([device for device in devices for _ in range(count)])
 
 
-def _concatenated(terms: Sequence[BoundedQuotient]) -> BoundedQuotient:
-    if len(terms) == 1:
-        return terms[0]
-
-    def row(of: Callable[[BoundedQuotient], Floats]) -> Floats:
-        return np.concatenate([of(term) for term in terms])
-
-    linear = row(lambda term: term.D2.linear[0]), row(lambda term: term.D2.linear[1])
-    square = row(lambda term: term.D2.square[0]), row(lambda term: term.D2.square[1])
-    D2 = Quadratic(row(lambda term: term.D2.constant), linear, square)
-    return BoundedQuotient(row(lambda term: term.numerator), D2)
+def _enclosed(device: Device, omega: Floats) -> LoopConstants:
+    return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))
 
 
 def _conditions(device: Device, omega: Floats) -> Conditions:
-    at, none = _enclosed(device, omega), np.zeros(len(omega))
-    damping = device.converted(decimal).with_operator.damping
+    at, crossed = _enclosed(device, omega), device.velocity is not None
+    C2, D2 = (quadratic(re_conj_product, part, part, crossed=crossed) for part in (at.C, at.D))
+    im = quadratic(im_conj_product, at.C, at.D, crossed=crossed)
+    if device.ideal:  # C against itself contributes nothing, but rounding
+        im = im[0], im[1], None, None
     return Conditions(
         omega,
-        float(rounded_up(decimal(device.operator.damping))) if device.operator is not None else 0.0,
-        _squared(at),
-        Quadratic(none, (none, none), both_up(at.C2)),
-        Quadratic(none, both_up(at.re_Zd_conj_C), both_up(at.C2)),
-        Quadratic(np.full(len(omega), rounded_up(damping)), both_up(at.re_C), (none, none)),
-        Quadratic(rounded_down(at.Z2), both_down(at.re_Zd_conj_C, 2), both_down(at.C2)),
-        Quadratic(none, (none, none), both_down(at.C2)),
-        both_down(at.im_C_conj_Zd),
-        both_up(at.im_C_conj_Zd),
+        upper(D2),
+        upper(C2),
+        upper(quadratic(re_conj_product, at.C, at.D, crossed=crossed)),
+        upper(_resistance(device, at, omega, crossed=crossed)),
+        _relief(device, at, crossed=crossed),
+        lower(D2),
+        lower(C2),
+        lower(im),
+        upper(im),
     )
+
+
+def _resistance(device: Device, at: LoopConstants, omega: Floats, *, crossed: bool) -> Coefficients:
+    """Return Re W + Re y |W|^2 + b_h |N|^2."""
+    W, exact = at.motor, device.converted(decimal)
+    assert W.constant is not None and W.velocity is not None and W.position is not None
+    constant, square, cross = 0 * Enclosure(omega) + W.constant.re, None, None
+    linear = W.velocity.re, W.position.re
+    spring = device_response(exact.bare, Enclosure(omega), ENCLOSURES).spring
+    added = [] if spring is None else [(Enclosure(omega) * Enclosure(omega) * spring.y_c, W)]
+    if exact.operator is not None:
+        if spring is None:
+            constant = constant + exact.operator.damping
+        else:
+            added.append((exact.operator.damping, at.numerator))
+    for factor, part in added:
+        more, linears, squares, crosses = quadratic(re_conj_product, part, part, crossed=crossed)
+        assert linears is not None and squares is not None
+        constant, linear = constant + factor * more, (linear[0] + factor * linears[0], linear[1] + factor * linears[1])
+        more_square = factor * squares[0], factor * squares[1]
+        square = more_square if square is None else (square[0] + more_square[0], square[1] + more_square[1])
+        if crosses is not None:
+            cross = factor * crosses if cross is None else cross + factor * crosses
+    return constant, linear, square, cross
+
+
+def _relief(device: Device, at: LoopConstants, *, crossed: bool) -> Quadratic | None:
+    """Return 2 b_h Re(C conj N)."""
+    if device.operator is None:
+        return None
+    b_h = decimal(device.operator.damping)
+    constant, linear, square, cross = quadratic(re_conj_product, at.C, at.numerator, crossed=crossed)
+    assert linear is not None
+    linear = b_h * linear[0], b_h * linear[1]
+    square = None if square is None else (b_h * square[0], b_h * square[1])
+    return upper((b_h * constant, linear, square, None if cross is None else b_h * cross), 2)
 
 
 def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
@@ -239,57 +285,88 @@ def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
     exact = device.bare.converted(decimal)
     plant = sampled_plant(exact, whole, ENCLOSURES, fractional=bool(np.any(fraction)))
     F = return_difference(plant, exact.sample_time * omega, ENCLOSURES, position=True)
-    crossed = re_conj_product(F.open, F.velocity), re_conj_product(F.open, F.position)
-    squares = F.velocity.abs2(), F.position.abs2()
-    cross = 2 * rounded_up(re_conj_product(F.velocity, F.position))
-    linear = 2 * rounded_up(crossed[0]), 2 * rounded_up(crossed[1])
-    F_0 = F.open.abs2()
-    return BoundedQuotient(
-        np.maximum(rounded_down(F_0), 0.0), Quadratic(rounded_up(F_0), linear, both_up(squares), cross)
+    loop = Affine(F.open, F.velocity, F.position)
+    root = F.open.abs2().sqrt()
+    return BoundedQuotient(Quadratic(rounded_down(root)), upper(quadratic(re_conj_product, loop, loop, crossed=True)))
+
+
+Term = tuple[Coefficients, Coefficients]
+"""Re(X conj X_0) and |X_0|^2 |D|^2."""
+
+
+def _term(at: LoopConstants, X: Affine, *, crossed: bool) -> Term:
+    """Return a term |X|^2/|D|^2 at frequencies, of X that is X_0 with both gains 0."""
+    assert X.constant is not None
+    idle = Affine(X.constant, None, None)
+    constant, linear, *_ = quadratic(re_conj_product, X, idle, crossed=False)
+    weight = X.constant.abs2()
+    D2 = quadratic(re_conj_product, at.D, at.D, crossed=crossed)
+    return (constant, linear, None, None), _each(D2, lambda x: weight * x)
+
+
+def _each(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
+    """Return coefficients, each of those that are there mapped."""
+    constant, linear, square, cross = coefficients
+    return (
+        f(constant),
+        None if linear is None else (f(linear[0]), f(linear[1])),
+        None if square is None else (f(square[0]), f(square[1])),
+        None if cross is None else f(cross),
     )
 
 
-def _enclosed(device: Device, omega: Floats) -> Coefficients:
-    return coefficients(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES)
-
-
-def _squared(at: Coefficients) -> Quadratic:
-    """Return |D|^2."""
-    return Quadratic(
-        rounded_up(at.Z2), (2 * rounded_up(at.re_Zd_conj_C[0]), 2 * rounded_up(at.re_Zd_conj_C[1])), both_up(at.C2)
+def _concatenated(terms: Sequence[Term]) -> Term:
+    """Return the same term of several devices, one after another."""
+    if len(terms) == 1:
+        return terms[0]
+    found = iter(
+        [
+            Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
+            for row in zip(*map(_flat, terms), strict=True)
+        ]
     )
+    root, D2 = (_each(part, lambda _: next(found)) for part in terms[0])
+    return root, D2
 
 
-def _integrated(device: Device, low: float, high: float, intervals: int) -> tuple[BoundedQuotient, BoundedQuotient]:
+def _integrated(device: Device, low: float, high: float, intervals: int, *, crossed: bool) -> tuple[Term, Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
     exact = device_ball(device.bare)
     first, length = ball(low).log(), ball(high).log() - ball(low).log()
     edges = [first + length * k / intervals for k in range(intervals + 1)]
 
-    def integral(f: Callable[[Coefficients], acb], k: int) -> arb:
+    def coefficients(x: acb, which: str) -> list[acb]:
+        at = loop_constants(device_response(exact, x.exp(), BALLS))
+        return _flat(_term(at, getattr(at, which), crossed=crossed))
+
+    def integral(which: str, index: int, k: int) -> arb:
         def integrand(x: acb, _analytic: bool) -> acb:
-            return f(coefficients(exact, x.exp(), BALLS))
+            return coefficients(x, which)[index]
 
-        return acb.integral(integrand, edges[k], edges[k + 1], rel_tol=PRECISION, abs_tol=0).real / length
+        low, high = edges[k], edges[k + 1]
+        throughout = integrand(acb(low.union(high)), True)
+        if throughout == 0:
+            return arb(0)
+        # relative to the integrand, not to its integral, which may be 0
+        size = float(throughout.abs_upper())
+        tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
+        return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
 
-    def term(weight: Callable[[Coefficients], acb]) -> BoundedQuotient:
-        parts = [
-            weight,
-            lambda c: weight(c) * c.Z2,
-            lambda c: weight(c) * c.re_Zd_conj_C[0],
-            lambda c: weight(c) * c.re_Zd_conj_C[1],
-            lambda c: weight(c) * c.C2[0],
-            lambda c: weight(c) * c.C2[1],
-        ]
-        found = [[integral(part, k) for k in range(intervals)] for part in parts]
-        numerator, constant, v, p, v2, p2 = (
-            Enclosure(np.array([float(x.mid()) for x in row]), np.array([float(x.rad()) for x in row])) for row in found
-        )
-        square = rounded_down(numerator) ** 2 * (1 - GUARD)
-        return BoundedQuotient(
-            square,
-            Quadratic(rounded_up(constant), (2 * rounded_up(v), 2 * rounded_up(p)), (rounded_up(v2), rounded_up(p2))),
-        )
+    def term(which: str) -> Term:
+        middle = loop_constants(device_response(exact, acb(edges[0]).exp(), BALLS))
+        shape = _term(middle, getattr(middle, which), crossed=crossed)
+        rows = [[integral(which, index, k) for k in range(intervals)] for index in range(len(_flat(shape)))]
+        found = iter([Enclosure(*(np.array([float(f(x)) for x in row]) for f in (arb.mid, arb.rad))) for row in rows])
+        root, D2 = (_each(part, lambda _: next(found)) for part in shape)
+        return root, D2
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
-        return term(lambda c: acb(1)), term(lambda c: c.Z2)
+        return term("numerator"), term("miss")
+
+
+def _flat(term: Term) -> list[Number]:
+    """Return the coefficients of a term that are there, in the order of `_each`."""
+    found: list[Number] = []
+    for part in term:
+        _each(part, found.append)
+    return found

@@ -192,7 +192,8 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
-    return [case.device for case in cases]
+    """Return the devices with their own responses: with any other the demands can only be harder."""
+    return list(dict.fromkeys(case.device.modelled for case in cases))
 
 
 def _pruned(nodes: OpenNodes, search: _Search, gap: float) -> OpenNodes:

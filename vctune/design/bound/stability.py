@@ -49,7 +49,8 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> tuple[Flags, Flag
     stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
     for which in by_integrator(cells):
         part = cells.subset(which)
-        demands = [replace(posed.demands, device=case.device) for case in posed.cases]
+        devices = dict.fromkeys(case.device.modelled for case in posed.cases)
+        demands = [replace(posed.demands, device=device) for device in devices]
         number = np.concatenate([encirclements(each, part).number for each in demands])
         stable[which] = (number == 0).all(axis=0)
         unstable[which] = (np.isfinite(number) & (number != 0)).any(axis=0)

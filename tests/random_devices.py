@@ -1,0 +1,125 @@
+"""Random devices with random parts, over ten decades and of an ordinary size; a seed makes each again."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from vctune.bench import devices
+from vctune.document.reading import pose
+from vctune.model.arithmetic import FLOATS
+from vctune.model.limits import lags
+from vctune.model.quantities import Coupling, Device, Gains
+
+
+def decimal(x: float) -> float:
+    """Return a number with six digits, as a file has it."""
+    return float(f"{x:.6g}")
+
+
+def decades(rng: np.random.Generator, low: float, high: float) -> float:
+    return decimal(10 ** rng.uniform(low, high))
+
+
+def parts(rng: np.random.Generator, ideal: dict[str, Any], rates: tuple[float, float], share: float) -> dict[str, Any]:
+    """Return the tables of a device's parts, and the operator's.
+
+    Parameters
+    ----------
+    rng : source of all that is random
+    ideal : the device's table
+    rates : decades between which bandwidths and resonances lie, relative to the sampling rate
+    share : the chance of each part
+    """
+    T, mass = ideal["sample_time"], ideal["mass"]
+
+    def has() -> bool:
+        return bool(rng.random() < share)
+
+    def rate() -> float:
+        return decades(rng, *rates) / T
+
+    found: dict[str, Any] = {}
+    if has():
+        found["velocity"] = {"from": str(rng.choice(["measured", "difference"]))}
+        if has():
+            found["velocity"] |= {"filter_hz": min(rate(), 0.49 / T), "filter_order": int(rng.integers(1, 3))}
+    if has():
+        found["actuator"] = {"bandwidth_hz": rate(), "order": int(rng.integers(1, 3))}
+    if has():
+        found["force_sensor"] = {"delay": decimal(T * decades(rng, -4, 1.5))} if has() else {}
+        if has():
+            found["force_sensor"] |= {"bandwidth_hz": rate(), "order": int(rng.integers(1, 3))}
+    if has():
+        handle, ratio = decimal(mass * min(decades(rng, -3, 0), 0.95)), decades(rng, -4, 0.5) * (rng.random() < 0.9)
+        found["structure"] = {"handle_mass": handle, "frequency_hz": rate(), "damping_ratio": ratio}
+    return found
+
+
+def operator(rng: np.random.Generator, ideal: dict[str, Any], share: float) -> dict[str, float]:
+    """Return the table of a least operator; often without mass or without damping."""
+    if rng.random() >= share:
+        return {}
+    mass, T = ideal["mass"], ideal["sample_time"]
+    found = {"mass": mass * decades(rng, -3, 1), "damping": mass / T * decades(rng, -6, 0)}
+    return {key: decimal(value) for key, value in found.items() if rng.random() < 0.7}
+
+
+def far_apart(seed: int, number: int) -> tuple[Device, Gains, Coupling]:
+    """Return the number-th device of a seed over the decades of `vctune bench`, with gains and a coupling."""
+    rng = np.random.default_rng((seed, number, 2))
+    ideal = dict(devices.device(seed, number)[0]["device"])
+    document = {"device": ideal | parts(rng, ideal, (-5.5, 2.5), 0.6)}
+    if hand := operator(rng, ideal, 0.4):
+        document["operator"] = hand
+    problem, faults = pose(document, "far apart")
+    assert problem is not None, faults
+    device = problem.device
+    tau = float(lags(device, FLOATS).drive)
+    impedance = device.mass / tau + device.damping
+    position = impedance / tau * decades(rng, -8, 0.5) * (rng.random() < 0.7)
+    gains = Gains(decimal(impedance * decades(rng, -6, 0.5)), decimal(position))
+    damping = impedance * decades(rng, -4, 3)
+    drag = impedance * decades(rng, -8, 0) * (rng.random() < 0.6)
+    return device, gains, Coupling(*(decimal(x) for x in (damping, damping * tau * decades(rng, -3, 3), drag)))
+
+
+def frequencies(device: Device, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Return frequencies between nine decades below Nyquist and Nyquist, rad/s; one of them next to a resonance."""
+    omega = pi / device.sample_time * 10 ** rng.uniform(-9, 0, count)
+    if device.structure is not None:
+        omega[-1] = min(2 * pi * device.structure.frequency_hz * rng.uniform(0.9, 1.1), pi / device.sample_time)
+    return omega
+
+
+def ordinary(rng: np.random.Generator, *, held: float = 0.3) -> Device:
+    """Return a device as they are built, with about half of the parts; in the hand of an operator with a chance."""
+    T, mass = decades(rng, -4, -2.7), decades(rng, -1.3, 1)
+    ideal: dict[str, Any] = {"mass": mass, "damping": decimal(mass / T * 10 ** rng.uniform(-4, -1)), "sample_time": T}
+    ideal |= {"hold": str(rng.choice(["zoh", "zoh", "lag"]))}
+    if rng.random() < 0.5:
+        ideal["delay"] = decimal(T * rng.uniform(0, 2.5))
+    document = {"device": ideal | parts(rng, ideal, (-1.7, 0.3), 0.5)}
+    tables = document["device"]
+    if "structure" in tables:  # as stiff and as damped as machines are
+        tables["structure"] |= {"handle_mass": decimal(mass * rng.uniform(0.05, 0.6))}
+        tables["structure"] |= {"frequency_hz": decades(rng, -1.7, -0.4) / T, "damping_ratio": decades(rng, -2.3, -0.7)}
+    if "delay" in tables.get("force_sensor", {}):
+        tables["force_sensor"] |= {"delay": decimal(T * rng.uniform(0, 2.5))}
+    if hand := operator(rng, ideal, held):
+        document["operator"] = hand
+    problem, faults = pose(document, "ordinary")
+    assert problem is not None, faults
+    return problem.device
+
+
+def ordinary_gains(device: Device, rng: np.random.Generator) -> tuple[Gains, Coupling]:
+    """Return gains of a size that may be stable, without an integrator half the time, and a coupling."""
+    lag = 1.5 * device.sample_time + device.delay
+    velocity = decimal(device.mass / lag * 10 ** rng.uniform(-1.5, -0.2))
+    gains = Gains(velocity, decimal(velocity / lag * 10 ** rng.uniform(-3, -1) * int(rng.integers(2))))
+    damping = velocity * decades(rng, -1, 1)
+    drag = device.damping * decades(rng, -2, 0) * int(rng.integers(2))
+    return gains, Coupling(*(decimal(x) for x in (damping, damping * lag * decades(rng, 0, 2), drag)))

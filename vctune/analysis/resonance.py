@@ -1,0 +1,44 @@
+"""Frequencies next to the resonance of a handle on a spring, which a grid of constant spacing may step over."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.model.quantities import Device
+
+RESONANCE_REACH, NARROWEST = 1.1, 2e-3
+"""How far around a structure's resonances the grid is as fine as half their damping ratio, and how fine at the finest.
+Half a reach and twice as far decide alike: the loop moves a resonance between these two. Half as fine may miss what a
+resonance does between two frequencies, which the proof would then find; twice as fine takes twice the time there."""
+
+
+def with_resonance(device: Device, grid: Floats) -> Floats:
+    """Return a grid, rad/s, with more frequencies from where the handle swings by itself to where both masses do.
+
+    A rigid device has none, and its grid stays as it is.
+
+    Parameters
+    ----------
+    device : plain numbers
+    grid : increasing, rad/s
+
+    Returns
+    -------
+    array of float
+        Increasing, rad/s, with the same ends.
+    """
+    structure, mass = device.structure, device.mass
+    if structure is None:
+        return grid
+    resonance = 2 * pi * float(structure.frequency_hz)
+    load = structure.load.mass if structure.load is not None else 0.0
+    held = resonance * ((mass - structure.handle_mass) / mass) ** 0.5
+    held *= (structure.handle_mass / (structure.handle_mass + load)) ** 0.5
+    low, high = max(grid[0], held / RESONANCE_REACH), min(grid[-1], resonance * RESONANCE_REACH)
+    if low >= high:
+        return grid
+    step = min(max(float(structure.damping_ratio) / 2, NARROWEST), 0.02)
+    return np.union1d(grid, np.geomspace(low, high, 2 + int(np.log(high / low) / step)))

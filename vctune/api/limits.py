@@ -1,0 +1,8 @@
+"""What can be asked for, of the functions and of the commands; imports nothing."""
+
+from __future__ import annotations
+
+GAPS = (1e-4, 10.0)
+"""Least and greatest gap: below, rounding shows; above, a bound says nothing."""
+RESOLUTIONS = (1 / 2048, 1 / 8)
+"""Least and greatest side of a region's smallest cell, as a share of the plane's."""

@@ -1,0 +1,84 @@
+"""The loop's constants at a frequency: everything is affine in the gains, over what is affine in the gains.
+
+See model/README.md, section 12.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.device_response import DeviceResponse
+from vctune.model.pair import Pair
+from vctune.model.quantities import Gains
+
+
+@dataclass(frozen=True, slots=True)
+class Affine:
+    """A complex number that is affine in the gains: constant + K_v velocity + K_p position, at a frequency.
+
+    Attributes
+    ----------
+    constant, velocity, position : None for 0
+    """
+
+    constant: Pair | None
+    velocity: Pair | None
+    position: Pair | None
+
+    def closed(self, gains: Gains) -> Pair:
+        """Return the number for the given gains."""
+        parts = [] if self.constant is None else [self.constant]
+        parts += [] if self.velocity is None else [self.velocity.scaled(gains.velocity)]
+        parts += [] if self.position is None else [self.position.scaled(gains.position)]
+        total = parts[0]
+        for part in parts[1:]:
+            total = total + part
+        return total
+
+
+@dataclass(frozen=True, slots=True)
+class LoopConstants:
+    """The loop as what it is affine in: C_0, C = F_s C_0, D, D - C_0, N and W, not scaled."""
+
+    controller: Affine
+    C: Affine
+    D: Affine
+    miss: Affine
+    numerator: Affine
+    motor: Affine
+
+
+def loop_constants(at: DeviceResponse) -> LoopConstants:
+    """Return the constants of a device's loop at omega > 0, that only the device knows.
+
+    K_p's share of C_0 is that of K_v turned by a right angle, and so is that of W and D unless the velocity is
+    estimated.
+    """
+    omega, spring, sensor = at.omega, at.spring, at.sensor
+    drive = Pair(at.drive.re, -(omega * at.drive.lag))
+    turned = Pair(-at.drive.lag, -(at.drive.re / omega))
+    heard, lost = drive, None
+    if at.estimate is not None:
+        gone = Pair(omega * omega * at.estimate.curvature, omega * at.estimate.lag)  # 1 - F
+        lost, heard = drive * gone.scaled(-1), drive * Pair(at.estimate.re, -(omega * at.estimate.lag))
+    Z_1 = Pair(at.damping, at.mass * omega)
+    told, motor = Affine(None, drive, turned), Affine(Z_1, heard, turned)
+    C = told
+    if sensor is not None:
+        F_s = Pair(sensor.re, -(omega * sensor.lag))
+        C = Affine(None, F_s * drive, F_s * turned)
+    if spring is None:
+        return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(Pair(1, 0 * omega), None, None), motor)
+    y = Pair(omega * omega * spring.y_c, omega * spring.y_k)
+    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
+    bent = y * Z_2
+    e, idle = Pair(1 + bent.re, bent.im), y * Z_1
+    D_0, swung = e * Z_1 + Z_2, bent * heard
+    return LoopConstants(
+        controller=told,
+        C=C,
+        D=Affine(D_0, e * heard, e * turned),
+        miss=Affine(D_0, swung if lost is None else swung + lost, bent * turned),
+        numerator=Affine(Pair(1 + idle.re, idle.im), y * heard, y * turned),
+        motor=motor,
+    )
