@@ -104,6 +104,17 @@ FAULTS = {
         ("20", 'uncertainty."actuator.bandwidth_hz"', "there is no device.actuator.bandwidth_hz to be uncertain"),
         ("21", "uncertainty.unmodelled", "the frequencies do not increase"),
     ],
+    "unmodelled": [
+        ("6", "uncertainty.unmodelled[0][1]", "is missing; write two numbers [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[1]", "[10.0, 0.1, 0.2] has more than two numbers; write [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[2]", "20.0 is not a pair of numbers [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[3][0]", '"30 Hz" is not a number; write a number'),
+        ("6", "uncertainty.unmodelled[4][1]", "-0.1 is too small"),
+    ],
+    "unmodelled-as-a-number": [
+        ("6", "uncertainty.unmodelled", "0.1 is not a list of pairs; write unmodelled = [[1.0, 0.02], [100.0, 0.1]]")
+    ],
+    "band-of-one": [("6", "stability.band_hz[1]", "is missing; write two numbers [lower, upper]")],
     "everything-at-once": [
         ("1", "name", "not a text"),
         ("2", "device.damping", "is missing"),

@@ -26,6 +26,10 @@ MOVED: dict[KeyPath, str] = {
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
 }
 """Keys that earlier versions had, and where they are now."""
+PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
+    ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
+}
+"""Keys that are lists of pairs: what a pair is, and how all of it is written."""
 Check = Callable[[dict[str, Any]], list[Fault]]
 """Finds what is wrong between values that are each right, in whatever part of a document is valid."""
 Document = TypeVar("Document", bound=BaseModel)
@@ -120,13 +124,13 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
         "float_type": lambda: f"{shown(value)} is not a number; write a number{_or_range(model, path)}",
         "int_type": lambda: f"{shown(value)} is not a whole number; write one without a point",
         "bool_type": lambda: f"{shown(value)} is not true or false",
-        "list_type": lambda: f"{shown(value)} is not a list of tables; write [[{dotted(path)}]]",
+        "list_type": lambda: f"{shown(value)} is not a list of {_elements(path)}",
         "dict_type": lambda: f"{shown(value)} is not a table",
         "string_type": lambda: f"{shown(value)} is not a text; put it in quotes",
         "literal_error": lambda: f"{shown(value)} is not one of {context['expected']}",
         "model_type": lambda: f"{shown(value)} is not a table",
-        "tuple_type": lambda: f"{shown(value)} is not a pair of numbers [lower, upper]",
-        "too_long": lambda: f"{shown(value)} has more than two numbers; write [lower, upper]",
+        "tuple_type": lambda: f"{shown(value)} is not a pair of numbers {_pair(path)}",
+        "too_long": lambda: f"{shown(value)} has more than two numbers; write {_pair(path)}",
         "string_pattern_mismatch": lambda: (
             f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
         ),
@@ -147,6 +151,16 @@ def shown(value: Any) -> str:
 
 def _short(text: str) -> str:
     return text if len(text) <= LONG else text[: LONG - 3] + "..."
+
+
+def _elements(path: KeyPath) -> str:
+    """Return what a list consists of, and how it is written."""
+    return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
+
+
+def _pair(path: KeyPath) -> str:
+    """Return how the pair at a path, or that of which it is an element, is written."""
+    return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
 
 
 def _or_range(model: type[BaseModel], path: KeyPath) -> str:
@@ -197,7 +211,7 @@ def _tables(model: type[BaseModel]) -> Iterator[tuple[str, set[str]]]:
 def _documentation(model: type[BaseModel], path: KeyPath) -> str:
     table = _table_at(model, path[:-1])
     if table is None or not isinstance(path[-1], str):
-        return "write two numbers [lower, upper]" if isinstance(path[-1], int) else "both min and max are needed"
+        return f"write two numbers {_pair(path)}" if isinstance(path[-1], int) else "both min and max are needed"
     field = _field_at(model, path)
     text = (field.description if field else None) or (_table_at(model, path) or table).__doc__ or ""
     return f"it is required: {text}" if field is None or field.is_required() else text
