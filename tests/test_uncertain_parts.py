@@ -18,6 +18,8 @@ from sampled_device_oracle import sensitivity
 from vctune.design.judge import Status, judge
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
+from vctune.document.schema import UncertaintyTable
+from vctune.proof.devices import UNCERTAIN
 from vctune.proof.interval import Verdict
 
 FACTOR, LIMIT = 1.05, 2.0
@@ -109,6 +111,12 @@ def test_a_design_for_the_nominal_device_is_refuted_by_one_of_the_box(name):
     refuted = next(outcome for outcome in outcomes if outcome.verdict is Verdict.REFUTED)
     for key, width in given.uncertainty.half_widths:
         assert abs(refuted.device.number(key) / given.device.number(key) - 1) <= width * (1 + 1e-12)
+
+
+def test_the_uncertain_numbers_of_a_file_are_those_of_the_model():
+    fields = UncertaintyTable.model_fields
+    keys = {field.alias or name for name, field in fields.items()} - {"unmodelled", "objective"}
+    assert keys == set(UNCERTAIN)
 
 
 @pytest.mark.slow

@@ -17,7 +17,9 @@ from sampled_device_oracle import sensitivity
 
 from vctune.design.judge import Status, judge
 from vctune.design.solve import solve
+from vctune.design.theorems import impossible
 from vctune.document.reading import parse_problem
+from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 
@@ -136,3 +138,49 @@ def test_a_loop_that_a_response_may_make_unstable_is_refuted():
     S = complex(sensitivity(DEVICES["ideal"][1], gains, outcome.witness_hz, DOUBLES))
     at, value = np.log([[1.0, 0.01], [200.0, 3.0]]).T
     assert abs(1 - S) * np.exp(np.interp(np.log(outcome.witness_hz), at, value)) > 1
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_a_design_without_a_loop_is_passive_only_if_its_response_is(name):
+    """A mass answers at nearly -90 degrees: the disc holds responses that are behind it, which give energy."""
+    given = parse_problem(DEVICES[name][0] + DEMANDS + DISC, "x", "x")
+    idle = Gains(0.0, 0.0), Coupling(10.0, 1.0, 0.0)
+    alone = judge(replace(given, uncertainty=None), *idle)
+    assert alone.status is Status.CERTIFIED
+    judgement = judge(given, *idle)
+    assert judgement.status in (Status.UNDECIDED, Status.VIOLATED)
+    outcomes = judgement.certificate.outcomes
+    assert outcomes[Claim.UNMODELLED].verdict is Verdict.PROVED, "there is no loop to make unstable"
+    assert outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
+    assert judgement.certificate.proved_band is None
+    P_hh = mechanism(DEVICES[name][1], 2j * pi * BAND[1], DOUBLES)[0]
+    assert (P_hh * (1 - 1j * radius(BAND[1]))).real < 0 < P_hh.real
+
+
+@pytest.mark.parametrize(
+    ("radii", "hz", "greatest"),
+    [
+        ("[1.0, 0.1], [50.0, 1.0], [80.0, 0.2]", "50 Hz", "is 1:"),
+        ("[1.0, 0.1], [50.0, 1.2], [80.0, 1.5], [400.0, 3.0]", "100 Hz", "is 1.651:"),
+        ("[0.1, 6.0], [1.0, 0.5], [100.0, 0.1]", "0.5 Hz", "is 1.056:"),
+        ("[200.0, 2.0]", "0.5 Hz", "is 2:"),
+    ],
+)
+def test_a_radius_of_1_within_the_band_is_infeasible_and_the_reason_says_where(radii, hz, greatest):
+    text = f"{DEVICES['ideal'][0]}{DEMANDS}[uncertainty]\nunmodelled = [{radii}]\n"
+    found = impossible(parse_problem(text, "x", "x"))
+    assert found.proved
+    assert f"at {hz}, where uncertainty.unmodelled {greatest}" in found.cause
+
+
+def test_a_radius_of_1_within_the_band_is_not_searched_for_a_design():
+    text = f"{DEVICES['ideal'][0]}{DEMANDS}[uncertainty]\nunmodelled = [[1.0, 0.1], [50.0, 1.0], [80.0, 0.2]]\n"
+    solved = solve(parse_problem(text, "x", "x"))
+    assert solved.status is Status.INFEASIBLE
+    assert solved.infeasibility.proved and "at 50 Hz" in solved.infeasibility.reason
+
+
+@pytest.mark.parametrize("radii", ["[1.0, 0.1], [101.0, 1.0]", "[0.4, 2.0], [0.6, 0.1]", "[1.0, 0.999]"])
+def test_a_radius_below_1_within_the_band_is_no_theorems_business(radii):
+    text = f"{DEVICES['ideal'][0]}{DEMANDS}[uncertainty]\nunmodelled = [{radii}]\n"
+    assert impossible(parse_problem(text, "x", "x")) is None
