@@ -36,6 +36,8 @@ def test_solve_writes_its_files_and_prints_a_table(device, tmp_path):
     assert {"gains.toml", "design.json", "report.html", "llewellyn.svg", "nyquist.svg"} <= written
     for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "left out: coupling.drag"):
         assert part in done.stdout
+    (band,) = (line for line in done.stdout.splitlines() if line.lstrip().startswith("proved band"))
+    assert band.endswith("Hz; outside it nothing is proved of the ratio")
     design, gains = strict((folder / "design.json").read_text()), tomllib.loads((folder / "gains.toml").read_text())
     assert gains["gains"] == design["gains"]
     assert gains["coupling"] == design["coupling"]

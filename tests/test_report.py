@@ -104,11 +104,19 @@ def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
     assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png"}
 
 
+def test_a_report_promises_nothing_outside_the_proved_band(records, tmp_path):
+    html = made(records["certified"], tmp_path / "report")
+    assert "outside it nothing is proved of the ratio" in html
+    assert "unstable at such a frequency, as far as the frequency model goes" in html
+
+
 def test_undecided_renders_too(records, tmp_path):
     record = json.loads(json.dumps(records["certified"]))
     record["status"] = record["certificate"]["verdict"] = "undecided"
     record["certificate"]["proved_band_hz"] = None
-    assert '<span class="undecided">' in made(record, tmp_path / "report")
+    html = made(record, tmp_path / "report")
+    assert '<span class="undecided">' in html
+    assert "outside it" not in html
 
 
 def test_active_demands_have_their_prices(records):

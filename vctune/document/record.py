@@ -119,7 +119,7 @@ class CertificateRecord(Part):
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
     band_hz: Annotated[Pair, Shown("band", "Hz")]
-    proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz")]
+    proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
     proved_ratio: Number
     min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz")]
     worst_hz: Number
@@ -127,6 +127,11 @@ class CertificateRecord(Part):
     boxes: int
     claims: list[ClaimRecord]
     without_operator: WithoutOperatorRecord | None = None
+
+    @property
+    def beyond(self) -> str:
+        """What holds outside the proved band, where there is one."""
+        return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self) -> Iterator[Row]:
         """Yield what is shown of it, and the claims that are not proved."""

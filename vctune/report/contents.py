@@ -14,8 +14,8 @@ READINGS = {
     "llewellyn": (
         "Absolute stability",
         "Wherever the coupling's Re Z_c lies above the required R, below: where the ratio is above 1, no passive hand "
-        "and no passive environment can make the handle unstable; dashed lines bound the band on which this is proved. "
-        "The lower axis shows the ratios around 1 alone.",
+        "and no passive environment can make the handle unstable at such a frequency, as far as the frequency model "
+        "goes; dashed lines bound the band on which this is proved. The lower axis shows the ratios around 1 alone.",
     ),
     "nyquist": (
         "Velocity loop",
