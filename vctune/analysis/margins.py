@@ -75,7 +75,7 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
 
     real = L(np.append(_roots(lambda omega: L(omega).imag, grid), nyquist)).real
     factors = -1 / real[real < 0]
-    crossing = _roots(lambda omega: np.log(np.abs(L(omega))), grid)
+    crossing = unit_gain_frequencies(device, gains)
     angle = np.angle(L(crossing))
     phases = np.where(angle > 0, angle - pi, angle + pi)
     return Margins(
@@ -83,6 +83,17 @@ def loop_margins(device: Device, gains: Gains) -> Margins:
         phase=float(phases[np.argmin(np.abs(phases))]) if phases.size else inf,
         delay=_delay_margin(device, gains, float(np.min(np.mod(phases, 2 * pi) / crossing))) if phases.size else inf,
     )
+
+
+def unit_gain_frequencies(device: Device, gains: Gains) -> Floats:
+    """Return the frequencies at which the sampled loop crosses |L| = 1, rad/s, increasing.
+
+    Parameters
+    ----------
+    device : let go, plain numbers
+    gains : one of them not 0
+    """
+    return _roots(lambda omega: np.log(np.abs(loop_gain(device, gains, omega))), _grid(device))
 
 
 def unstable_poles(device: Device, gains: Gains) -> int:

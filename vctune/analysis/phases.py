@@ -1,31 +1,23 @@
 """Which part of a device is how late: phases around the velocity loop and along the force path, in double precision.
 
-See model/README.md, sections 1, 2 and 7.
+See model/README.md, sections 1, 7 and 12.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import pi
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.resonance import with_resonance
+from vctune.analysis.extrema import Floats
+from vctune.analysis.margins import unit_gain_frequencies
 from vctune.analysis.sampled_loop import Complex, loop_gain
+from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import FLOATS
-from vctune.model.device_response import DeviceResponse, device_response, hold_response
+from vctune.model.device_response import device_response, hold_response
 from vctune.model.filters import FilterResponse, actuator_response, force_sensor_response
+from vctune.model.pair import Pair
 from vctune.model.quantities import Device, Gains
-
-DECADES_BELOW_NYQUIST = 7
-"""How far below Nyquist a crossover is looked for: no loop is as slow. Half misses those of slow loops, twice is
-time for nothing."""
-POINTS_PER_DECADE = 100
-"""Of the grid on which it is found. Half: two crossings within 5 % are missed together. Twice: twice the time."""
-ZOOMS, ZOOM_POINTS = 5, 33
-"""How often the interval of the grid is divided, and into how many points: to 1e-9 of it, beyond what is shown. Half
-shows; twice is rounding."""
 
 SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "velocity estimate", "velocity law"
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"
@@ -63,16 +55,8 @@ def crossover(device: Device, gains: Gains) -> float | None:
     """
     if not gains.closed:
         return None
-    nyquist = pi / device.sample_time
-    grid = with_resonance(device, frequency_grid(nyquist * 10.0**-DECADES_BELOW_NYQUIST, nyquist, POINTS_PER_DECADE))
-    for _ in range(1 + ZOOMS):
-        above = np.abs(loop_gain(device, gains, grid)) > 1
-        crossings = np.flatnonzero(above[:-1] != above[1:])
-        if not crossings.size:
-            return None
-        last = int(crossings[-1])
-        grid = np.geomspace(grid[last], grid[last + 1], ZOOM_POINTS)
-    return float(grid[ZOOM_POINTS // 2])
+    crossings = unit_gain_frequencies(device, gains)
+    return float(crossings[-1]) if crossings.size else None
 
 
 def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
@@ -86,14 +70,13 @@ def loop_phases(device: Device, gains: Gains, omega: float) -> Phases:
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, 0 < omega <= pi/T
     """
-    at = device_response(device, np.array(omega), FLOATS)
-    estimate = 1.0 if at.estimate is None else _response(at.estimate, omega)
-    law = gains.velocity + gains.position / (1j * omega)
-    shares = {LAW: _angle(law)} if gains.position > 0 else {}
+    known = _constants(device, omega)
+    shares = _law_phase(gains, omega)
     if device.velocity is not None:
-        shares[ESTIMATE] = _angle((gains.velocity * estimate + gains.position / (1j * omega)) / law)
+        C_f = Affine(None, known.motor.velocity, known.motor.position)
+        shares[ESTIMATE] = _angle(_number(C_f.closed(gains)) / _number(known.controller.closed(gains)))
     shares |= _drive_phases(replace(device, hold="zoh"), omega)
-    shares[MECHANISM] = _angle(_P_mu(at))
+    shares[MECHANISM] = _angle(_number(known.factor) / _without_loop(known))
     L = complex(loop_gain(device, gains, np.array([omega]))[0])
     shares[ALIASES] = _angle(L * np.exp(-1j * sum(shares.values())))
     return Phases(omega, shares)
@@ -111,19 +94,16 @@ def force_phases(device: Device, gains: Gains, omega: float) -> Phases:
     gains : K_v, K_p, N s/m and N/m
     omega : rad/s, > 0
     """
-    at = device_response(device, np.array(omega), FLOATS)
-    shares = {}
+    known, shares = _constants(device, omega), {}
     if device.force_sensor is not None:
         low_pass = force_sensor_response(replace(device.force_sensor, delay=0.0), np.array(omega), FLOATS)
         shares = {SENSOR: _angle(_response(low_pass, omega))} if low_pass is not None else {}
         shares |= {SENSOR_DELAY: -omega * device.force_sensor.delay} if device.force_sensor.delay > 0 else {}
-    estimate = 1.0 if at.estimate is None else _response(at.estimate, omega)
-    drive, integral = complex(at.drive.re, -omega * at.drive.lag), gains.position / (1j * omega)
-    C_f, P_mu = drive * (gains.velocity * estimate + integral), _P_mu(at)
-    shares |= {LAW: _angle(gains.velocity + integral)} if gains.position > 0 else {}
+    shares |= _law_phase(gains, omega)
     shares |= _drive_phases(device, omega)
-    shares[MECHANISM] = _angle(P_mu) - _angle(_bent(at))
-    shares[FEEDBACK] = -_angle(1 + P_mu * C_f)
+    idle, e = _without_loop(known), _number(known.factor)
+    shares[MECHANISM] = _angle(e / idle) - _angle(e)  # apart: beyond a resonance it goes on past -180 deg
+    shares[FEEDBACK] = -_angle(_number(known.D.closed(gains)) / idle)
     return Phases(omega, shares)
 
 
@@ -149,25 +129,23 @@ def _drive_phases(device: Device, omega: float) -> dict[str, float]:
     return shares
 
 
-def _P_mu(at: DeviceResponse) -> complex:
-    """Return the admittance from the motor's force to its velocity."""
-    Z_1 = complex(at.damping, at.omega * at.mass)
-    if at.spring is None:
-        return 1 / Z_1
-    bent = _bent(at)
-    return bent / (Z_1 * bent + _handle(at))
+def _constants(device: Device, omega: float) -> LoopConstants:
+    return loop_constants(device_response(device, np.array(omega), FLOATS))
 
 
-def _bent(at: DeviceResponse) -> complex:
-    """Return P_mu/P_hu = 1 + y Z_2: what the spring between motor and handle takes from the handle, at 0 to 180 deg."""
-    if at.spring is None:
-        return 1 + 0j
-    return 1 + complex(at.omega * at.omega * at.spring.y_c, at.omega * at.spring.y_k) * _handle(at)
+def _without_loop(known: LoopConstants) -> complex:
+    """Return D without a loop."""
+    assert known.D.constant is not None
+    return _number(known.D.constant)
 
 
-def _handle(at: DeviceResponse) -> complex:
-    assert at.spring is not None
-    return complex(at.spring.damping or 0.0, at.omega * at.spring.mass)
+def _law_phase(gains: Gains, omega: float) -> dict[str, float]:
+    """Return the phase of K_v + K_p/s where it has one."""
+    return {LAW: _angle(complex(gains.velocity, -gains.position / omega))} if gains.position > 0 else {}
+
+
+def _number(pair: Pair) -> complex:
+    return complex(pair.re, pair.im)
 
 
 def _response(filter_: FilterResponse, omega: float) -> complex:

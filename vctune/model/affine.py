@@ -38,7 +38,15 @@ class Affine:
 
 @dataclass(frozen=True, slots=True)
 class LoopConstants:
-    """The loop as what it is affine in: C_0, C = F_s C_0, D, D - C_0, N and W, not scaled."""
+    """The loop as what it is affine in, not scaled.
+
+    Attributes
+    ----------
+    controller, C : C_0 and F_s C_0
+    D, miss, numerator, motor : D, D - C_0, N and W
+    factor : e = 1 + y Z_2, what C_f has in D: without a loop the motor's admittance is e/D, the handle's to the motor's
+        force 1/D
+    """
 
     controller: Affine
     C: Affine
@@ -46,6 +54,7 @@ class LoopConstants:
     miss: Affine
     numerator: Affine
     motor: Affine
+    factor: Pair
 
 
 def loop_constants(at: DeviceResponse) -> LoopConstants:
@@ -68,7 +77,8 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
         F_s = Pair(sensor.re, -(omega * sensor.lag))
         C = Affine(None, F_s * drive, F_s * turned)
     if spring is None:
-        return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(Pair(1, 0 * omega), None, None), motor)
+        one = Pair(1, 0 * omega)
+        return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(one, None, None), motor, one)
     y = Pair(omega * omega * spring.y_c, omega * spring.y_k)
     Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
     bent = y * Z_2
@@ -81,4 +91,5 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
         miss=Affine(D_0, swung if lost is None else swung + lost, bent * turned),
         numerator=Affine(Pair(1 + idle.re, idle.im), y * heard, y * turned),
         motor=motor,
+        factor=e,
     )
