@@ -11,8 +11,9 @@ from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
 from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.arithmetic import FLOATS
+from vctune.model.characteristic import characteristic_polynomial
 from vctune.model.quantities import Device, Gains
-from vctune.model.sampled import characteristic_polynomial, return_difference, sampled_plant, split_delay
+from vctune.model.sampled import return_difference, sampled_plant, split_delay
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles, spectral_radius

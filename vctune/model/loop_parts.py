@@ -9,7 +9,7 @@ from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.device_response import DeviceResponse, Spring
 from vctune.model.filters import FilterResponse
 from vctune.model.impedances import Impedance, LoopResponse, controller_impedance
-from vctune.model.pair import Pair, re_conj_product
+from vctune.model.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.quantities import Gains
 
 
@@ -145,7 +145,7 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
         numerator = N_0 + x * Affine(None, known.numerator.velocity, known.numerator.position).closed(gains)
     told = known.controller.closed(gains)
     # Im(F_s C_0 conj(C_0 + miss)), of which C_0 against itself leaves only what F_s turns
-    im = C.im * miss.re - C.re * miss.im
+    im = im_conj_product(C, miss)
     if at.sensor is not None:
         im = im - at.omega * at.sensor.lag * told.abs2()
     resistance, operator_relief = re_conj_product(numerator, D), None

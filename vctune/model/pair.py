@@ -37,3 +37,13 @@ def re_conj_product(a: Pair, b: Pair) -> Number:
     a, b : in numbers of the same arithmetic
     """
     return a.re * b.re + a.im * b.im
+
+
+def im_conj_product(a: Pair, b: Pair) -> Number:
+    """Return Im(a conj(b)).
+
+    Parameters
+    ----------
+    a, b : in numbers of the same arithmetic
+    """
+    return a.im * b.re - a.re * b.im

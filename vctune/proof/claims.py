@@ -10,7 +10,7 @@ from vctune.model.coupling import coupling_impedance
 from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.llewellyn import llewellyn_demand
 from vctune.model.loop import loop_response
-from vctune.model.pair import Pair, re_conj_product
+from vctune.model.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import SampledPlant, difference_slope, return_difference
 
@@ -225,7 +225,7 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
     velocity_loop = return_difference(plant, theta, ops, position=False)
     P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
     F = velocity_loop.closed(gains) * slope
-    return F.im * P.re - F.re * P.im, (velocity_loop.open * slope).abs2() * P.abs2()
+    return im_conj_product(F, P), (velocity_loop.open * slope).abs2() * P.abs2()
 
 
 def sensitivity_sufficient_margin(

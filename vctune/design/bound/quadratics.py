@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.design.bound.boxes import K_P, K_V, DesignBoxes
+from vctune.design.bound.coefficients import Coefficients
 from vctune.proof.array_intervals import Enclosure, Floats
 
 GUARD = 1e-14
@@ -80,12 +81,6 @@ class Quadratic:
     def _part(self, axis: int, gain: Floats) -> Floats:
         part = 0.0 if self.linear is None else self.linear[axis]
         return gain * (part if self.square is None else part + gain * self.square[axis])
-
-
-Coefficients = tuple[
-    Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
-]
-"""Of a quadratic: constant, linear, square, cross."""
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:

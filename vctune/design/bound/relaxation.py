@@ -2,7 +2,7 @@
 
 See model/README.md, section 8; design/bound/README.md, section 1.
 
-C and D are affine in the gains (`vctune.model.loop.LoopConstants`), so that |D|^2, |C|^2, P = Re(C conj D) and the
+C and D are affine in the gains (`vctune.model.affine.LoopConstants`), so that |D|^2, |C|^2, P = Re(C conj D) and the
 loop's resistance are quadratic in them, and take their greatest values over a box of gains at a vertex where they are
 convex. With the least |Im(C conj D)| they bound R from below. Any set of frequencies will do, for the demands can only
 be harder on the whole band. With X_0 what X is without gains, the mean of |X|^2/|D|^2 over an interval is at least
@@ -12,7 +12,6 @@ functions, enclosed by Arb; the former is affine in the gains, and least at a ve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -20,12 +19,21 @@ import numpy as np
 from flint import acb, arb, ctx
 
 from vctune.design.bound.boxes import DesignBoxes
-from vctune.design.bound.quadratics import GUARD, Coefficients, Quadratic, lower, rounded_down, upper
+from vctune.design.bound.coefficients import (
+    Coefficients,
+    Term,
+    concatenated,
+    error_term,
+    listed,
+    mapped,
+    quadratic,
+    replaced,
+)
+from vctune.design.bound.quadratics import GUARD, Quadratic, lower, rounded_down, upper
 from vctune.interrupt import interrupt_deferred
 from vctune.model.affine import Affine, LoopConstants, loop_constants
-from vctune.model.arithmetic import Number
 from vctune.model.device_response import device_response
-from vctune.model.pair import Pair, re_conj_product
+from vctune.model.pair import im_conj_product, re_conj_product
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device, stacked
 from vctune.model.sampled import return_difference, sampled_plant, split_delay
@@ -36,47 +44,6 @@ from vctune.proof.jets import ENCLOSURES
 PRECISION = 2.0**-44
 """Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
 time by one of Gauss's nodes."""
-
-
-def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, crossed: bool) -> Coefficients:
-    """Return the coefficients of a real product of two numbers that are affine in the gains.
-
-    Parameters
-    ----------
-    of : Re or Im of the first times the conjugate of the second
-    a, b : at the same frequencies; a coefficient is not there where both its factors are not
-    crossed : whether K_v and K_p contribute together, which they do not where their shares are at right angles
-    """
-
-    def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
-        found = [of(x, y) for x, y in pairs if x is not None and y is not None]
-        return sum(found[1:], start=found[0]) if found else None
-
-    def both(one: Number, two: Number) -> tuple[Number, Number] | None:
-        if one is None and two is None:
-            return None
-        return 0 * two if one is None else one, 0 * one if two is None else two
-
-    linear = both(
-        product((a.constant, b.velocity), (a.velocity, b.constant)),
-        product((a.constant, b.position), (a.position, b.constant)),
-    )
-    square = both(product((a.velocity, b.velocity)), product((a.position, b.position)))
-    cross = product((a.velocity, b.position), (a.position, b.velocity)) if crossed else None
-    constant = product((a.constant, b.constant))
-    if constant is None:
-        constant = 0 * (linear or square or (0.0,))[0]
-    return constant, linear, square, cross
-
-
-def im_conj_product(a: Pair, b: Pair) -> Number:
-    """Return Im(a conj(b)).
-
-    Parameters
-    ----------
-    a, b : in numbers of the same arithmetic
-    """
-    return a.im * b.re - a.re * b.im
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,11 +142,11 @@ def relaxation(
     if problem.transparency.norm == "peak":
         omega_e = np.tile(np.geomspace(band.min, band.max, intervals), len(objective))
         at_nodes = _enclosed(_repeated(objective, intervals), omega_e)
-        parts = [_term(at_nodes, at_nodes.numerator, crossed=crossed), _term(at_nodes, at_nodes.miss, crossed=crossed)]
+        parts = [error_term(at_nodes, X, crossed=crossed) for X in (at_nodes.numerator, at_nodes.miss)]
     else:
         omega_e = None
         each = [_integrated(device, band.min, band.max, intervals, crossed=crossed) for device in objective]
-        parts = [_concatenated(terms) for terms in zip(*each, strict=True)]
+        parts = [concatenated(terms) for terms in zip(*each, strict=True)]
     scales = (weights.admittance * problem.transparency.reference_impedance) ** 2, weights.tracking**2
     admittance, tracking = (
         BoundedQuotient(lower(root), upper(D2), scale) for (root, D2), scale in zip(parts, scales, strict=True)
@@ -272,11 +239,8 @@ def _relief(device: Device, at: LoopConstants, *, crossed: bool) -> Quadratic | 
     if device.operator is None:
         return None
     b_h = decimal(device.operator.damping)
-    constant, linear, square, cross = quadratic(re_conj_product, at.C, at.numerator, crossed=crossed)
-    assert linear is not None
-    linear = b_h * linear[0], b_h * linear[1]
-    square = None if square is None else (b_h * square[0], b_h * square[1])
-    return upper((b_h * constant, linear, square, None if cross is None else b_h * cross), 2)
+    relief = quadratic(re_conj_product, at.C, at.numerator, crossed=crossed)
+    return upper(mapped(relief, lambda x: b_h * x), 2)
 
 
 def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
@@ -290,45 +254,6 @@ def _sensitivity(device: Device, omega: Floats) -> BoundedQuotient:
     return BoundedQuotient(Quadratic(rounded_down(root)), upper(quadratic(re_conj_product, loop, loop, crossed=True)))
 
 
-Term = tuple[Coefficients, Coefficients]
-"""Re(X conj X_0) and |X_0|^2 |D|^2."""
-
-
-def _term(at: LoopConstants, X: Affine, *, crossed: bool) -> Term:
-    """Return a term |X|^2/|D|^2 at frequencies, of X that is X_0 with both gains 0."""
-    assert X.constant is not None
-    idle = Affine(X.constant, None, None)
-    constant, linear, *_ = quadratic(re_conj_product, X, idle, crossed=False)
-    weight = X.constant.abs2()
-    D2 = quadratic(re_conj_product, at.D, at.D, crossed=crossed)
-    return (constant, linear, None, None), _each(D2, lambda x: weight * x)
-
-
-def _each(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
-    """Return coefficients, each of those that are there mapped."""
-    constant, linear, square, cross = coefficients
-    return (
-        f(constant),
-        None if linear is None else (f(linear[0]), f(linear[1])),
-        None if square is None else (f(square[0]), f(square[1])),
-        None if cross is None else f(cross),
-    )
-
-
-def _concatenated(terms: Sequence[Term]) -> Term:
-    """Return the same term of several devices, one after another."""
-    if len(terms) == 1:
-        return terms[0]
-    found = iter(
-        [
-            Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
-            for row in zip(*map(_flat, terms), strict=True)
-        ]
-    )
-    root, D2 = (_each(part, lambda _: next(found)) for part in terms[0])
-    return root, D2
-
-
 def _integrated(device: Device, low: float, high: float, intervals: int, *, crossed: bool) -> tuple[Term, Term]:
     """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
     exact = device_ball(device.bare)
@@ -337,7 +262,7 @@ def _integrated(device: Device, low: float, high: float, intervals: int, *, cros
 
     def coefficients(x: acb, which: str) -> list[acb]:
         at = loop_constants(device_response(exact, x.exp(), BALLS))
-        return _flat(_term(at, getattr(at, which), crossed=crossed))
+        return listed(error_term(at, getattr(at, which), crossed=crossed))
 
     def integral(which: str, index: int, k: int) -> arb:
         def integrand(x: acb, _analytic: bool) -> acb:
@@ -354,19 +279,10 @@ def _integrated(device: Device, low: float, high: float, intervals: int, *, cros
 
     def term(which: str) -> Term:
         middle = loop_constants(device_response(exact, acb(edges[0]).exp(), BALLS))
-        shape = _term(middle, getattr(middle, which), crossed=crossed)
-        rows = [[integral(which, index, k) for k in range(intervals)] for index in range(len(_flat(shape)))]
-        found = iter([Enclosure(*(np.array([float(f(x)) for x in row]) for f in (arb.mid, arb.rad))) for row in rows])
-        root, D2 = (_each(part, lambda _: next(found)) for part in shape)
-        return root, D2
+        shape = error_term(middle, getattr(middle, which), crossed=crossed)
+        rows = [[integral(which, index, k) for k in range(intervals)] for index in range(len(listed(shape)))]
+        found = (Enclosure(*(np.array([float(f(x)) for x in row]) for f in (arb.mid, arb.rad))) for row in rows)
+        return replaced(shape, found)
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
         return term("numerator"), term("miss")
-
-
-def _flat(term: Term) -> list[Number]:
-    """Return the coefficients of a term that are there, in the order of `_each`."""
-    found: list[Number] = []
-    for part in term:
-        _each(part, found.append)
-    return found
