@@ -29,7 +29,10 @@ def _design(problem: Path, folder: Path) -> str:
     if band is not None:
         low, high = (f"{edge:.4g}" if edge is not None else "∞" for edge in band)
         verdict += f", {low} to {high} Hz"
-    return _row(folder, "llewellyn", verdict, error, problem)
+    if (record["certificate"] or {}).get("hands", {}).get("verdict") == "proved":
+        verdict += ", in every hand"
+    picture = "llewellyn" if (folder / "llewellyn.svg").exists() else "hands"
+    return _row(folder, picture, verdict, error, problem)
 
 
 def _study(study: Path, folder: Path) -> str:

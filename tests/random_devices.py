@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from math import pi
 from typing import Any
 
@@ -11,7 +12,7 @@ from vctune.bench import devices
 from vctune.document.reading import pose
 from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import lags
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, Hand
 
 
 def decimal(x: float) -> float:
@@ -123,3 +124,57 @@ def ordinary_gains(device: Device, rng: np.random.Generator) -> tuple[Gains, Cou
     damping = velocity * decades(rng, -1, 1)
     drag = device.damping * decades(rng, -2, 0) * int(rng.integers(2))
     return gains, Coupling(*(decimal(x) for x in (damping, damping * lag * decades(rng, 0, 2), drag)))
+
+
+ESTIMATES = [None, ("measured", 1), ("measured", 2), ("difference", 0), ("difference", 1), ("difference", 2)]
+SENSORS = [None, (0, True), (1, False), (2, False), (1, True), (2, True)]
+COMBINATIONS = list(product(ESTIMATES, (0, 1, 2), SENSORS, (False, True)))
+"""Velocity's source and filter order, the actuator's order, the force sensor's and whether it is late, structure."""
+
+
+def with_parts(rng: np.random.Generator, number: int) -> Device:
+    """Return a device as they are built with the number-th combination of parts, with any delay or whole samples."""
+    estimate, actuator, sensor, bends = COMBINATIONS[number % len(COMBINATIONS)]
+    T, mass = decades(rng, -4, -2.7), decades(rng, -1.3, 1)
+
+    def rate(low: float = -1.7, high: float = 0.3) -> float:
+        return decades(rng, low, high) / T
+
+    def late() -> float:
+        return float(rng.choice([T * rng.uniform(0, 2.5), T * rng.integers(0, 3)]))
+
+    device: dict[str, Any] = {"mass": mass, "sample_time": T, "delay": late()}
+    device |= {"damping": mass / T * 10 ** rng.uniform(-4, -1) * (rng.random() < 0.9)}
+    if estimate is not None:
+        source, order = estimate
+        device["velocity"] = {"from": source}
+        if order:
+            device["velocity"] |= {"filter_hz": min(rate(), 0.49 / T), "filter_order": order}
+    if actuator:
+        device["actuator"] = {"bandwidth_hz": rate(), "order": actuator}
+    if sensor is not None:
+        order, delayed = sensor
+        device["force_sensor"] = {"delay": late()} if delayed else {}
+        if order:
+            device["force_sensor"] |= {"bandwidth_hz": rate(), "order": order}
+    if bends:
+        device["structure"] = {"handle_mass": mass * rng.uniform(0.05, 0.6), "frequency_hz": rate(-1.7, -0.4)}
+        device["structure"] |= {"damping_ratio": decades(rng, -2.3, -0.7)}
+    problem, faults = pose({"device": in_decimals(device)}, "with parts")
+    assert problem is not None, faults
+    return problem.device
+
+
+def in_decimals(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a table with its floats in six digits."""
+    found = {key: decimal(value) if isinstance(value, float) else value for key, value in table.items()}
+    return {key: in_decimals(value) if isinstance(value, dict) else value for key, value in found.items()}
+
+
+def hand_for(device: Device, rng: np.random.Generator) -> Hand:
+    """Return a hand from one that is hardly there to one that moves a device as it likes; often without a part."""
+    mass, T = device.mass, device.sample_time
+    numbers = mass * decades(rng, -2, 1), mass / T * decades(rng, -3, 0.5), mass / T**2 * decades(rng, -5, 1)
+    there = rng.random(3) < 0.75
+    there[int(rng.integers(3))] = True
+    return Hand(*(decimal(x * has) for x, has in zip(numbers, there, strict=True)))

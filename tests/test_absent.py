@@ -106,13 +106,13 @@ def test_what_a_problem_lacks_is_not_in_its_nlp(part):
 
 
 def test_demands_that_do_not_act_are_not_in_the_nlp():
-    ratio, _, _, peak, _ = whole_structure().capacities
+    ratio, _, _, peak, *_ = whole_structure().capacities
     untracked = WorkingSet(ratio=RATIO, sensitivity=FREQUENCIES.sensitivity)
     sizes = [
         nlp_size(structure(WHOLE, frequencies)) for frequencies in (FREQUENCIES, untracked, WorkingSet(ratio=RATIO))
     ]
     assert sizes[1] == nlp_size(replace(whole_structure(), tracked_peaks=0))
-    assert sizes[2] == nlp_size(replace(whole_structure(), tracked_peaks=0, capacities=(ratio, 0, 0, peak, 0)))
+    assert sizes[2] == nlp_size(replace(whole_structure(), tracked_peaks=0, capacities=(ratio, 0, 0, peak, 0, 0)))
     assert sizes[2].operations < sizes[1].operations < sizes[0].operations
 
 

@@ -17,7 +17,7 @@ from random_problems import random_designs, random_texts
 from vctune.bench.evaluator import cases, error, required, sensitivity
 from vctune.design.bound.boxes import DesignBoxes
 from vctune.design.bound.lower_bounds import least_coupling, lower_bounds
-from vctune.design.bound.relaxation import relaxation
+from vctune.design.bound.relaxation import Places, relaxation
 from vctune.design.bound.resume import read_resume, resume_bytes
 from vctune.design.bound.search import Optimality, bound
 from vctune.design.judge import Judgement, Status
@@ -102,7 +102,7 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     omega, upto = np.geomspace(*band(problem), 30), np.geomspace(problem.nyquist * 1e-3, problem.nyquist, 20)
     posed = pose(problem)
     devices, objective = ([case.device for case in cases] for cases in (posed.cases, posed.objective))
-    relaxed = relaxation(problem, devices, objective, omega, upto, 24)
+    relaxed = relaxation(problem, devices, objective, Places(omega, upto), 24)
     K_v, K_p, b_c, m_c, b_0 = designs
     inner = np.array([K_v, K_p, m_c / b_c, b_0])
     size = 10.0 ** rng.uniform(-4, 1, (2, 4, count)) * (rng.random((2, 4, count)) < 0.8)

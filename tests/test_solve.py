@@ -14,6 +14,7 @@ from conftest import PROBLEM_FILES, ROOT
 from device_arithmetic import DOUBLES
 from device_oracle import coupling_impedance, response_at
 from device_pairs import real_of
+from hand_scan import least_ratio_in_hands
 
 from vctune.bench.evaluator import Case, case_of, error, required, sensitivity, spectral_radius, stability_ratio
 from vctune.design import optimum as solving
@@ -125,7 +126,7 @@ def test_fixed_variables_zero_weights_and_idle_demands_are_not_in_the_nlp():
     structure = solved.polished.structure
     assert [index for index, _ in structure.free] == [2]
     assert structure.terms == ("tracking", "coupling")
-    assert structure.capacities[1:] == (0, 0, 0, 0)
+    assert structure.capacities[1:] == (0, 0, 0, 0, 0)
     reasons = "\n".join(left_out(solved))
     for part in (
         "gains.velocity: fixed at 150",
@@ -362,6 +363,9 @@ def test_every_problem_of_the_gallery(path):
     assert tomllib.loads(path.read_text())["name"] == path.stem
     if not solved.problem.device.ideal:
         assert_admissible_by_the_oracles(solved.problem, solved.judgement)
+    elif not solved.problem.passive:
+        ratio, S = least_ratio_in_hands(path, solved.problem, solved.judgement)
+        assert ratio >= 1.05 * (1 - 1e-9) and S <= 2 * (1 + 1e-9)
     elif solved.judgement is not None and expected is Status.CERTIFIED and solved.problem.stability.band.max < inf:
         ratio, S, error, radius = recomputed(solved.problem, solved.judgement.gains, solved.judgement.coupling)
         assert ratio >= (1.0 if path.stem == "fixed-gains" else 1.05) * (1 - 1e-9)

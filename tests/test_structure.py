@@ -69,7 +69,7 @@ def test_the_proof_knows_no_optimiser_and_no_estimate():
 
 def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
     known = {"bound", "prepared", "variables", "judge"}
-    proved = {"boxes.py", "coefficients.py", "quadratics.py", "relaxation.py", "lower_bounds.py"}
+    proved = {"boxes.py", "coefficients.py", "hands.py", "quadratics.py", "relaxation.py", "lower_bounds.py"}
     for path in (PACKAGE / "design/bound").glob("*.py"):
         for name in imports(path):
             if name.startswith("vctune.design."):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from vctune.api.limits import GAPS
+from vctune.design.criteria import with_alternatives
 from vctune.design.optimum import Progress
 from vctune.design.prices import with_prices
 from vctune.design.repair import with_repairs
@@ -45,6 +46,7 @@ def solve(
         require_gap(gap)
     file = problem_of(problem)
     solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
+    solved = with_alternatives(solved)
     return with_prices(solved, progress) if prices else solved
 
 

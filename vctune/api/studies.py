@@ -58,14 +58,14 @@ class Fronts:
     Attributes
     ----------
     terms : in |Z_0 G_hh|, |1 - G_he| and |Z_c|/Z_0
-    band : in error and upper edge of the stability band
+    band : in error and upper edge of the stability band; None where hands are to be met at every frequency, no others
     """
 
     terms: Table
-    band: Table
+    band: Table | None
 
     def _repr_html_(self) -> str:
-        return self.terms._repr_html_() + self.band._repr_html_()
+        return self.terms._repr_html_() + (self.band._repr_html_() if self.band is not None else "")
 
 
 def sweep(
@@ -139,13 +139,15 @@ def front(
         If the problem is none or fixes every number, or the folder cannot be written.
     """
     file = require_free(problem_of(problem), "trade")
-    studies = (terms_study(file.document, file.problem), band_study(file.document, file.problem))
+    studies = [terms_study(file.document, file.problem)]
+    if file.problem.passive:
+        studies.append(band_study(file.document, file.problem))
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
         tables = []
         for study in studies:
             with bar(study.name, study.count) as on_done:
                 tables.append(_swept(study, place / f"{study.name}.rows.jsonl", pool, on_done, restart=False).table)
-        fronts = Fronts(terms_front(tables[0]), band_front(tables[1]))
+        fronts = Fronts(terms_front(tables[0]), band_front(tables[1]) if len(tables) > 1 else None)
         if folder is not None:
             _write_fronts(fronts, file.problem.transparency.band.hz[1], place)
     return fronts
@@ -189,10 +191,13 @@ def _write(swept: Swept, folder: Path) -> None:
 
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
-    """Write both fronts as tables and pictures; the band's is marked at the transparency band's upper edge, Hz."""
+    """Write the fronts as tables and pictures; the band's is marked at the transparency band's upper edge, Hz."""
     from vctune.report.page import figure_file
     from vctune.report.sweep import band_figure, terms_figure
 
-    tables = table_files(fronts.terms, folder, "terms") | table_files(fronts.band, folder, "band")
-    pictures = figure_file(terms_figure(fronts.terms), folder, "terms")
-    write_together({**tables, **pictures, **figure_file(band_figure(fronts.band, edge), folder, "band")})
+    files = {**table_files(fronts.terms, folder, "terms"), **figure_file(terms_figure(fronts.terms), folder, "terms")}
+    stale = [folder / name for name in ("band.csv", "band.parquet", "band.svg")] if fronts.band is None else []
+    if fronts.band is not None:
+        files |= table_files(fronts.band, folder, "band")
+        files |= figure_file(band_figure(fronts.band, edge), folder, "band")
+    write_together(files, stale)

@@ -44,6 +44,10 @@ def print_design(record: DesignRecord, folder: Path) -> None:
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
         colour = COLOURS["undecided" if idle else record.status]
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
+        if record.promise:
+            console.print(escape(record.promise), soft_wrap=True)
+        for line in record.compared:
+            console.print(escape(line), soft_wrap=True)
         if record.reason:
             console.print(escape(record.reason), soft_wrap=True)
         if record.gains is not None:

@@ -267,11 +267,15 @@ def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:
     if judgement.status is Status.CERTIFIED:
         demands = judgement.certificate.demands
         low, high = (edge / (2 * pi) for edge in demands.band)
+        where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
+        where += [f"in every hand of {demands.hands} up to Nyquist"] if demands.hands is not None else []
         return (
-            f"proved, least Re Z_c / R {judgement.min_ratio:.6g} from {low:.6g} to {high:.6g} Hz, "
+            f"proved, least Re Z_c / R {judgement.min_ratio:.6g} {' and '.join(where)}, "
             f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
         )
     worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
+    if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
+        worst += f" in the hand of {judgement.in_hand.hand}"
     known = judgement.reserve_missed or worst
     return "; ".join([*judgement.open_claims, known, *([_remedy(repairs)] if repairs is not None else [])])
 

@@ -12,6 +12,7 @@ from math import exp, inf
 import numpy as np
 
 from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.design.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
@@ -76,14 +77,18 @@ def polish(
     witnesses : points that a proof has refuted, to begin with
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
-    refuted = dict.fromkeys(point.device for point in (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled))
+    seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
+    refuted = dict.fromkeys(point.device for point in seen)
     known = {case.device for case in cases}
     cases += [with_device(posed.problem, device) for device in refuted if device not in known]
     reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
     working_set = _first_working_set(posed, start, scanned)
-    _add_violated(working_set, Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled))
+    _add_violated(
+        working_set,
+        Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled, in_hand=witnesses.in_hand),
+    )
     _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
     search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS)
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
@@ -211,7 +216,7 @@ def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> Worki
     """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
     problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
     first = WorkingSet()
-    if problem.bounds.velocity.max > 0 or start.gains.position > 0:
+    if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):
         first.ratio.extend(constraint_points(problem.device, coarse))
     if scanned.peak_sensitivity > problem.stability.max_sensitivity:
         upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
@@ -219,6 +224,9 @@ def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> Worki
     if problem.uncertainty is not None and problem.uncertainty.unmodelled:
         upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
         first.unmodelled.extend(constraint_points(problem.device, upto))
+    if problem.hands_met is not None:
+        worst = least_ratios_in_hands(problem.device, problem.hands_met, start.gains, start.coupling)
+        first.in_hand.extend(ConstraintPoint(at.omega, problem.device, at.hand) for at in worst)
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
         first.peak.extend(constraint_points(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
@@ -259,6 +267,7 @@ def _add_violated(working_set: WorkingSet, demands: Violations) -> bool:
         _add(working_set.sensitivity, demands.sensitivity),
         _add(working_set.peak, demands.peak),
         _add(working_set.unmodelled, demands.unmodelled),
+        _add(working_set.in_hand, demands.in_hand),
     ]
     return any(added)
 
@@ -270,4 +279,5 @@ def _add(known: list[ConstraintPoint], candidates: list[ConstraintPoint]) -> boo
 
 
 def _same(point: ConstraintPoint, other: ConstraintPoint) -> bool:
-    return abs(point.omega - other.omega) <= 1e-7 * other.omega and point.device == other.device
+    near = abs(point.omega - other.omega) <= 1e-7 * other.omega
+    return near and point.device == other.device and point.hand == other.hand

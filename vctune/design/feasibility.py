@@ -74,7 +74,7 @@ def spread(gains: Gains) -> Gains:
 def _on_one_device(problem: Problem, samples: Samples, gains: Gains, band: LoopResponse) -> LoopFeasibility:
     device = samples.device
     scale = device.damping + gains.velocity + gains.position * device.loop_lag
-    deficit = np.maximum(-band.resistance, 0).max(axis=-1) / np.maximum(scale, 1e-300)
+    deficit = np.maximum(-band.resistance, 0).max(axis=-1, initial=0.0) / np.maximum(scale, 1e-300)
     if not samples.circles:
         missed = np.where(deficit > 0, np.int8(Missed.RESISTANCE), np.int8(Missed.NOTHING))
         return LoopFeasibility(missed, deficit, np.zeros_like(deficit))

@@ -230,7 +230,7 @@ def least_errors(posed: Posed, gains: Gains) -> Floats:
 def _scores(
     problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], loops: LoopFeasibility, at: Axes
 ) -> Scores:
-    damping, excess = _least_damping(problem, samples, bands, at)
+    damping, excess = _least_damping(problem, samples, gains, bands, at)
     loop_missed = loops.missed[..., None, None]
     missed = np.where((loop_missed == Missed.NOTHING) & (excess > 0), np.int8(Missed.COUPLING), loop_missed)
     violation = np.where(loop_missed > Missed.NOTHING, loops.violation[..., None, None], excess)
@@ -254,14 +254,33 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
     return [there.band.response(spread(gains)) for there in samples.everywhere]
 
 
-def _least_damping(problem: Problem, samples: Samples, bands: list[LoopResponse], at: Axes) -> tuple[Floats, Floats]:
-    """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
-    bounds, factor, omega = problem.bounds, problem.stability.safety_factor, samples.band.omega
+def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
+    """Return the frequencies at which a Re Z_c is required, of the coupling as it runs, and the greatest R there."""
+    places = []
     with np.errstate(divide="ignore", invalid="ignore"):
-        needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
-    required = np.maximum.reduce(needs)
+        if samples.band.omega.size:
+            needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
+            places.append((samples.band.omega, np.maximum.reduce(needs)))
+        held = [there.in_hand for there in samples.everywhere if there.in_hand is not None]
+        if held:
+            each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
+            needs = [np.nan_to_num(hands.required(each), nan=0.0).max(axis=-2) for hands in held]
+            half = held[0].theta / 2
+            slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)
+            places.append((2 * slope, np.maximum.reduce(needs)))
+    omega, required = zip(*places, strict=True)
+    return np.concatenate(omega), np.concatenate(required, axis=-1)
+
+
+def _least_damping(
+    problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes
+) -> tuple[Floats, Floats]:
+    """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
+    bounds, factor = problem.bounds, problem.stability.safety_factor
+    omega, required = _required(samples, gains, bands)
     b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
-    relative = 1 + 1 / (omega * at.time_constant[..., None]) ** 2
+    with np.errstate(divide="ignore"):
+        relative = np.minimum(1 + 1 / (omega * at.time_constant[..., None]) ** 2, 1e100)  # at 0 drag alone is left
     for k in range(at.drag.shape[-1]):
         demand = np.maximum(factor * required - at.drag[..., k, None, None, None], 0.0)
         for i in range(at.time_constant.shape[-1]):

@@ -9,6 +9,7 @@ import numpy as np
 
 from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.design.prepared import Prepared
 from vctune.design.scan import ScanResult
 from vctune.design.variables import design_of, point
@@ -18,6 +19,9 @@ from vctune.proof.sampled_loop import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
 """How the reason begins, by whether it is proved."""
+
+NEXT_TO_NOTHING = 1e-9
+"""Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +79,54 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
             f"its sampled loop is unstable, spectral radius {radius:.4g}",
             "allow a lower gains.velocity or gains.position, or shorten device.sample_time or device.delay",
         )
+    lacking = _lacking_resistance(problem, gains) if problem.passive else None
+    if lacking is not None:
+        return lacking
+    peaks = sensitivity_maxima(problem, gains)
+    ratio, place = _least_ratio(problem, gains, coupling)
+    peak = -peaks.value[0]
+    excess, shortfall = peak / stability.max_sensitivity, stability.safety_factor / ratio
+    if excess > max(shortfall, 1):
+        return (
+            f"|S| reaches {peak:.4g} at {peaks.omega[0] / (2 * pi):.4g} Hz, above max_sensitivity "
+            f"{stability.max_sensitivity:.4g}",
+            "allow lower gains or a higher max_sensitivity",
+        )
+    return _shortfall(problem, coupling, ratio, place) if shortfall > 1 else None
+
+
+def _shortfall(problem: Problem, coupling: Coupling, ratio: float, place: str) -> tuple[str, str]:
+    """Return by how much Re Z_c is less than what is asked for, and what may repair it."""
+    factor, narrower = problem.stability.safety_factor, "stability.band_hz"
+    if not problem.passive:
+        narrower = "the hands of [operator]"
+    if ratio < NEXT_TO_NOTHING:
+        return (
+            f"Re Z_c is next to 0 {place}, where some is required",
+            f"allow a greater coupling.drag, or narrow {narrower}",
+        )
+    return (
+        f"Re Z_c is {ratio:.4g} of the required R {place}, short of the safety factor {factor:.4g} by a factor of "
+        f"{factor / ratio:.4g}",
+        f"raise the upper bound of {_tight_coupling(problem, coupling)}, or narrow {narrower}",
+    )
+
+
+def _least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, str]:
+    """Return the least Re Z_c / R of any hand that is to be met, and where."""
+    found = []
+    if problem.passive:
+        minima = ratio_minima(problem, gains, coupling)
+        found.append((float(minima.value[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
+    if problem.hands_met is not None:
+        worst = least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)[0]
+        found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in the hand of {worst.hand}"))
+    return min(found)
+
+
+def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
+    """Return where the loop's resistance is negative; None where it is positive throughout."""
+    device = problem.device
     grid = demand_grid(device, *sampled_span(problem))
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
     lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
@@ -82,21 +134,6 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
         return (
             f"Re G_hh < 0 at {hz:.4g} Hz, where b + Re C = {-lack:.4g} N s/m",
             f"add {lack:.4g} N s/m of device damping, shorten the delay, or end stability.band_hz below {hz:.4g} Hz",
-        )
-    peaks, ratio = sensitivity_maxima(problem, gains), ratio_minima(problem, gains, coupling)
-    peak, least = -peaks.value[0], ratio.value[0]
-    excess, shortfall = peak / stability.max_sensitivity, stability.safety_factor / least
-    if excess > max(shortfall, 1):
-        return (
-            f"|S| reaches {peak:.4g} at {peaks.omega[0] / (2 * pi):.4g} Hz, above max_sensitivity "
-            f"{stability.max_sensitivity:.4g}",
-            "allow lower gains or a higher max_sensitivity",
-        )
-    if shortfall > 1:
-        return (
-            f"Re Z_c is {least:.4g} of the required R at {ratio.omega[0] / (2 * pi):.4g} Hz, short of the safety "
-            f"factor {stability.safety_factor:.4g} by a factor of {shortfall:.4g}",
-            f"raise the upper bound of {_tight_coupling(problem, coupling)}, or narrow stability.band_hz",
         )
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import inf, log, pi
+from math import exp, inf, log, pi
 from typing import Any
 
 import numpy as np
@@ -25,10 +25,11 @@ from vctune.design.nlp_structure import TERMS, NlpStructure
 from vctune.design.prepared import Posed
 from vctune.design.result import Solution
 from vctune.design.variables import Coordinate, Point
-from vctune.design.working_set import ConstraintPoint, WorkingSet, stacked
+from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
+from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device
 from vctune.model.transparency import log_quadrature
@@ -91,7 +92,7 @@ def numbers_of(
     if structure.epigraph:
         low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
     least, most = _demands(posed.problem, structure, working_set, tightening)
-    parameters = _parameters(posed, structure, free, start, working_set)
+    parameters = _parameters(posed, structure, free, start, working_set, tightening)
     return NlpNumbers(np.array(guess), parameters, np.array(low), np.array(high), least, most)
 
 
@@ -129,7 +130,12 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
 
 
 def _parameters(
-    posed: Posed, structure: NlpStructure, free: tuple[Coordinate, ...], start: Point, working_set: WorkingSet
+    posed: Posed,
+    structure: NlpStructure,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    working_set: WorkingSet,
+    tightening: float,
 ) -> Floats:
     band, position = posed.problem.transparency.band, structure.integrator
     numbers = {"common": _common(posed.problem, structure, free, start)}
@@ -149,6 +155,9 @@ def _parameters(
         radius = [unmodelled_radius(posed, point) for point in working_set.unmodelled]
         found = _pulse_transfer(working_set.unmodelled, position=position)
         numbers["unmodelled"] = found | {"log_radius": np.log(radius)}
+    if working_set.in_hand:
+        factor = posed.problem.stability.safety_factor * exp(max(tightening, TIGHTENING_IN_HANDS))
+        numbers["in_hand"] = _in_hands(working_set.in_hand) | {"factor": np.full(len(working_set.in_hand), factor)}
     if working_set.tracked_peaks:
         plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
         numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
@@ -198,6 +207,21 @@ def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dic
     return {"re_G_v": G_v.real, "im_G_v": G_v.imag, "re_G_x": G_x.real, "im_G_x": G_x.imag}
 
 
+def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
+    """Return the loop in hands by the names of `LOOP_IN_HAND`; dimensionless, so that theta = omega."""
+    numbers: dict[str, list[float]] = {}
+    for at in points:
+        assert at.hand is not None
+        theta = min(at.omega, pi)
+        loop = loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
+        found = {"theta": theta}
+        for name, part in zip(loop._fields, loop, strict=True):
+            found |= {f"{name}_even": float(part.even), f"{name}_odd": float(part.odd)}
+        for name, number in found.items():
+            numbers.setdefault(name, []).append(number)
+    return {name: np.array(each) for name, each in numbers.items()}
+
+
 def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:
     """Return the fields of objects, a column for each."""
     return {name: np.array([getattr(each, name) for each in objects]).T for name in layout}
@@ -213,6 +237,7 @@ def _demands(
         0.0,
         0.0,
         tightening,
+        0.0,
     )
     lower = [
         np.where(np.arange(count) < used, level, -inf)

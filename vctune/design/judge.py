@@ -15,6 +15,7 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
+from vctune.analysis.in_hands import RatioInHand, least_ratios_in_hands
 from vctune.design.prepared import Posed, pose
 from vctune.design.worst import worst_inside
 from vctune.markup import html_facts, span
@@ -60,6 +61,7 @@ class Judgement:
     error : the objective: that error, or the greatest at the vertices of a box of devices
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
+    in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
@@ -74,6 +76,7 @@ class Judgement:
     peak_sensitivity: float
     worst_sensitivity: float
     certificate: Certificate
+    in_hand: RatioInHand | None = None
 
     @property
     def status(self) -> Status:
@@ -137,6 +140,8 @@ class Judgement:
 
 def _place(outcome: Outcome) -> str:
     place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
+    if (hand := outcome.hand) is not None:
+        place += f" in the hand of {hand}"
     if (device := outcome.device) is None:
         return place
     known = [f"{key} {number:.6g}" for key, number in device.numbers().items() if key != "sample_time"]
@@ -195,11 +200,22 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> li
 def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Certificate) -> Judgement:
     """Add to a certificate what double precision gives."""
     cases = posed.cases
-    ratios = [least_ratio(case, gains, coupling) for case in cases]
-    (min_ratio, worst), tightest = min(zip(ratios, (case.device for case in cases), strict=True), key=lambda at: at[0])
-    inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
-    if inside and inside[0].ratio < min_ratio:
-        min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
+    (min_ratio, worst), tightest, held = (inf, 0.0), posed.problem.device, None
+    if posed.demands.passive:
+        ratios = [least_ratio(case, gains, coupling) for case in cases]
+        devices = (case.device for case in cases)
+        (min_ratio, worst), tightest = min(zip(ratios, devices, strict=True), key=lambda at: at[0])
+        inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
+        if inside and inside[0].ratio < min_ratio:
+            min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
+    if posed.demands.hands is not None:
+        found = (
+            (least_ratios_in_hands(case.device, posed.demands.hands, gains, coupling)[0], case)
+            for case in posed.hand_cases
+        )
+        held, case = min(found, key=lambda pair: pair[0].ratio)
+        if held.ratio < min_ratio:
+            min_ratio, worst, tightest = held.ratio, held.omega, case.device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(posed.problem, gains, coupling)
     return Judgement(
@@ -213,6 +229,7 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
         peak_sensitivity=float(-sensitivity.value[0]),
         worst_sensitivity=float(sensitivity.omega[0]),
         certificate=certificate,
+        in_hand=held,
     )
 
 

@@ -17,6 +17,7 @@ from typing import Any
 import casadi as ca
 
 from vctune.design.nlp_parameters import (
+    LOOP_IN_HAND,
     PERTURBED_LOOP,
     PULSE_TRANSFER,
     STABILITY_CUT,
@@ -32,10 +33,11 @@ from vctune.design.nlp_parameters import (
 from vctune.design.nlp_structure import DEMANDS, TERMS, NlpStructure
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.coupling import coupling_impedance
+from vctune.model.coupling import coupling_impedance, sampled_resistance
+from vctune.model.hand_loop import LoopInHand, required_in_hand
 from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import loop_response
-from vctune.model.pair import Pair
+from vctune.model.pair import EvenOdd, Pair
 from vctune.model.quantities import Coupling, Gains
 from vctune.model.sampled import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, squared_terms
@@ -67,6 +69,7 @@ class _SymbolArithmetic:
 
     pi = pi
     precision = 2.0**-53
+    arrays = None
 
     @staticmethod
     def is_zero(x: Number) -> bool:
@@ -149,6 +152,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
     perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
     cut_column, cut = _symbols("cut", STABILITY_CUT)
+    held_column, held = _symbols("held", LOOP_IN_HAND)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
     gains, coupling = _design(structure, z, common)
@@ -176,6 +180,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut_column,
             "peak": frequency_column,
             "unmodelled": perturbed_column,
+            "in_hand": held_column,
             "tracked_peaks": ca.vertcat(y, plant_column),
         },
         values={
@@ -185,6 +190,7 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
             "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
             "peak": epigraph - ca.log(error2) / 2,
             "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
+            "in_hand": _margin_in_hand(held, gains, coupling),
             "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
         },
     )
@@ -199,6 +205,21 @@ def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -
 def _room(L: Pair) -> Number:
     """Return -log |1 - S|: the logarithm of how far the device's response may be off."""
     return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
+
+
+SCALE_IN_HAND = 0.05
+"""Re Z_c, in Z_0, above which the demand in a hand is one of logarithms, and below one of differences: R may be 0 or
+negative there. Half and twice it take as many iterations."""
+
+
+def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: Coupling) -> Number:
+    """Return a function of Re Z_c that rises, less that of factor R."""
+    sine = ca.sin(held["theta"] / 2)
+    parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
+    required = required_in_hand(LoopInHand(*parts), gains)
+    offered = sampled_resistance(coupling, 1.0, held["theta"], SYMBOLS)
+    wanted = held["factor"] * required.lost / required.size
+    return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
 
 def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:

@@ -17,6 +17,7 @@ from vctune.design.nlp_structure import DEMANDS, TERMS, NlpStructure
 from vctune.design.variables import NAMES
 from vctune.model.device_response import DeviceResponse, DriveResponse, Spring
 from vctune.model.filters import FilterResponse
+from vctune.model.hand_loop import LoopInHand
 from vctune.model.pair import Pair
 from vctune.model.sampled import SampledPlant
 from vctune.model.transparency import PANEL_NODES
@@ -30,6 +31,10 @@ PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
 """From force to velocity and to position in the sampled loop, at a frequency of |S|."""
 PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
 """The same, and how far the device's response may be off there."""
+LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
+    f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
+}
+"""The loop in a hand at an angle, and the least Re Z_c / R."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 
@@ -141,7 +146,7 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the parts of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP)
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, LOOP_IN_HAND)
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
     }

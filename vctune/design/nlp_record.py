@@ -36,6 +36,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
     where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
+    where += [("Re Z_c >= safety_factor R in a hand", at) for at in posed.in_hand]
     for at in posed.tracked_peaks:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors

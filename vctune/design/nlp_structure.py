@@ -13,9 +13,9 @@ from vctune.model.problem import Norm
 from vctune.model.quantities import Device, VelocityEstimate
 
 TERMS = ("admittance", "tracking", "coupling")
-DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled")
+DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
-CAPACITY_STEPS = (12, 12, 4, 12, 12)
+CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
 """Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
 growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
 microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""

@@ -192,10 +192,14 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
         judgement = judge_posed(prepared.given, *design_of(values))
         yield polished, judgement
         certificate = judgement.certificate
-        _collect(witnesses.ratio, certificate.outcomes[Claim.CONDITIONS], prepared)
-        _collect(witnesses.sensitivity, certificate.outcomes[Claim.SENSITIVITY], prepared)
-        if Claim.UNMODELLED in certificate.outcomes:
-            _collect(witnesses.unmodelled, certificate.outcomes[Claim.UNMODELLED], prepared)
+        for known, claim in (
+            (witnesses.ratio, Claim.CONDITIONS),
+            (witnesses.sensitivity, Claim.SENSITIVITY),
+            (witnesses.unmodelled, Claim.UNMODELLED),
+            (witnesses.in_hand, Claim.HANDS),
+        ):
+            if claim in certificate.outcomes:
+                _collect(known, certificate.outcomes[claim], prepared)
         tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)
@@ -209,7 +213,8 @@ def _undecided(judgement: Judgement) -> bool:
 def _collect(known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared) -> None:
     if outcome.verdict is Verdict.REFUTED and outcome.witness:
         device = prepared.on_device(outcome.device or prepared.problem.device)
-        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device))
+        hand = outcome.hand and outcome.hand.in_units(prepared.units.impedance, prepared.units.time)
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device, hand))
 
 
 def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:

@@ -166,7 +166,7 @@ def parameter_changes(document: dict[str, Any], problem: Problem) -> list[Parame
     document : parsed TOML
     problem : that it states
     """
-    return [*_of_device(problem), *changes_of_demands(document, problem)]
+    return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
 
 
 def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
@@ -177,7 +177,8 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
     document : parsed TOML
     problem : that it states
     """
-    return [*_of_band(document, problem), *_of_demands(problem), *_of_gains(document, problem)]
+    band = _of_band(document, problem) if problem.passive else ()
+    return [*band, *_of_demands(problem), *_of_gains(document, problem)]
 
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:
@@ -186,8 +187,6 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     yield ParameterChange(
         ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
     )
-    b_h = device.operator.damping if device.operator is not None else 0.0
-    yield ParameterChange(("operator", "damping"), "more damping in every hand", b_h, max(100 * b_h, loop), loop)
     yield ParameterChange(
         ("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100
     )
@@ -204,6 +203,25 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
     if device.force_sensor is not None and device.force_sensor.delay > 0:
         path = ("device", "force_sensor", "delay")
         yield ParameterChange(path, "less delay of the force sensor", device.force_sensor.delay, 0.0)
+
+
+def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
+    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness."""
+    device, low, high = problem.device, problem.hands.low, problem.hands.high
+    meaning, loop = "more damping in every hand", device.mass / device.loop_lag
+    path: KeyPath = ("operator", "damping")
+    if problem.hands_met is None:
+        yield ParameterChange(path, meaning, low.damping, max(100 * low.damping, loop), loop)
+        return
+    for name, scale in (("damping", loop), ("stiffness", loop / device.loop_lag)):
+        least, most = getattr(low, name), getattr(high, name)
+        if least < most:
+            more = meaning if name == "damping" else "more stiffness in every hand"
+            yield ParameterChange(("operator", name, "min"), more, least, most, min(scale, most), most)
+    for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
+        least, most = getattr(low, name), getattr(high, name)
+        if least < most:
+            yield ParameterChange(("operator", name, "max"), lighter, most, least, 1.0, least)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:

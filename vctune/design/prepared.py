@@ -52,6 +52,7 @@ class Posed:
     ----------
     problem : in SI or in the optimiser's units
     cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices
+    hand_cases : the problem of each device whose hands are looked at: those of `cases`, and delays at which it matters
     objective : those of them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
     demands : what a design has to meet
@@ -60,6 +61,7 @@ class Posed:
 
     problem: Problem
     cases: tuple[Problem, ...]
+    hand_cases: tuple[Problem, ...]
     objective: tuple[Problem, ...]
     box: DeviceBox | None
     demands: Demands
@@ -108,8 +110,18 @@ def pose(problem: Problem) -> Posed:
     cases = (problem,) if box is None else tuple(with_device(problem, device) for device in box.devices())
     worst = problem.uncertainty is not None and problem.uncertainty.objective == "worst"
     band, stability = problem.stability.band, problem.stability
-    demands = Demands(problem.device.modelled, (band.min, band.max), stability.safety_factor, stability.max_sensitivity)
-    return Posed(problem, cases, cases if worst else (problem,), box, demands, sampled_span(problem))
+    demands = Demands(
+        device=problem.device.modelled,
+        band=(band.min, band.max),
+        factor=stability.safety_factor,
+        max_sensitivity=stability.max_sensitivity,
+        passive=problem.passive,
+        hands=problem.hands_met,
+    )
+    held = cases if problem.hands_met is not None else ()
+    if held and box is not None:
+        held += tuple(with_device(problem, device) for device in box.modelled.next_to_whole_samples())
+    return Posed(problem, cases, held, cases if worst else (problem,), box, demands, sampled_span(problem))
 
 
 def with_device(problem: Problem, device: Device) -> Problem:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
+from vctune.analysis.destabilising import destabilising
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
@@ -26,13 +27,17 @@ from vctune.design.variables import Point, point, ranges
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
+    AlternativeRecord,
     BoxRecord,
     CertificateRecord,
     ClaimRecord,
     CouplingRecord,
     DesignRecord,
+    EnvironmentRecord,
     GainsRecord,
     GlanceRecord,
+    HandRecord,
+    HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
     OptimalityRecord,
@@ -92,6 +97,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
         said += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
             parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
+    if solved.alternatives is not None:
+        parts["alternatives"] = [AlternativeRecord(**asdict(each)) for each in solved.alternatives]
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -187,6 +194,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
     worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
+    also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
     return {
         "gains": GainsRecord(**asdict(gains)),
         "coupling": CouplingRecord(**asdict(coupling)),
@@ -200,16 +208,79 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             worst_hz=_hz(worst),
             rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
             boxes=certificate.boxes,
-            claims=[_claim(problem, claim, outcome) for claim, outcome in certificate.outcomes.items()],
-            **_without_operator(problem, gains, coupling),
+            claims=claim_records(problem, judgement),
+            **also,
         ),
         "inner_loop": _inner_loop(problem, judgement),
     }
 
 
-def _claim(problem: Problem, claim: Claim, outcome: Outcome) -> ClaimRecord:
-    device = {"witness_device": device_record(outcome.device, problem)} if outcome.device else {}
-    return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **device)
+def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
+    """Return what is said of each claim.
+
+    Parameters
+    ----------
+    problem, judgement : a design, SI units
+    """
+    outcomes = judgement.certificate.outcomes
+    return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
+
+
+def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcome) -> ClaimRecord:
+    also: dict[str, Any] = {}
+    if outcome.device is not None:
+        also["witness_device"] = device_record(outcome.device, problem)
+    if outcome.hand is not None:
+        also["witness_hand"] = HandRecord(**asdict(outcome.hand))
+        if claim is Claim.HANDS and outcome.verdict is Verdict.REFUTED:
+            also |= _environment(problem, judgement, outcome)
+    return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **also)
+
+
+def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
+    """Return what a design grows with, in the hand that refutes it or in the worst; nothing if it is not known to.
+
+    A hand that only misses the safety factor makes nothing grow.
+    """
+    device, held, places = outcome.device or problem.device, judgement.in_hand, []
+    if outcome.hand is not None and outcome.witness is not None:
+        places.append((outcome.hand, outcome.witness))
+    if outcome.device is None and held is not None:
+        places.append((held.hand, held.omega))
+    tried = ((hand, destabilising(device, judgement.gains, judgement.coupling, hand, at)) for hand, at in places)
+    growing = [(hand, found) for hand, found in tried if found is not None]
+    if not growing:
+        return {}
+    hand, found = max(growing, key=lambda pair: pair[1].growth)
+    record = EnvironmentRecord(
+        hand=HandRecord(**asdict(hand)),
+        kind=found.kind,
+        value=found.value,
+        unit=found.unit,
+        damping=found.damping,
+        hz=hertz(found.omega),
+        growth_per_s=found.growth,
+    )
+    return {"environment": record}
+
+
+def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
+    """Return what is proved of the hands that are to be met; nothing if there are none."""
+    held, hands = judgement.in_hand, problem.hands_met
+    if held is None or hands is None:
+        return {}
+    outcome = judgement.certificate.outcomes[Claim.HANDS]
+    low, high = asdict(hands.low), asdict(hands.high)
+    return {
+        "hands": HandsRecord(
+            verdict=outcome.verdict.value,
+            box={name: [low[name], high[name]] for name in low},
+            min_ratio=held.ratio,
+            worst_hz=_hz(held.omega),
+            worst_hand=HandRecord(**asdict(held.hand)),
+            boxes=outcome.boxes,
+        )
+    }
 
 
 def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, WithoutOperatorRecord]:
@@ -223,7 +294,7 @@ def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dic
 
 def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
     device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
-    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES)]
+    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES) if claim in outcomes]
     margins = loop_margins(device, gains)
     return InnerLoopRecord(
         stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
@@ -233,7 +304,7 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
         gain_margin_db=20 * log10(margins.gain),
         phase_margin_deg=degrees(margins.phase),
         delay_margin_s=margins.delay,
-        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[1] is Verdict.PROVED else None),
+        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[-1] is Verdict.PROVED else None),
     )
 
 

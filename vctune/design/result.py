@@ -18,6 +18,7 @@ from vctune.model.problem import Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+    from vctune.design.criteria import Alternative
     from vctune.design.prices import Price
     from vctune.design.repair import Repair
 
@@ -96,6 +97,7 @@ class Solved:
     optimality : how much better any design could be, None when nobody asked
     nominal_error : of the best design for the nominal device alone, None when no device is uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
+    alternatives : what either criterion alone would allow, None when there is one or nobody asked
     prices : what a better device would be worth, the greatest gain first, None when nobody asked
     """
 
@@ -110,6 +112,7 @@ class Solved:
     nominal_error: float | None = None
     repairs: list[Repair] | None = None
     prices: list[Price] | None = None
+    alternatives: list[Alternative] | None = None
 
     @property
     def status(self) -> Status:

@@ -110,7 +110,14 @@ def _faces(problem: Problem) -> list[bool]:
     """
     position, device = problem.bounds.position, problem.device
     held = device.operator is not None and device.operator.damping > 0
-    barred = problem.stability.band.min == 0 and not held and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
+    barred = (
+        problem.passive
+        and problem.stability.band.min == 0
+        and not held
+        and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
+    )
+    if problem.hands_met is not None and position.max > 0:
+        return [True]  # without an integrator nothing is proved next to omega = 0 in a hand without stiffness
     faces = [False] if position.min == 0 else []
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 

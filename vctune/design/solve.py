@@ -59,7 +59,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     prepared = prepare(problem)
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
-    early = None if any(start.admissible for start in scanned.starts) else _early(prepared)
+    admissible = any(start.admissible for start in scanned.starts)
+    early = _early(prepared) if not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)

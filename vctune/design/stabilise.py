@@ -46,7 +46,7 @@ def stabilised(problem: Problem, cases: list[Problem], start: Start) -> Point | 
     for velocity, position in ((v * K_v, share * K_p) for share in GAIN_REDUCTIONS for v in (1.0, share)):
         gains = Gains(max(velocity, bounds.velocity.min), max(position, bounds.position.min))
         if all(stable(case, gains) for case in of_own_loops(cases)):
-            if all(least_resistance(case, gains).value[0] > 0 for case in cases):
+            if all(least_resistance(case, gains).value[0] > 0 for case in cases if case.passive):
                 return point(gains, start.coupling)
             fallback = fallback or point(gains, start.coupling)
     return fallback

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
-from vctune.design.infeasible import Infeasibility
+from vctune.design.infeasible import OPENINGS, Infeasibility
 from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
 from vctune.proof.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
@@ -20,12 +20,43 @@ LEAST_POSITION = 5e-324
 
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
+    found = _of_passive_hands(problem) if problem.passive else None
+    if found is None and problem.hands_met is not None:
+        return _in_limp_hands(problem, problem.hands_met)
+    return None if found is None else Infeasibility(*found, proved=True)
+
+
+def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
     found = _vanishing_response(problem) or _negative_resistance(problem)
     if found is None and problem.stability.band.min == 0:
         found = _at_zero(problem)
     if found is None and problem.stability.band.max == inf:
         found = _at_infinity(problem)
-    return None if found is None else Infeasibility(*found, proved=True)
+    return found
+
+
+def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
+    """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
+
+    The loss in a structure's spring may ease it. Without an integrator it is not so, but next to omega = 0 nothing is
+    proved in a hand without stiffness.
+    """
+    device, bounds = problem.device, problem.bounds
+    if bounds.position.max == 0 and hands.low.stiffness == 0:
+        cause = f"{OPENINGS[False]}: with K_p = 0 nothing is proved in a hand without stiffness"
+        return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.min", proved=False)
+    limp = hands.low == Hand(0.0, 0.0, 0.0) and hands.high.stiffness > 0
+    lossy = device.structure is None and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
+    if not limp or not lossy or bounds.drag.max > 0 or bounds.position.max == 0:
+        return None
+    proved = bounds.position.min > 0
+    cause = (
+        "in hands without mass and damping and of little stiffness K the required R is K (b/K_p + tau_s) at 0 Hz, but "
+        "Re Z_c is the drag, 0 N s/m"
+    )
+    if not proved:
+        cause = f"{OPENINGS[False]}: with K_p > 0, {cause}; with K_p = 0 nothing is proved in a hand without stiffness"
+    return Infeasibility(cause, "allow some coupling.drag, or raise operator.damping.min", proved)
 
 
 def _vanishing_response(problem: Problem) -> tuple[str, str] | None:

@@ -20,9 +20,10 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.design.prepared import Posed
 from vctune.design.variables import Point, design_of
-from vctune.design.working_set import ConstraintPoint, constraint_points
+from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.worst import worst_inside
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
@@ -38,7 +39,7 @@ class Violations:
 
     Attributes
     ----------
-    ratio, sensitivity, peak, unmodelled : points
+    ratio, sensitivity, peak, unmodelled, in_hand : points
     greatest : by how much at most
     near_peak : where |S| is greatest, if it is near its limit
     positive : whether Re(D + Z_h) > 0 throughout
@@ -48,6 +49,7 @@ class Violations:
     sensitivity: list[ConstraintPoint] = field(default_factory=list)
     peak: list[ConstraintPoint] = field(default_factory=list)
     unmodelled: list[ConstraintPoint] = field(default_factory=list)
+    in_hand: list[ConstraintPoint] = field(default_factory=list)
     greatest: float = 0.0
     near_peak: ConstraintPoint | None = None
     positive: bool = True
@@ -66,17 +68,21 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
     peaks = [sensitivity_maxima(case, gains) for case in loops]
-    parts = [_ratios(case, gains, coupling, tightening) for case in cases]
+    parts = [_ratios(case, gains, coupling, tightening) for case in cases if case.passive]
+    if posed.hand_cases:
+        met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
+        parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
         parts += [_unmodelled(case, gains, tightening) for case in loops]
-    if posed.box is not None:
+    if posed.box is not None and posed.problem.passive:
         parts.append(_inside(posed, gains, coupling, tightening))
     counted = posed.objective if posed.problem.transparency.norm == "peak" else ()
     return Violations(
         ratio=[point for part in parts for point in part.ratio],
         sensitivity=[point for part in parts for point in part.sensitivity],
         unmodelled=[point for part in parts for point in part.unmodelled],
+        in_hand=[point for part in parts for point in part.in_hand],
         peak=[point for case in counted for point in _error_peaks(case, gains, coupling)],
         greatest=max(part.greatest for part in parts),
         near_peak=_near_peak(loops, gains, peaks),
@@ -98,6 +104,19 @@ def _ratios(problem: Problem, gains: Gains, coupling: Coupling, tightening: floa
         found.positive = False
         found.ratio += constraint_points(device, least_resistance(problem, gains).omega[:1])
     found.greatest = max(float(short[0]) - tightening / 2, 0.0)
+    return found
+
+
+def _in_hands(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+    """Find where the ratio fails in the hands of a problem."""
+    assert problem.hands_met is not None
+    tightening = max(tightening, TIGHTENING_IN_HANDS)
+    found, least = Violations(), log(problem.stability.safety_factor) + tightening
+    for worst in least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling):
+        short = least - log(max(worst.ratio, 1e-300))
+        if short > tightening / 2:
+            found.in_hand.append(ConstraintPoint(worst.omega, problem.device, worst.hand))
+        found.greatest = max(found.greatest, short - tightening / 2)
     return found
 
 

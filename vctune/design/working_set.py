@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
-from vctune.model.quantities import Device
+from vctune.model.quantities import Device, Hand
 from vctune.model.quantities import stacked as stacked_devices
 
 
 @dataclass(frozen=True, slots=True)
 class ConstraintPoint:
-    """Where a demand is posed: a frequency, rad/s, and a device."""
+    """Where a demand is posed: a frequency, rad/s, a device, and of some demands a hand."""
 
     omega: float
     device: Device
+    hand: Hand | None = None
 
 
 def constraint_points(device: Device, omega: Iterable[float]) -> list[ConstraintPoint]:
@@ -37,6 +38,12 @@ def stacked(points: Sequence[ConstraintPoint]) -> tuple[Device, Floats]:
     return stacked_devices([point.device for point in points]), np.array([point.omega for point in points])
 
 
+TIGHTENING_IN_HANDS = 1e-4
+"""By what share the demand in hands is sharpened at least: what touches it in many hands and at many frequencies at
+once, as at omega = 0 in hands of any mass, is proved in a number of boxes that grows with one over the root of this.
+The error grows by about as much."""
+
+
 @dataclass(frozen=True, slots=True)
 class WorkingSet:
     """Points at which the demands are posed, and half planes that keep the gains stable.
@@ -46,6 +53,7 @@ class WorkingSet:
     ratio, sensitivity, peak : points of Re Z_c >= R, |S| <= max_sensitivity, e <= epigraph
     stability : tangents of the stability boundary
     unmodelled : points of |1 - S| r < 1
+    in_hand : points of Re Z_c >= R in a hand
     tracked_peaks : where |S| peaks near its limit: the frequency of the peak is a variable of the NLP
     """
 
@@ -55,13 +63,14 @@ class WorkingSet:
     peak: list[ConstraintPoint] = field(default_factory=list)
     tracked_peaks: list[ConstraintPoint] = field(default_factory=list)
     unmodelled: list[ConstraintPoint] = field(default_factory=list)
+    in_hand: list[ConstraintPoint] = field(default_factory=list)
 
     def sizes(self) -> tuple[int, ...]:
         """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""
-        points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled
+        points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
         return tuple(len(each) for each in points)
 
     def copy(self) -> WorkingSet:
         """Return a set that does not grow with this one."""
-        parts = (self.ratio, self.sensitivity, self.stability, self.peak, self.tracked_peaks, self.unmodelled)
+        parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))

@@ -11,18 +11,24 @@ from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.raw import number_at
 from vctune.document.validation import Fault
 from vctune.model.keys import KEYS
-from vctune.model.quantities import PARTS
+from vctune.model.quantities import HAND, PARTS
 
 MAX_DECADES = 12
 
 
 def contradictions(raw: dict[str, Any]) -> list[Fault]:
     """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
-    return [*_empty_ranges(raw), *_impossible_bands(raw), *_impossible_numbers(raw), *impossible_experiments(raw)]
+    return [
+        *_empty_ranges(raw),
+        *_impossible_bands(raw),
+        *_impossible_numbers(raw),
+        *_impossible_criterion(raw),
+        *impossible_experiments(raw),
+    ]
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
-    for key in KEYS:
+    for key in (*KEYS, *HAND):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:
@@ -48,6 +54,16 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
             yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
         if table == "stability" and endless and not to_infinity:
             yield path, 'the upper edge inf needs hold = "lag", delay = 0 and no parts of the device; use a finite one'
+
+
+def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Fault]:
+    stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
+    criterion = stability.get("criterion", "passive") if isinstance(stability, dict) else "passive"
+    if criterion != "passive" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
+        yield (
+            ("uncertainty", "unmodelled"),
+            'is not proved in hands; leave it out, or ask for stability.criterion = "passive"',
+        )
 
 
 def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:

@@ -9,24 +9,34 @@ the sampling rate without delay, Z_0 = 2 pi f m at the transparency band's middl
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from math import inf, pi, sqrt
 
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
-from vctune.document.schema import DeviceTable, ProblemDocument, StabilityTable, UncertaintyTable
+from vctune.document.schema import DeviceTable, OperatorTable, ProblemDocument, StabilityTable, UncertaintyTable
 from vctune.model.arithmetic import FLOATS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.limits import lags
-from vctune.model.problem import Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
-from vctune.model.quantities import Actuator, Device, ForceSensor, LeastOperator, Structure, VelocityEstimate
+from vctune.model.problem import HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
+from vctune.model.quantities import (
+    Actuator,
+    Device,
+    ForceSensor,
+    Hand,
+    Hands,
+    LeastOperator,
+    Structure,
+    VelocityEstimate,
+)
 from vctune.model.transparency import Terms
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
     """Return the problem that a valid document states, every default filled in."""
-    hand = document.operator
-    operator = LeastOperator(hand.mass, hand.damping) if hand and (hand.mass or hand.damping) else None
-    device = replace(device_of(document.device), operator=operator)
+    hands = _hands(document.operator or OperatorTable())
+    operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
+    counted = operator if document.stability.criterion != "hands" else None
+    device = replace(device_of(document.device), operator=counted)
     late = lags(device, FLOATS)
     lag = float(late.drive + late.estimate)
     loop_impedance = device.mass / lag + device.damping
@@ -43,7 +53,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
-        drag=_range(coupling.drag, 0.0, 0.0),
+        drag=_range(coupling.drag, 0.0, Z_0 if document.stability.criterion != "passive" else 0.0),
     )
     return Problem(
         name=document.name if document.name is not None else default_name,
@@ -59,13 +69,28 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
         stability=_stability(document.stability, lag, f1),
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
+        hands=hands,
     )
+
+
+def _hands(table: OperatorTable) -> Hands:
+    """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much."""
+    most = astuple(HUMAN_HANDS.high)
+    each = (table.mass, table.damping, table.stiffness)
+    ranges = [
+        Range(value, max(value, high)) if isinstance(value, float) else Range(value.min, value.max)
+        for value, high in zip(each, most, strict=True)
+    ]
+    return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
 
 
 def _stability(table: StabilityTable, lag: float, f1: float) -> Stability:
     low, high = table.band_hz or (f1, 0.05 / lag)
     return Stability(
-        Band(2 * pi * low, 2 * pi * high if high < inf else inf), table.safety_factor, table.max_sensitivity
+        Band(2 * pi * low, 2 * pi * high if high < inf else inf),
+        table.safety_factor,
+        table.max_sensitivity,
+        table.criterion,
     )
 
 

@@ -72,6 +72,8 @@ def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
         yield ("environment", "wall"), "a wall needs a stiffness"
+    if isinstance(environment, dict) and environment.get("wall") is True and environment.get("rule") == "trapezoid":
+        yield ("environment", "rule"), "a wall is passive by backward Euler alone; leave the rule out"
     inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
     held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
     if inertia == [0, 0] and not any(

@@ -19,6 +19,10 @@ class EnvironmentTable(Table):
     stiffness: NotNegative = Field(0.0, description="N/m.")
     zero: Place = Field(0.0, description="Where the spring is without force, m.")
     wall: bool = Field(False, strict=True, description="Whether damping and stiffness only push.")
+    rule: Literal["backward", "trapezoid"] = Field(
+        "backward",
+        description="How mass and stiffness run: by backward Euler, which damps, or lossless by the trapezoidal rule.",
+    )
 
 
 class OperatorTable(Table):

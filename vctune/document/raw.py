@@ -22,6 +22,8 @@ def number_at(raw: dict[str, Any], *path: str | int) -> float | None:
 def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ...], float]]) -> dict[str, Any]:
     """Return a copy of a document with numbers set at their paths; tables and pairs that are not there are made.
 
+    A number in the place of one is replaced by it.
+
     Parameters
     ----------
     document : tables
@@ -31,6 +33,8 @@ def placed(document: dict[str, Any], numbers: Iterable[tuple[tuple[str | int, ..
     for path, number in numbers:
         node: Any = copy
         for step, inner in pairwise(path):
-            node = node.setdefault(step, [None, None] if isinstance(inner, int) else {})
+            if isinstance(node, dict) and not isinstance(node.get(step), dict | list):
+                node[step] = [None, None] if isinstance(inner, int) else {}
+            node = node[step]
         node[path[-1]] = number
     return copy

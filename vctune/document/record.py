@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from vctune.document.part import Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
-from vctune.model.quantities import Coupling, Gains, Unmodelled
+from vctune.model.quantities import Coupling, Gains, Hand, Unmodelled
 
 SCHEMA = "vctune/design/1"
 
@@ -91,19 +91,57 @@ class DeviceRecord(Part):
         return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
 
+class HandRecord(Part):
+    """A hand at the handle."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+    def __str__(self) -> str:
+        return str(Hand(self.mass, self.damping, self.stiffness))
+
+
+class EnvironmentRecord(Part):
+    """The passive environment, by the trapezoidal rule, with which a design grows in a hand."""
+
+    hand: HandRecord
+    kind: Literal["spring", "mass"]
+    value: float
+    unit: Literal["N/m", "kg"]
+    damping: float
+    hz: float
+    growth_per_s: float
+
+    def __str__(self) -> str:
+        lossless = "" if self.damping else "lossless "
+        rendered = f"a {lossless}{self.kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
+        if self.damping:
+            rendered += f" and a damper of {text(self.damping)} N s/m"
+        return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
+
+
 class ClaimRecord(Part):
-    """A claim, and where and on which device it fails."""
+    """A claim, where, on which device and in which hand it fails, and what makes it grow there."""
 
     claim: str
     verdict: Proof
     witness_hz: Number
     witness_device: DeviceRecord | None = None
+    witness_hand: HandRecord | None = None
+    environment: EnvironmentRecord | None = None
 
     def rows(self) -> Iterator[Row]:
         """Yield what is shown of a claim that is not proved."""
         yield Row(self.claim, self.verdict, "" if self.witness_hz is None else f"at {text(self.witness_hz, 6)} Hz")
         if self.witness_device is not None:
             yield Row(f"  with {self.witness_device}", "", "")
+        if self.witness_hand is not None:
+            yield Row(f"  in the hand of {self.witness_hand}", "", "")
+        if self.environment is not None:
+            yield Row(f"  grows at {self.environment}", "", "")
+            if self.environment.hand != self.witness_hand:
+                yield Row(f"    in the hand of {self.environment.hand}", "", "")
 
 
 class WithoutOperatorRecord(Part):
@@ -112,6 +150,29 @@ class WithoutOperatorRecord(Part):
     verdict: Proof
     min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
     worst_hz: Number
+
+
+class HandsRecord(Part):
+    """What is proved of every hand of a box, in the sampled loop at every frequency."""
+
+    verdict: Annotated[Proof, Shown("every hand", "{stated}")]
+    box: dict[str, Pair]
+    min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    worst_hz: Number
+    worst_hand: HandRecord
+    boxes: int
+
+    @property
+    def stated(self) -> str:
+        """The box in words."""
+        units = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
+        ranges = (f"{low:g} to {high:g} {units[name]}" for name, (low, high) in self.box.items())
+        return f"of {', '.join(ranges)}"
+
+    @property
+    def promise(self) -> str:
+        """What is proved if it is, in words."""
+        return f"in every hand {self.stated}, on every passive environment, at every frequency"
 
 
 class CertificateRecord(Part):
@@ -127,6 +188,7 @@ class CertificateRecord(Part):
     boxes: int
     claims: list[ClaimRecord]
     without_operator: WithoutOperatorRecord | None = None
+    hands: HandsRecord | None = None
 
     @property
     def beyond(self) -> str:
@@ -137,6 +199,7 @@ class CertificateRecord(Part):
         """Yield what is shown of it, and the claims that are not proved."""
         yield from super().rows()
         yield from self.without_operator.rows() if self.without_operator else ()
+        yield from self.hands.rows() if self.hands else ()
         for claim in self.claims:
             yield from claim.rows() if claim.verdict != "proved" else ()
 
@@ -198,6 +261,13 @@ class RepairRecord(Part):
     needs: str
     size: Number = None
     error: Number
+
+
+class AlternativeRecord(Part):
+    """The error of a certified design under one criterion alone."""
+
+    criterion: Literal["passive", "hands"]
+    error: float
 
 
 class GlanceRecord(Part):
@@ -278,6 +348,7 @@ class DesignRecord(Part):
     idle: bool = False
     repairs: list[RepairRecord] | None = None
     prices: list[PriceRecord] | None = None
+    alternatives: list[AlternativeRecord] | None = None
     at_bound: list[str]
     left_out: list[str]
     warnings: list[str]
@@ -294,6 +365,28 @@ class DesignRecord(Part):
                 "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"
             )
         return self
+
+    @property
+    def promise(self) -> str:
+        """What is proved of the design, in words; nothing where it is not certified."""
+        if self.certificate is None or self.status != "certified":
+            return ""
+        hands = [f"stable {self.certificate.hands.promise}"] if self.certificate.hands else []
+        low, high = (text(edge) for edge in self.certificate.band_hz)
+        any_hand = f"absolutely stable in any passive hand from {low} to {high} Hz, as far as the frequency model goes"
+        passive = [any_hand] if self.certificate.proved_band_hz is not None else []
+        return "; ".join([*hands, *passive])
+
+    @property
+    def compared(self) -> list[str]:
+        """What either criterion alone would allow."""
+        if not self.alternatives or self.transparency is None:
+            return []
+        error = text(self.transparency.error, 3)
+        return [
+            f'with criterion = "{each.criterion}" alone: error {text(each.error, 3)} instead of {error}'
+            for each in self.alternatives
+        ]
 
     @property
     def design(self) -> tuple[Gains, Coupling] | None:

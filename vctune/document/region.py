@@ -12,8 +12,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, Strict, model_validator
 
 from vctune.document.json import as_record, read_json
-from vctune.document.part import Part
+from vctune.document.part import Pair, Part
 from vctune.document.record import CouplingRecord, GainsRecord, NotNegative, ProblemRecord
+from vctune.model.problem import Criterion
 from vctune.model.quantities import Coupling, Gains
 
 SCHEMA = "vctune/region/1"
@@ -29,10 +30,12 @@ Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Stric
 
 
 class DemandsRecord(Part):
-    """What was asked of the gains."""
+    """What was asked of the gains; `hands` is the box of those that are to be met."""
 
     safety_factor: float
     max_sensitivity: float
+    criterion: Criterion = "passive"
+    hands: dict[str, Pair] = Field(default_factory=dict)
 
 
 class AxesRecord(Part):

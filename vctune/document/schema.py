@@ -100,13 +100,16 @@ class DeviceTable(Table):
     structure: StructureTable | None = Field(None, description="Default: rigid.")
 
 
-class LeastOperatorTable(Table):
-    """The least impedance Z_h = mass s + damping that is always at the handle: of a hand, a grip, a tool."""
+class OperatorTable(Table):
+    """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range, a number its least.
 
-    mass: NotNegative = Field(
-        0.0, description="m_h, kg. It matters to the stability of the loop alone: any hand may add mass."
-    )
-    damping: NotNegative = Field(0.0, description="b_h, N s/m. It eases the demand on Re Z_c.")
+    The least mass and damping are those of what is always there, a grip or a tool, which the passive criterion counts;
+    the ranges are the hands of the criterion "hands".
+    """
+
+    mass: Variable = Field(0.0, description="M, kg. Default { min = 0, max = 0.5 }.")
+    damping: Variable = Field(0.0, description="B, N s/m. Default { min = 0, max = 30 }.")
+    stiffness: Variable = Field(0.0, description="K, N/m. Default { min = 0, max = 3000 }.")
 
 
 class GainsTable(Table):
@@ -129,7 +132,11 @@ class CouplingTable(Table):
         description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f) and f the middle of the "
         "transparency band on a log scale.",
     )
-    drag: Variable = Field(0.0, description="b_0, N s/m.")
+    drag: Variable | None = Field(
+        None,
+        description="b_0, N s/m. Default 0, and { min = 0, max = Z_0 } where hands are to be met: a stiff and hardly "
+        "damped one needs some.",
+    )
 
 
 class WeightsTable(Table):
@@ -169,7 +176,11 @@ class StabilityTable(Table):
     max_sensitivity: Positive = Field(
         2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
     )
-    criterion: Literal["passive"] = Field("passive", description="The hands: any passive one, on band_hz.")
+    criterion: Literal["passive", "hands", "both"] = Field(
+        "passive",
+        description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
+        "environment, in the sampled loop at every frequency.",
+    )
 
 
 class UncertaintyTable(Table):
@@ -219,7 +230,7 @@ class ProblemDocument(Table):
     )
     description: Text = Field("", description="Free text for the reader.")
     device: DeviceTable
-    operator: LeastOperatorTable | None = Field(None, description="Default: nothing, any passive hand may be there.")
+    operator: OperatorTable | None = Field(None, description="Default: a human hand, from none to a firm grip.")
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
     transparency: TransparencyTable = Field(default_factory=TransparencyTable)

@@ -20,6 +20,9 @@ def statement(problem: Problem) -> dict[str, Any]:
     device = table_of(problem.device)
     operator = device.pop("operator", None)
     transparency, stability = problem.transparency, problem.stability
+    if problem.hands_met is not None:
+        low, high = asdict(problem.hands.low), asdict(problem.hands.high)
+        operator = {name: {"min": low[name], "max": high[name]} for name in low}
     document: dict[str, Any] = {
         "name": problem.name,
         "description": problem.description,
@@ -36,6 +39,7 @@ def statement(problem: Problem) -> dict[str, Any]:
             "band_hz": _hz(stability.band),
             "safety_factor": stability.safety_factor,
             "max_sensitivity": stability.max_sensitivity,
+            **({"criterion": stability.criterion} if problem.hands_met is not None else {}),
         },
     }
     if problem.uncertainty is not None:

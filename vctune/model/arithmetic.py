@@ -6,7 +6,7 @@ CasADi symbols (the NLP), Arb balls and intervals on arrays with or without thei
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import pi
 from typing import Any, Protocol
 
@@ -24,6 +24,10 @@ class Arithmetic(Protocol):
     @property
     def precision(self) -> float:
         """How much of a number rounding takes, relative."""
+
+    @property
+    def arrays(self) -> ArrayArithmetic | None:
+        """The arithmetic itself where its numbers are arrays, None where they are single."""
 
     def is_zero(self, x: Number) -> bool:
         """Return whether a number is 0 for certain, so that what it multiplies can be left out."""
@@ -63,6 +67,16 @@ class Arithmetic(Protocol):
         """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
 
 
+class ArrayArithmetic(Arithmetic, Protocol):
+    """Elementary functions of numbers that are arrays, and what only these have."""
+
+    def stacked(self, numbers: Sequence[Number]) -> Number:
+        """Return numbers as one with another axis in front, plain ones among them too."""
+
+    def matmul(self, a: Number, b: Number) -> Number:
+        """Return the products of matrices whose rows and columns are the first two axes."""
+
+
 SERIES_BELOW = 0.05
 """Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
 a factor 2 more is lost, and `vctune.proof.jets.PHI_ERROR` would no longer hold. Twice: what the series of eight
@@ -88,6 +102,18 @@ class _FloatArithmetic:
 
     pi = pi
     precision = 2.0**-53
+
+    @property
+    def arrays(self) -> ArrayArithmetic:
+        return self
+
+    @staticmethod
+    def stacked(numbers: Sequence[Number]) -> Number:
+        return np.stack(np.broadcast_arrays(*numbers))
+
+    @staticmethod
+    def matmul(a: Number, b: Number) -> Number:
+        return np.einsum("ij...,jk...->ik...", a, b)
 
     @staticmethod
     def is_zero(x: Number) -> bool:
@@ -140,4 +166,4 @@ class _FloatArithmetic:
         return float(np.max(np.abs(x)))
 
 
-FLOATS: Arithmetic = _FloatArithmetic()
+FLOATS: ArrayArithmetic = _FloatArithmetic()

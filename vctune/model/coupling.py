@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from vctune.model.arithmetic import Number
+from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.pair import Pair
 from vctune.model.quantities import Coupling
 
@@ -24,3 +24,20 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     reactance = m_c * omega
     quotient = reactance / (b_c * b_c + reactance * reactance)
     return Pair(coupling.drag + b_c * reactance * quotient, b_c * b_c * quotient)
+
+
+def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
+    """Return Re Z_c of the coupling as the firmware runs it, s -> (2/T)(z - 1)/(z + 1), N s/m.
+
+    That is the continuous coupling's at omega = (2/T) tan(theta/2), and at the Nyquist frequency its limit.
+
+    Parameters
+    ----------
+    coupling : b_c, m_c and b_0, in numbers of the arithmetic; b_c and m_c > 0
+    sample_time : T, s
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
+    squared, slack = reactance * reactance, b_c * cos
+    return coupling.drag + b_c * (squared / (slack * slack + squared))

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 Motion = Literal["reciprocate", "sine"]
+Rule = Literal["backward", "trapezoid"]
+"""How mass and stiffness follow the velocity: by backward Euler, which damps, or lossless by the trapezoidal rule."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +21,7 @@ class Environment:
     stiffness : N/m
     zero : where the spring is without force, m
     wall : whether damping and stiffness only push, towards negative x
+    rule : how it runs in the firmware; a wall by backward Euler
     """
 
     mass: float
@@ -26,6 +29,7 @@ class Environment:
     stiffness: float
     zero: float
     wall: bool
+    rule: Rule = "backward"
 
 
 @dataclass(frozen=True, slots=True)

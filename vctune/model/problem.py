@@ -8,10 +8,14 @@ from typing import Literal
 
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
 from vctune.model.transparency import Terms
 
 Norm = Literal["rms", "peak"]
+Criterion = Literal["passive", "hands", "both"]
+"""Any passive hand, on a band, in the frequency model; every hand of a box, in the sampled loop; or both."""
+HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
+"""A human hand from none to a firm grip, kg, N s/m and N/m (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,11 +76,12 @@ class Transparency:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """The demands (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|."""
+    """The demands (design/README.md, section 1): band of Llewellyn's conditions, least ratio, greatest |S|, hands."""
 
     band: Band
     safety_factor: float
     max_sensitivity: float
+    criterion: Criterion = "passive"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +122,17 @@ class Problem:
     stability: Stability
     uncertainty: Uncertainty | None = None
     experiments: tuple[Experiment, ...] = ()
+    hands: Hands = HUMAN_HANDS
+
+    @property
+    def passive(self) -> bool:
+        """Whether any passive hand is to be met, on the band."""
+        return self.stability.criterion != "hands"
+
+    @property
+    def hands_met(self) -> Hands | None:
+        """The hands that are to be met in the sampled loop; None if none are."""
+        return None if self.stability.criterion == "passive" else self.hands
 
     @property
     def nyquist(self) -> float:
@@ -165,4 +181,5 @@ class Problem:
             stability=replace(stability, band=Band(stability.band.min / t, stability.band.max / t)),
             uncertainty=self.uncertainty and self.uncertainty.in_time(time),
             experiments=(),
+            hands=self.hands.in_units(impedance, time),
         )

@@ -29,6 +29,74 @@ class LeastOperator:
 
 
 @dataclass(frozen=True, slots=True)
+class Hand:
+    """A hand at the handle, mass s + damping + stiffness/s (model/README.md, section 14).
+
+    Attributes
+    ----------
+    mass : M, kg, >= 0
+    damping : B, N s/m, >= 0
+    stiffness : K, N/m, >= 0
+    """
+
+    mass: Number
+    damping: Number
+    stiffness: Number
+
+    def __str__(self) -> str:
+        return f"{self.mass:.4g} kg, {self.damping:.4g} N s/m, {self.stiffness:.4g} N/m"
+
+    def in_units(self, impedance: float, time: float) -> Hand:
+        """Return the hand with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+
+        Parameters
+        ----------
+        impedance : N s/m, > 0
+        time : s, > 0
+        """
+        return Hand(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
+
+
+HAND = ("operator.mass", "operator.damping", "operator.stiffness")
+"""The numbers of a hand by their keys in a problem file, in the order of `Hand`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """Every hand of a box.
+
+    Attributes
+    ----------
+    low, high : its least and its greatest numbers
+    """
+
+    low: Hand
+    high: Hand
+
+    def __str__(self) -> str:
+        (m, b, k), (M, B, K) = ((hand.mass, hand.damping, hand.stiffness) for hand in (self.low, self.high))
+        return f"{m:g} to {M:g} kg, {b:g} to {B:g} N s/m, {k:g} to {K:g} N/m"
+
+    @property
+    def middle(self) -> Hand:
+        """The hand in the middle of the box."""
+        low, high = self.low, self.high
+        return Hand(
+            0.5 * (low.mass + high.mass), 0.5 * (low.damping + high.damping), 0.5 * (low.stiffness + high.stiffness)
+        )
+
+    def in_units(self, impedance: float, time: float) -> Hands:
+        """Return the same hands with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
+
+        Parameters
+        ----------
+        impedance : N s/m, > 0
+        time : s, > 0
+        """
+        return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))
+
+
+@dataclass(frozen=True, slots=True)
 class VelocityEstimate:
     """How the firmware knows the velocity (model/README.md, section 12).
 

@@ -28,6 +28,7 @@ class _BallArithmetic:
     """Balls, and power series of balls for derivatives."""
 
     precision = 2.0**-PRECISION
+    arrays = None
 
     @property
     def pi(self) -> Number:

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 
 from vctune.model.arithmetic import Number
 from vctune.model.device_response import DeviceResponse, device_response
+from vctune.model.hand_loop import Delays, PlantInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device
+from vctune.model.quantities import HAND, Device, Hand, Hands
 from vctune.model.sampled import (
     SampledPlant,
     return_difference,
@@ -28,6 +29,8 @@ from vctune.proof.claims import (
     across_position,
     along_drive,
     conditions_margin,
+    hand_curve,
+    hand_margin,
     high_margin,
     loop_gain_margin,
     low_margin,
@@ -38,6 +41,7 @@ from vctune.proof.claims import (
     unmodelled_margin,
 )
 from vctune.proof.jets import ENCLOSURES as OPS
+from vctune.proof.sharing import shared
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,12 +54,16 @@ class Demands:
     band : rad/s, of Llewellyn's conditions; may be (0, inf)
     factor : least Re Z_c / R
     max_sensitivity : greatest |S| of the sampled loop
+    passive : whether any passive hand is to be met on the band
+    hands : the hands that are to be met at every frequency of the sampled loop; None for none
     """
 
     device: Device
     band: tuple[float, float]
     factor: float
     max_sensitivity: float
+    passive: bool = True
+    hands: Hands | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +77,9 @@ class Claims:
     unmodelled : must be positive too where the device's response is not known exactly, of theta
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
     resistance : the loop's, which must be positive too, whatever the coupling, N s/m
+    in_hand : must be positive in every hand, of theta
+    required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
+    poles_in_hand : curve that must not turn around 0, of a hand and of theta
     required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
         elsewhere
     sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
@@ -84,6 +95,9 @@ class Claims:
     sensitivity: Margin
     unmodelled: Margin
     resistance: Margin
+    in_hand: Margin
+    required_in_hands: Margin
+    poles_in_hand: Curve
     required: Margin
     sensitivity_any_position: Margin
     model_poles: Curve
@@ -121,6 +135,12 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         radius = OPS.interpolated(hz, known.radii) if known is not None else Enclosure(0.0)
         return unmodelled_margin(plant(v), gains_of(v), theta, radius, OPS)
 
+    in_hand = _plant_in_hand(demands.device, uncertain, delays_of(demands.device))
+
+    def required_in_hands(theta: Number, v: Values) -> Number:
+        required = required_in_hand(loop_in_hand(in_hand(v), theta, OPS), gains_of(v))
+        return required.lost / required.size
+
     def design(v: Values) -> Design:
         return Design(device(v), gains_of(v), coupling_of(v))
 
@@ -131,6 +151,9 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
         unmodelled=unmodelled,
         resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
+        in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
+        required_in_hands=required_in_hands,
+        poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
         required=required,
         sensitivity_any_position=lambda theta, v: sensitivity_sufficient_margin(
             plant(v), gains_of(v), theta, limit, OPS
@@ -142,6 +165,34 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         sampled_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
         sensitivity_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
     )
+
+
+def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+    """Return the margin that must be positive in every hand, of theta and of values with those of `HAND`.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : whole samples, the same for all of them
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
+    return lambda theta, v: hand_margin(in_hand(v), gains_of(v), coupling_of(v), theta, factor, OPS)
+
+
+def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) -> Callable[[Values], PlantInHand]:
+    """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
+    exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
+
+    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> PlantInHand:
+        device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
+        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, OPS)
+
+    def of_values(v: Values) -> PlantInHand:
+        found: PlantInHand = shared(plant, [v[name] for name in rows])
+        return found
+
+    return of_values
 
 
 def _devices(

@@ -7,10 +7,13 @@ itself. What overflows or divides by 0 gets a radius that is not a finite number
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from vctune.model.arithmetic import FLOATS
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -102,6 +105,9 @@ class Enclosure:
         """Return where every number enclosed is < 0."""
         return np.asarray(self.mid < -np.asarray(self.rad))
 
+    def __getitem__(self, at: Any) -> Enclosure:
+        return Enclosure(self.mid[at], self.rad[at])
+
     def subset(self, at: Any) -> Enclosure:
         """Return some of the elements."""
         return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
@@ -125,6 +131,36 @@ def between(low: Any, high: Any) -> Enclosure:
 def decimal(x: Any) -> Enclosure:
     """Return an enclosure of the decimals that floats are written as: 0.4 means 2/5."""
     return Enclosure(x, UNIT * np.abs(x))
+
+
+def stacked(numbers: Sequence[Any]) -> Enclosure:
+    """Return numbers as one with another axis in front.
+
+    Parameters
+    ----------
+    numbers : enclosures or plain numbers that broadcast against each other
+    """
+    found = [x if isinstance(x, Enclosure) else Enclosure(float(x)) for x in numbers]
+    parts = np.broadcast_arrays(*(part for x in found for part in (x.mid, x.rad)))
+    return Enclosure(np.stack(parts[::2]), np.stack(parts[1::2]))
+
+
+def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
+    """Return the products of matrices whose rows and columns are the first two axes.
+
+    A sum of n products is right to n units of the sum of their sizes, in whatever order it is formed.
+
+    Parameters
+    ----------
+    a, b : of shapes (n, m, ...) and (m, k, ...), m at most 60
+    """
+    size_a, size_b = np.abs(a.mid), np.abs(b.mid)
+    rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)
+    return Enclosure(_products(a.mid, b.mid), rad * SWELL**8 + TINY)
+
+
+def _products(a: Any, b: Any) -> Any:
+    return FLOATS.matmul(a, b)
 
 
 def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:

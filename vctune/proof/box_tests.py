@@ -54,9 +54,11 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
 
         near, rows = of(sufficient or margin), boxes.rows()
         if _from_zero(boxes):
-            return _without_failures(_by_slopes(near, boxes, rows).decided)
+            decided = _by_slopes(near, boxes, rows).decided
+            return decided if sufficient is None else _without_failures(decided)
         if _wide(boxes):
-            return _to_halve_in_frequency(boxes, of(margin)(rows).positive() | near(rows).positive())
+            proved = of(margin)(rows).positive()
+            return _to_halve_in_frequency(boxes, proved if sufficient is None else proved | near(rows).positive())
         decided = _by_slopes(of(margin), boxes, rows).decided
         narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
         left = np.flatnonzero(~decided.proved & ~decided.fails & narrow)
@@ -109,6 +111,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
             point=decided.point,
             cost=decided.cost,
             known=decided.known,
+            side=decided.side,
         )
 
     return partial(_kind_by_kind, test)
@@ -178,6 +181,7 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
         point=np.zeros_like(boxes.low),
         cost=np.zeros_like(boxes.low),
         known=np.zeros(n, bool),
+        side=np.zeros_like(boxes.low),
     )
     for kind in kinds:
         decided = test(boxes.subset(kind))
@@ -198,7 +202,8 @@ def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
     cost = np.zeros_like(boxes.low)
     cost[0] = 1.0
     none = np.zeros(len(boxes), bool)
-    return Decided(proved=proved, fails=none, point=0.5 * (boxes.low + boxes.high), cost=cost, known=none)
+    point = 0.5 * (boxes.low + boxes.high)
+    return Decided(proved=proved, fails=none, point=point, cost=cost, known=none, side=np.zeros_like(cost))
 
 
 def _without_failures(decided: Decided) -> Decided:
@@ -209,6 +214,7 @@ def _without_failures(decided: Decided) -> Decided:
         point=decided.point,
         cost=decided.cost,
         known=decided.known,
+        side=decided.side,
     )
 
 
@@ -252,7 +258,8 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
-    return _Bounded(bound, Decided(proved=np.asarray(bound > 0), fails=fails, point=point, cost=cost, known=known))
+    proved = np.asarray(bound > 0)
+    return _Bounded(bound, Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side))
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

@@ -6,7 +6,7 @@ A box is an interval for each of several named numbers. The names are the keys o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
 from vctune.model.keys import KEYS
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import HAND, Coupling, Gains, Hands
 from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
 
@@ -123,6 +123,11 @@ class Boxes:
         """Return for each row whether some box has a width there; a frequency always counts."""
         return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
 
+    def ends(self, side: Floats) -> Boxes:
+        """Return the face of each box at the ends of some of its rows: -1 the lower one, 1 the upper, 0 for neither."""
+        low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
+        return replace(self, low=low, high=high)
+
     def halved(self, axis: Integers) -> Boxes:
         """Return both halves of each box along an axis of its own.
 
@@ -204,22 +209,44 @@ def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
     return over_band(KEYS, cells.low, cells.high, band)
 
 
-def over_each(cells: Cells, omega: Floats) -> Boxes:
-    """Return each cell at one frequency of its own.
+def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
+    """Return each interval of a band with each cell in all hands of a box.
 
     Parameters
     ----------
     cells : n of them
-    omega : the frequency of each as the claim has it, rad/s or rad, shape (n,)
+    hands : the box
+    band : edges of m intervals, from `band_of`
 
     Returns
     -------
     Boxes
-        n of them, without width in frequency, each owned by its cell.
+        n m of them, each owned by its cell; the hand is three rows before those of the cell.
     """
-    low, high = (np.vstack((omega, edge)) for edge in (cells.low, cells.high))
-    owner = np.arange(len(cells))
-    return Boxes(names=(FREQUENCY, *KEYS), low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
+    low, high = (
+        np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
+        for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
+    )
+    return over_band((*HAND, *KEYS), low, high, band)
+
+
+def over_each(cells: Cells, at: Floats) -> Boxes:
+    """Return each cell at one frequency of its own, or in one hand at one.
+
+    Parameters
+    ----------
+    cells : n of them
+    at : the frequency of each as the claim has it, rad/s or rad, shape (n,); or its rows with those of a hand, (4, n)
+
+    Returns
+    -------
+    Boxes
+        n of them, without width in frequency and hand, each owned by its cell.
+    """
+    at = np.atleast_2d(at)
+    low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
+    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *KEYS), np.arange(len(cells))
+    return Boxes(names=names, low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
 
 
 def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:

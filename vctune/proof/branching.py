@@ -30,6 +30,7 @@ class Decided:
     point : a point of each box, shape (rows, n)
     cost : what each row contributes to the uncertainty of each box, of the same shape
     known : where that is more than the row's width: nothing is known of the slopes elsewhere
+    side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
     """
 
     proved: Flags
@@ -37,6 +38,7 @@ class Decided:
     point: Floats
     cost: Floats
     known: Flags
+    side: Floats
 
 
 Test = Callable[[Boxes], Decided]
@@ -72,6 +74,9 @@ def prove(
     max_halvings: int,
     max_boxes: int,
     measure: Callable[[Boxes], Floats] | None = None,
+    at_ends: bool = False,
+    few: int = 0,
+    only_whole: bool = False,
 ) -> Proofs:
     """Test boxes and halve those that are not proved, until each owner's are, one of them fails, or effort ends.
 
@@ -84,6 +89,10 @@ def prove(
     max_halvings : how often a box is halved at most
     max_boxes : boxes of one owner that are looked at before it is left open
     measure : of proved boxes; what is summed up in `Proofs.total`
+    at_ends : whether a box is given up for its face where the margin is least there: for a test of one margin alone,
+        without `measure`
+    few : boxes that are halved again before they are tested: a test takes a time of its own, however few they are
+    only_whole : give an owner up as soon as a box of it stays open: where it fails is not asked for
 
     Returns
     -------
@@ -104,10 +113,15 @@ def prove(
         axis, blurred = _axis(decided, np.asarray(halved))
         hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
         left = ~decided.proved
+        if at_ends:
+            boxes = boxes.ends(decided.side)
+            blurred |= ~np.any(boxes.low < boxes.high, axis=0)
         goes_on = left & ~blurred & hopeful[boxes.owner]
         stays = left & ~goes_on
         open_[:, boxes.owner[stays]] = decided.point[:, stays]
-        boxes = boxes.subset(goes_on).halved(axis[goes_on])
+        if only_whole:
+            goes_on &= np.isnan(open_[0, boxes.owner])
+        boxes = _halved(boxes.subset(goes_on), axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
     return Proofs(
         proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
     )
@@ -115,10 +129,31 @@ def prove(
 
 def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
     """Return the row along which each box is halved, and whether that would not help."""
-    cost = np.where(np.isnan(decided.cost), np.inf, decided.cost)
-    axis = np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)]
+    cost = _known(decided.cost)
+    axis = _costliest(cost, halved)
     blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
     return axis, blurred
+
+
+def _known(cost: Floats) -> Floats:
+    return np.where(np.isnan(cost), np.inf, cost)
+
+
+def _costliest(cost: Floats, halved: Flags) -> Integers:
+    """Return the row that contributes most to each box's uncertainty, of those that may be halved."""
+    return np.asarray(np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)])
+
+
+def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
+    """Return the halves of boxes along an axis of each, and as long as they are few, of these the halves."""
+    cost = _known(cost)
+    while True:
+        at, boxes = np.arange(len(boxes)), boxes.halved(axis)
+        if not 0 < len(boxes) <= few:
+            return boxes
+        cost[axis, at] /= 2
+        cost = np.tile(cost, 2)
+        axis = _costliest(cost, halved)
 
 
 def _in_chunks(test: Test, boxes: Boxes) -> Decided:

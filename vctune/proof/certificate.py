@@ -21,6 +21,7 @@ from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
+from vctune.proof.hands import prove_hands
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import conditions_at, prove_conditions, widest_band
 from vctune.proof.many_designs import prove
@@ -46,10 +47,16 @@ class Claim(StrEnum):
     MODEL_POLES = "no pole of the frequency model in the closed right half plane"
     SAMPLED_POLES = "spectral radius of the sampled loop below 1"
     UNMODELLED = "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled"
+    HANDS = "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist"
 
 
 STABILITY = Claim.MODEL_POLES, Claim.SAMPLED_POLES, Claim.UNMODELLED
 """Those without which no ratio means anything."""
+RATIOS = Claim.CONDITIONS, Claim.HANDS
+"""Those that are about Re Z_c / R."""
+
+ON_ARRAYS = Claim.CONDITIONS, Claim.SENSITIVITY, Claim.MODEL_POLES, Claim.SAMPLED_POLES
+"""Those that are proved of many designs together, in the order in which `prove` counts boxes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,15 +95,15 @@ class Certificate:
         stability = (self.outcomes[claim] for claim in STABILITY if claim in self.outcomes)
         if any(outcome.verdict is not Verdict.PROVED for outcome in stability):
             return None
-        if self.outcomes[Claim.CONDITIONS].verdict is Verdict.PROVED:
+        if all(self.outcomes[claim].verdict is Verdict.PROVED for claim in RATIOS if claim in self.outcomes):
             return self.demands.factor
         return 1.0 if self.without_factor and self.without_factor.verdict is Verdict.PROVED else None
 
     @property
     def proved_band(self) -> tuple[float, float] | None:
         """The widest band around the demanded one with ratio >= 1, rad/s, proved on demand; None unless that is."""
-        conditions = self.without_factor or self.outcomes[Claim.CONDITIONS]
-        if conditions.verdict is not Verdict.PROVED:
+        conditions = self.without_factor or self.outcomes.get(Claim.CONDITIONS)
+        if conditions is None or conditions.verdict is not Verdict.PROVED:
             return None
         robust = _robust_design(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
         if robust is not None:
@@ -139,15 +146,20 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         return _everywhere(design, box, demands, in_doubt)(alone, prove_conditions_for_all, factor)
 
     with ctx.workprec(PRECISION):
-        outcomes = {
-            Claim.CONDITIONS: conditions(demands.factor),
-            Claim.SENSITIVITY: claim(lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all),
-            Claim.MODEL_POLES: claim(partial(_of_every_loop, prove_model_poles), prove_model_poles_for_all),
-            Claim.SAMPLED_POLES: claim(partial(_of_every_loop, prove_sampled_poles), prove_sampled_poles_for_all),
-        }
+        outcomes = {}
+        if demands.passive:
+            outcomes[Claim.CONDITIONS] = conditions(demands.factor)
+        outcomes[Claim.SENSITIVITY] = claim(lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
+        if demands.passive:
+            poles = partial(_of_every_loop, prove_model_poles)
+            outcomes[Claim.MODEL_POLES] = claim(poles, prove_model_poles_for_all)
+        poles = partial(_of_every_loop, prove_sampled_poles)
+        outcomes[Claim.SAMPLED_POLES] = claim(poles, prove_sampled_poles_for_all)
         if box is not None and box.nominal.unmodelled is not None:
             outcomes[Claim.UNMODELLED] = _unmodelled(design, box, box.nominal.unmodelled.radii, demands)
-        missed = demands.factor > 1 and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
+        if demands.hands is not None:
+            outcomes[Claim.HANDS] = prove_hands(design, demands, box)
+        missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
@@ -218,8 +230,8 @@ def _robust_design(design: Design, box: DeviceBox | None, demands: Demands) -> R
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
     """Prove that several designs of one device meet its demands, as `certify` does.
 
-    Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices each is proved
-    by itself.
+    Most are proved on arrays, all of them together; Arb decides about the others. For a box of devices, or of hands,
+    each is proved by itself.
 
     Parameters
     ----------
@@ -233,10 +245,10 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
         In the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
-    if designs and box is None:
+    if designs and box is None and demands.hands is None:
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
         proofs = prove(demands, Cells(values, values))
         for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
-            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(Claim, boxes, strict=False)}
+            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(ON_ARRAYS, boxes, strict=True)}
             found[index] = Certificate(designs[index], demands, outcomes) if proved else None
     return [certificate or certify(design, demands, box) for design, certificate in zip(designs, found, strict=True)]

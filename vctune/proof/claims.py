@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.coupling import coupling_impedance
+from vctune.model.coupling import coupling_impedance, sampled_resistance
 from vctune.model.device_response import DeviceResponse, device_response
+from vctune.model.hand_loop import PlantInHand, loop_in_hand, required_in_hand
 from vctune.model.llewellyn import llewellyn_demand
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
@@ -150,6 +151,40 @@ def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Nu
     parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
     loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
     return limit * limit * parts.open.abs2() - loop.abs2()
+
+
+def hand_margin(
+    plant: PlantInHand, gains: Gains, coupling: Coupling, theta: Number, factor: Number, ops: Arithmetic
+) -> Number:
+    """Return |F|^2 (Re Z_c - factor R) in a hand at theta = omega T, N s/m (model/README.md, section 14).
+
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    gains, coupling : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    required = required_in_hand(loop_in_hand(plant, theta, ops), gains)
+    return sampled_resistance(coupling, plant.sample_time, theta, ops) * required.size - factor * required.lost
+
+
+def hand_curve(plant: PlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
+    """Return F of the loop in a hand, turned so that it is real at both ends and comes back without a turn if stable.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    gains : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    F, half, order = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), len(plant.push) + plant.order
+    turned = Pair(ops.cos(theta * (order / 2)), -ops.sin(theta * (order / 2)))
+    return Pair(F.even, half * F.odd) * turned
 
 
 def resistance_apart(device: Device) -> bool:

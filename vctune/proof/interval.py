@@ -11,7 +11,7 @@ from flint import arb, arb_series
 
 from vctune.model.arithmetic import Number
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Device
+from vctune.model.quantities import Device, Hand
 from vctune.proof.arb_balls import box
 
 MAX_BOXES = 200_000
@@ -51,12 +51,14 @@ class Outcome:
     boxes : boxes looked at
     witness : where it is refuted or undecided, if at a certain place, rad/s
     device : of a box of devices, the one that is refuted or undecided
+    hand : of a box of hands, the one in which it is
     """
 
     verdict: Verdict
     boxes: int
     witness: float | None = None
     device: Device | None = None
+    hand: Hand | None = None
 
     @property
     def witness_hz(self) -> float | None:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.arithmetic import FLOATS, Arithmetic, Number
-from vctune.proof.array_intervals import TINY, UNIT, Enclosure, between, selected
+from vctune.model.arithmetic import FLOATS, ArrayArithmetic, Number
+from vctune.proof.array_intervals import TINY, UNIT, Enclosure, between, matmul, selected, stacked
 
 LIBRARY_ERROR = 8 * UNIT
 """Bound on the error of NumPy's sin, cos, exp and expm1 in double precision: 8 units in the last place.
@@ -90,6 +90,9 @@ class Jet:
         return self.mapped(self.value * other, other)
 
     __radd__, __rmul__ = __add__, __mul__
+
+    def __getitem__(self, at: Any) -> Jet:
+        return Jet(self.value[at], tuple(None if slope is None else slope[at] for slope in self.slopes))
 
     def __truediv__(self, other: Any) -> Jet:
         return self * _reciprocal(other) if isinstance(other, Jet) else self * (1 / other)
@@ -192,6 +195,35 @@ class _EnclosureArithmetic:
     pi = Enclosure(np.pi, UNIT * np.pi)
     precision = UNIT
 
+    @property
+    def arrays(self) -> ArrayArithmetic:
+        return self
+
+    @staticmethod
+    def stacked(numbers: Sequence[Number]) -> Number:
+        values = [x.value if isinstance(x, Jet) else x for x in numbers]
+        count = max((len(x.slopes) for x in numbers if isinstance(x, Jet)), default=0)
+        value = stacked(values)
+        if not count:
+            return value
+        zero = Enclosure(np.zeros(value.mid.shape[1:]))
+
+        def slope(place: int) -> Enclosure | None:
+            each = [x.slopes[place] if isinstance(x, Jet) and place < len(x.slopes) else None for x in numbers]
+            if all(x is None for x in each):
+                return None
+            return stacked([zero, *(zero if x is None else x for x in each)])[1:]
+
+        return Jet(value, tuple(map(slope, range(count))))
+
+    @staticmethod
+    def matmul(a: Number, b: Number) -> Number:
+        values = [x.value if isinstance(x, Jet) else x for x in (a, b)]
+        left = tuple(None if s is None else matmul(s, values[1]) for s in a.slopes) if isinstance(a, Jet) else ()
+        right = tuple(None if s is None else matmul(values[0], s) for s in b.slopes) if isinstance(b, Jet) else ()
+        value = matmul(*values)
+        return Jet(value, _sums(left, right)) if left or right else value
+
     @staticmethod
     def is_zero(x: Number) -> bool:
         if isinstance(x, Jet):
@@ -271,7 +303,7 @@ class _EnclosureArithmetic:
         return float(np.max(np.abs(value.mid) + value.rad)) * (1 + UNIT)
 
 
-ENCLOSURES: Arithmetic = _EnclosureArithmetic()
+ENCLOSURES: ArrayArithmetic = _EnclosureArithmetic()
 
 
 def interpolated_over(x: Enclosure, table: Table) -> Enclosure:

@@ -6,18 +6,18 @@ See proof/README.md, section 2.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from math import inf, pi
 
 import numpy as np
 
 from vctune.model.arithmetic import FLOATS, Arithmetic
 from vctune.model.keys import KEYS
-from vctune.model.quantities import Device
+from vctune.model.quantities import HAND, Device, Hand
 from vctune.proof.array_claims import Claims, Demands, claims_of
-from vctune.proof.array_intervals import Flags, Floats
+from vctune.proof.array_intervals import Flags, Floats, decimal
 from vctune.proof.box_tests import Curve, Margin, lower_bound_over, misses_zero, positive, turned_angles
-from vctune.proof.boxes import Boxes, Cells, Integers, band_of, over_cells, over_each
+from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, over_cells, over_each, over_hands
 from vctune.proof.branching import Proofs, Test
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.claims import HALF_TURN, outwards, resistance_apart
@@ -35,8 +35,12 @@ up to half of those near the edge of what is admissible; twice as often proves n
 MAX_BOXES = 4_000
 """Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
 many prove the same cells."""
+HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 8_000, 128
+"""The same for boxes of angle and hand, and how many cells are proved together: what is known of them fits into memory.
+"""
 IN_FREQUENCY = (True, *[False] * len(KEYS))
-"""Only intervals of frequency are halved here; cells are their caller's business."""
+IN_HANDS = (*[True] * (1 + len(HAND)), *[False] * len(KEYS))
+"""Only intervals of frequency, and hands, are halved here; cells are their caller's business."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,8 @@ class Certified:
     Attributes
     ----------
     proved : the cells all of whose designs meet all demands
-    boxes : what it took to prove Llewellyn's conditions, |S|, the model's and the sampled poles; shape (4, n)
+    boxes : what it took to prove Llewellyn's conditions, |S|, the model's and the sampled poles, 0 for what is not
+        demanded; shape (4, n)
     """
 
     proved: Flags
@@ -108,14 +113,45 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
         turned = encirclements(demands, cells)
         return (turned.number == 0).all(axis=0), turned.boxes
 
+    steps = ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay))
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
-    for rows, holds in ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay)):
+    for rows, holds in steps if demands.passive else steps[1:]:
         if len(left):
             proved, boxes[rows, left] = holds(cells.subset(left))
             left = left[proved]
+    if demands.hands is not None and len(left):
+        left = left[_holds_in_hands(demands, claims, cells.subset(left))]
     proved = np.zeros(len(cells), bool)
     proved[left] = True
     return Certified(proved, boxes)
+
+
+def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in every hand.
+
+    Where the margin is positive no pole of any design of the cell is on the unit circle in any hand: those of one
+    design in one hand decide about all.
+    """
+    hands, proved = demands.hands, np.zeros(len(cells), bool)
+    assert hands is not None
+    # next to K_p = 0 F and P both vanish at theta = 0 in a hand without stiffness
+    hopeful = np.flatnonzero((cells.low[1] > 0) | (hands.low.stiffness > 0))
+    points = cells.subset(hopeful).centres()
+    turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_in_hand(hands.middle))
+    left = hopeful[turns == 0]
+    for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
+        part = cells.subset(some)
+        found = prove_boxes(
+            positive(claims.in_hand, {}),
+            over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
+            len(part),
+            halved=IN_HANDS,
+            max_halvings=HALVINGS_IN_HANDS,
+            max_boxes=BOXES_IN_HANDS,
+            only_whole=True,
+        )
+        proved[some] = found.proved
+    return proved
 
 
 def _over(
@@ -129,61 +165,88 @@ def _over(
     )
 
 
-def refuted(demands: Demands, cells: Cells, omega: Floats, theta_S: Floats) -> Flags:
+@dataclass(frozen=True, slots=True)
+class Places:
+    """For each of n cells, where a demand may fail throughout; None where nothing is demanded.
+
+    Attributes
+    ----------
+    theta_S : rad, angle omega T of |S|, shape (n,)
+    omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
+    in_hands : angles and hands likewise, shape (4, any number, n)
+    """
+
+    theta_S: Floats
+    omega: Floats | None = None
+    in_hands: Floats | None = None
+
+    def subset(self, at: Integers) -> Places:
+        """Return those of some of the cells."""
+        omega, in_hands = (None if of is None else of[..., at] for of in (self.omega, self.in_hands))
+        return Places(self.theta_S[at], omega, in_hands)
+
+
+def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
     """Return the cells none of whose designs meets all demands.
 
     Parameters
     ----------
     demands : what is to be met
     cells : as for `prove`
-    omega : rad/s, for each cell a frequency of the band at which Llewellyn's conditions may fail throughout
-    theta_S : rad, for each cell an angle omega T at which |S| may be too great throughout
+    places : where to look
     """
     fails = np.zeros(len(cells), bool)
     for at in by_integrator(cells):
         claims, part = claims_of(demands), cells.subset(at)
-        lost = negative_at(claims.conditions, part, omega[at])
-        lost |= negative_at(claims.resistance, part, omega[at])
-        lost |= negative_at(claims.sensitivity, part, theta_S[at])
+        lost = negative_at(claims.sensitivity, part, places.theta_S[at])
+        if places.omega is not None:
+            lost |= negative_at(claims.conditions, part, places.omega[0, at])
+            lost |= negative_at(claims.resistance, part, places.omega[0, at])
+        if places.in_hands is not None:
+            lost |= negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
         left = np.flatnonzero(~lost)
         number = encirclements(demands, part.subset(left)).number
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
+        if demands.hands is not None:
+            left = np.flatnonzero(~lost)
+            number = encirclements_in_hand(demands, part.subset(left))
+            lost[left] = np.isfinite(number) & (number != 0)
         fails[at] = lost
     return fails
 
 
-def negative_at(margin: Margin, cells: Cells, omega: Floats) -> Flags:
-    """Return where a margin is negative throughout each cell, at one frequency of its own.
+def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
+    """Return where a margin is negative throughout each cell, at one place of its own.
 
     Parameters
     ----------
     margin : of a frequency and of values
     cells : n of them
-    omega : for each cell a frequency as the margin has it, rad/s or rad, shape (n,)
+    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
 
     Returns
     -------
     array of bool
         Shape (n,).
     """
-    return np.asarray(lower_bound_at(lambda at, values: -margin(at, values), cells, omega) > 0)
+    return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
 
 
-def lower_bound_at(margin: Margin, cells: Cells, omega: Floats) -> Floats:
-    """Return a lower bound of a margin over each cell, at one frequency of its own, shape (number of cells,).
+def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
+    """Return a lower bound of a margin over each cell, at one place of its own, shape (number of cells,).
 
     Parameters
     ----------
     margin : of a frequency and of values
     cells : n of them
-    omega : for each cell a frequency as the margin has it, rad/s or rad, shape (n,)
+    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
 
     Returns
     -------
     array of float
         In the margin's unit; nan where nothing is known of it.
     """
-    return lower_bound_over(margin, over_each(cells, omega), {})
+    return lower_bound_over(margin, over_each(cells, at), {})
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,8 +255,8 @@ class Encirclements:
 
     Attributes
     ----------
-    number : of the model's curve and the sampled loop's, for each of the device's loops, shape (2 or 4, n): 0 where
-        stable, nan where not settled or not the same throughout the cell
+    number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
+        stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
     boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
     """
 
@@ -206,7 +269,7 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 
     Parameters
     ----------
-    demands : of which the device counts, with each of its loops
+    demands : of which the device counts, with each of its loops, and whether its model does
     cells : n of them
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
@@ -217,48 +280,62 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
     claims, device = claims_of(demands), demands.device
-    same = no_pole_crosses(claims, device, cells) if cells.extended else np.ones((2, len(cells)), bool)
+    same = _no_pole_crosses(demands, claims, cells) if cells.extended else np.ones((2, len(cells)), bool)
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))
-    counted, boxes[:, calm] = _turns_at(claims, device, cells.subset(calm).centres())
-    number[:, calm] = np.where(same[:, calm], counted, np.nan)
-    return Encirclements(number, boxes)
+    points = cells.subset(calm).centres()
+    # the arguments are those of `vctune.proof.poles`: the model's curve ends within a third of a turn of where it goes;
+    # the sampled loop's begins at F(1) > 0 and ends on the real axis
+    if demands.passive:
+        goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
+        number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)
+    number[1, calm], boxes[1, calm] = _turns_at(claims.sampled_poles, points, HALF_TURN, pi)
+    number = np.where(same, number, np.nan)
+    return Encirclements(number if demands.passive else number[1:], boxes)
 
 
-def _turns_at(claims: Claims, device: Device, points: Cells) -> tuple[Floats, Integers]:
-    """Return the number of each point, nan where not settled, and the pairs looked at.
-
-    The arguments are those of `vctune.proof.poles`: the model's curve ends within a third of a turn of where it goes;
-    the sampled loop's begins at F(1) > 0 and ends on the real axis.
-    """
-    goal = final_angle(device, integral=bool(points.high[1].any()))
-    curves = (
-        (claims.model_poles, model_curve_end(device, points), 2 * pi, goal),
-        (claims.sampled_poles, HALF_TURN, pi, 0.0),
-    )
-    numbers, boxes = [], []
-    for curve, high, turn, goal in curves:
-        found = _over(misses_zero(curve, {}), points, 0.0, high, turned_angles(curve, {}))
-        numbers.append(np.where(found.proved, np.round((goal - found.total) / turn), np.nan))
-        boxes.append(found.boxes)
-    return np.stack(numbers), np.stack(boxes)
+def _turns_at(
+    curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
+) -> tuple[Floats, Integers]:
+    """Return how often a curve goes around 0 at each point, nan where not settled, and the pairs looked at."""
+    test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
+    found = _over(test, points, 0.0, end, angles)
+    return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
 
 
-def no_pole_crosses(claims: Claims, device: Device, cells: Cells) -> Flags:
-    """Return where no pole of the model, and none of the sampled loop, crosses over within a cell: shape (2, n).
-
-    Parameters
-    ----------
-    claims : about the device
-    device : Device
-    cells : n of them
-    """
+def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+    """Return where no pole of the model, if it counts, and none of the sampled loop crosses over within a cell."""
 
     def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
         return _over(misses_zero(curve, {}, sufficient), cells, 0.0, high).proved
 
-    model = uncrossed(claims.model_poles, claims.model_any_position, model_curve_end(device, cells))
+    model = np.ones(len(cells), bool)
+    if demands.passive:
+        end = model_curve_end(demands.device, cells)
+        model = uncrossed(claims.model_poles, claims.model_any_position, end)
     return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)))
+
+
+def encirclements_in_hand(demands: Demands, cells: Cells) -> Floats:
+    """Return how often the curve of the loop in one hand of the box goes around 0, nan where not settled: shape (n,).
+
+    Parameters
+    ----------
+    demands : with the hands
+    cells : n of them, all of them with K_p > 0, or none
+    """
+    assert demands.hands is not None
+    claims, number = claims_of(demands), np.full(len(cells), np.nan)
+    fixed = _in_hand(demands.hands.middle)
+    same = _over(misses_zero(claims.poles_in_hand, fixed), cells, 0.0, HALF_TURN).proved
+    calm = np.flatnonzero(same)
+    if len(calm):
+        number[calm], _ = _turns_at(claims.poles_in_hand, cells.subset(calm).centres(), HALF_TURN, pi, fixed=fixed)
+    return number
+
+
+def _in_hand(hand: Hand) -> Values:
+    return dict(zip(HAND, map(decimal, astuple(hand)), strict=True))
 
 
 def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:

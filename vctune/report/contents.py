@@ -17,6 +17,12 @@ READINGS = {
         "and no passive environment can make the handle unstable at such a frequency, as far as the frequency model "
         "goes; dashed lines bound the band on which this is proved. The lower axis shows the ratios around 1 alone.",
     ),
+    "hands": (
+        "In every hand",
+        "In a hand the coupling's Re Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency: no "
+        "environment that is passive as it runs then makes the loop grow. Below: how much of Re Z_c the worst damping "
+        "at the worst frequency needs in a hand of a mass and a stiffness; 100 % is the limit.",
+    ),
     "nyquist": (
         "Velocity loop",
         "The loop must pass -1 without encircling it and stay out of the hatched circle around it: |S| then keeps its "

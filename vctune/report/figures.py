@@ -26,6 +26,7 @@ from vctune.report.curves import (
     transparency,
 )
 from vctune.report.diagram import loop_figure
+from vctune.report.hands_figure import hands_figure
 from vctune.report.style import (
     BLUE,
     GREEN,
@@ -61,7 +62,8 @@ def figures(design: Design) -> dict[str, Figure]:
     with rc_context(STYLE):
         drawn = {
             "loop": loop_figure(design.problem.device, design.gains, design.coupling),
-            "llewellyn": _llewellyn(design),
+            **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
+            **_in_hands(design),
             "nyquist": _nyquist(design),
             "transparency": _transparency(design),
             "impedance": _impedance(design),
@@ -69,6 +71,12 @@ def figures(design: Design) -> dict[str, Figure]:
         if design.record.optimality is not None:
             drawn["optimality"] = _optimality(design.record.optimality)
     return drawn
+
+
+def _in_hands(design: Design) -> dict[str, Figure]:
+    """Return the figure of the hands that are to be met; none where none are."""
+    hands = design.problem.hands_met
+    return {} if hands is None else {"hands": hands_figure(design.problem, hands, design.gains, design.coupling)}
 
 
 def _llewellyn(design: Design) -> Figure:

@@ -45,7 +45,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
 
     Parameters
     ----------
-    problem : for contours of the error and the limit of K_p, where the axes are K_v and K_p
+    problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
     region : the cells and what is proved of each
     designs : gain sets to mark
     """
@@ -57,7 +57,8 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
         _marked(axes, plane, designs, "*", PAPER, "optimum")
         if set(plane.axes) == {0, 1}:
             _contours(axes, problem, region)
-            _limit(axes, problem, plane)
+            if problem.passive:
+                _limit(axes, problem, plane)
         axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return figure
 

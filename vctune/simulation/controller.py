@@ -63,6 +63,7 @@ class State:
     integral : of the position error, m s
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
+    inertia : force of the environment's mass, N; of the trapezoidal rule alone
     """
 
     reference: Number
@@ -72,6 +73,7 @@ class State:
     measured: Number
     filtered: Number
     twice_filtered: Number
+    inertia: Number = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     What is stiff is implicit: v_e solves this equation at the end of the sample. Coupling and x_e follow the
     trapezoidal rule, whose impedances at omega are the continuous ones at (2/T) tan(omega T/2): it takes nothing
     from Re Z_c, on which the certificate rests. The environment follows backward Euler, which stays passive and
-    damps what it cannot resolve, so that a wall may be as stiff as one likes.
+    damps what it cannot resolve, so that a wall may be as stiff as one likes; or the trapezoidal rule too, lossless.
 
     Parameters
     ----------
@@ -107,8 +109,12 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     position = encoded(law, measurement.position, ops)
     velocity, filtered, twice_filtered = _velocity(law, state, measurement.velocity, position)
 
-    mass = (law.virtual_mass + law.environment.mass) / T
+    lossless = law.environment.rule == "trapezoid" and law.environment.mass > 0
+    rendered = 2 * law.environment.mass if lossless else law.environment.mass
+    mass = (law.virtual_mass + rendered) / T
     resistance, memory = mass + law.virtual_damping, mass * state.desired
+    if lossless:
+        memory = memory + state.inertia
     alpha = share = 0.0
     if law.coupling is not None:
         alpha = T * law.coupling.damping / (2 * law.coupling.mass)
@@ -117,7 +123,10 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
         memory = memory + share * ((1 - alpha) * state.coupling + alpha * state.desired)
     middle = state.reference + T / 2 * state.desired
     desired, environment = _rendered(law, measurement.force + memory, resistance, middle, ops)
-    environment = environment + law.environment.mass / T * (desired - state.desired)
+    inertia = rendered / T * (desired - state.desired)
+    if lossless:
+        inertia = inertia - state.inertia
+    environment = environment + inertia
     reference = middle + T / 2 * desired
     coupling = state.coupling
     if law.coupling is not None:
@@ -139,6 +148,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
         measured=position if law.difference else state.measured,
         filtered=filtered,
         twice_filtered=twice_filtered,
+        inertia=inertia if lossless else state.inertia,
     )
     return remembered, Command(force, environment)
 
@@ -170,14 +180,15 @@ def _velocity(law: Law, state: State, measured: Number, position: Number) -> tup
 
 
 def _rendered(law: Law, force: Number, resistance: Number, middle: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return v_e with resistance v_e + damping v_e + stiffness (middle + T v_e - zero) = force, and f_e without mass.
+    """Return v_e with resistance v_e + damping v_e + stiffness (middle + h v_e - zero) = force, and f_e without mass.
 
-    At a wall the last two terms are left out where their sum would pull.
+    h is T, and T/2 by the trapezoidal rule. At a wall the last two terms are left out where their sum would pull.
     """
-    T, Z_e = law.sample_time, law.environment
+    Z_e = law.environment
+    reach = law.sample_time / 2 if Z_e.rule == "trapezoid" else law.sample_time
     if Z_e.stiffness == 0 and Z_e.damping == 0:
         return force / resistance, 0.0
-    offset, slope = Z_e.stiffness * (middle - Z_e.zero), Z_e.damping + T * Z_e.stiffness
+    offset, slope = Z_e.stiffness * (middle - Z_e.zero), Z_e.damping + reach * Z_e.stiffness
     desired = (force - offset) / (resistance + slope)
     if Z_e.wall:
         free = force / resistance

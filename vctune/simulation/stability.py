@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
-from vctune.model.experiment import Baseline, Environment, Experiment
+from vctune.model.experiment import Baseline, Experiment
 from vctune.model.quantities import Device
 from vctune.simulation.motion import Floats
 from vctune.simulation.scene import Scene, baseline_scene
@@ -38,7 +38,7 @@ def linear_scenes(scene: Scene) -> list[Scene]:
     rendered = law.environment
     environments = [replace(rendered, wall=False)]
     if rendered.wall:
-        environments.append(Environment(rendered.mass, 0.0, 0.0, 0.0, wall=False))
+        environments.append(replace(rendered, damping=0.0, stiffness=0.0, zero=0.0, wall=False))
     return [
         replace(scene, friction=None, force_noise=0.0, law=replace(law, environment=environment))
         for environment in environments

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from enum import IntEnum
 from math import inf
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
+from vctune.analysis.in_hands import LoopsInHands, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import pose
 from vctune.model.arithmetic import FLOATS
@@ -19,15 +20,19 @@ from vctune.model.coupling import coupling_impedance
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
-from vctune.proof.boxes import Cells
+from vctune.proof.array_intervals import TINY
+from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims import inwards
 from vctune.proof.damping import admissible_damping, no_damping
-from vctune.proof.many_designs import prove, refuted
+from vctune.proof.many_designs import Places, prove, refuted
 from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
 TOGETHER = 512
 """Cells judged together: what is known of them fits into memory."""
+LOOPS_AT_ONCE = 16
+"""Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
+speed."""
 DAMPING, MASS, DRAG = 2, 3, 4
 
 Progress = Callable[[str], None]
@@ -153,47 +158,93 @@ def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Flo
 def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     demands = pose(problem).demands
-    damping, worst, worst_S = _estimate(problem, cells, free=free)
+    damping, places = _estimate(problem, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
     kinds[hopeful[prove(demands, served.subset(hopeful)).proved]] = Kind.FEASIBLE
     left = np.flatnonzero(kinds != Kind.FEASIBLE)
-    lost = refuted(demands, cells.subset(left), worst[0, left], worst_S[left])
+    rest, there = cells.subset(left), places.subset(left)
+    lost = refuted(demands, rest, there)
     if free:
-        lost |= no_damping(demands, cells.subset(left), worst[:, left])
+        lost |= no_damping(demands, rest, there)
     kinds[left[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
 
 
-def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Floats, Floats]:
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What is asked of the coupling at the centres of n cells.
+
+    Attributes
+    ----------
+    omega : rad/s, at which the coupling is met, shape (places,)
+    needed : the least Re Z_c there, N s/m, shape (n, places)
+    place : the place of each cell as `Places` has it, from one of these numbers each
+    """
+
+    omega: Floats
+    needed: Floats
+    place: Callable[[Integers], Floats]
+
+
+def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Places]:
     """Look at the centres on a grid of frequencies.
 
     Returns
     -------
-    damping : a b_c with which the centre meets Llewellyn's conditions; nan if there seems to be none
-    worst : rad/s, where the conditions are hardest to meet, shape (3, n)
-    worst_S : rad, where |S| is greatest on the unit circle, shape (n,)
+    damping : a b_c with which the centre meets the demands; nan if there seems to be none
+    places : where they are hardest to meet
     """
-    device, stability = problem.device, problem.stability
     K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
-    omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
-    loop = response(device, Gains(K_v, K_p), omega)
-    needed = np.where(loop.resistance > 0, stability.safety_factor * required_resistance(loop, FLOATS), inf)
-    if free:
-        low, high = admissible_damping(needed - b_0, m_c * omega)
-        least, most = np.maximum(low.max(axis=1), cells.low[DAMPING]), np.minimum(high.min(axis=1), cells.high[DAMPING])
-        damping = np.where(least <= most, np.clip(np.sqrt(least) * np.sqrt(most), least, most), np.nan)
-        hardest = [(needed - b_0) / omega, low, -high]
-    else:
-        scarcity = needed / coupling_impedance(Coupling(b_c, m_c, b_0), omega).re
-        damping = np.where(scarcity.max(axis=1) <= 1, cells.low[DAMPING], np.nan)
-        hardest = [scarcity] * 3
-    hardest[0] = np.where((loop.resistance > 0).all(axis=1, keepdims=True), hardest[0], -loop.resistance)
+    least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
+    meets, found = np.ones(len(cells), bool), dict[str, Floats]()
+    for name, asked in _asked(problem, K_v, K_p).items():
+        if free:
+            low, high = admissible_damping(asked.needed - b_0, m_c * asked.omega)
+            least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
+            hardest = [(asked.needed - b_0) / np.maximum(asked.omega, TINY), low, -high]
+        else:
+            scarcity = asked.needed / coupling_impedance(Coupling(b_c, m_c, b_0), asked.omega).re
+            meets &= scarcity.max(axis=1) <= 1
+            hardest = [scarcity]
+        found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
+    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
-    S = sensitivity_of(device, Gains(K_v, K_p))(below)
-    damping[S.max(axis=1) > stability.max_sensitivity] = np.nan
-    worst = np.stack([omega[np.argmax(hard, axis=1)] for hard in hardest])
-    return damping, worst, below[np.argmax(S, axis=1)] * device.sample_time
+    S = sensitivity_of(problem.device, Gains(K_v, K_p))(below)
+    meets &= (least <= most) & (S.max(axis=1) <= problem.stability.max_sensitivity)
+    theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
+    return np.where(meets, damping, np.nan), Places(theta_S, **found)
+
+
+def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
+    """Return what the demands ask for at some gains, arrays of shape (n, 1), by the names of `Places`."""
+    device, factor, found = problem.device, problem.stability.safety_factor, {}
+    if problem.passive:
+        omega = frequency_grid(*inwards(sampled_span(problem)), POINTS_PER_DECADE)
+        loop = response(device, Gains(K_v, K_p), omega)
+        # where the resistance is not positive nothing will do
+        needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
+        found["omega"] = _Asked(omega, needed, lambda which: omega[which])
+    if problem.hands_met is not None:
+        found["in_hands"] = _asked_in_hands(
+            loops_in_hands(device, problem.hands_met), device.sample_time, factor, Gains(K_v, K_p)
+        )
+    return found
+
+
+def _asked_in_hands(at: LoopsInHands, sample_time: float, factor: float, gains: Gains) -> _Asked:
+    """Return the same at each angle in the worst hand there."""
+    needed, worst = np.empty((2, len(gains.velocity), at.theta.size))
+    for i in range(0, len(needed), LOOPS_AT_ONCE):
+        some = Gains(*(gain[i : i + LOOPS_AT_ONCE, :, None] for gain in astuple(gains)))
+        R = np.nan_to_num(at.required(some), nan=0.0)
+        needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
+
+    def place(which: Integers) -> Floats:
+        hand = worst[np.arange(len(which)), which].astype(np.intp)
+        return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
+
+    return _Asked(np.tan(at.theta / 2) * (2 / sample_time), needed, place)

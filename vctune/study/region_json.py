@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from vctune.document.region import (
     RegionDocument,
 )
 from vctune.model.keys import KEYS
+from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.study.region import Kind, Region
 
@@ -41,7 +43,9 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
     return RegionDocument(
         problem=ProblemRecord(name=file.problem.name, sha256=file.sha256, text=file.text),
-        demands=DemandsRecord(safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity),
+        demands=DemandsRecord(
+            safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(file.problem)
+        ),
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={
             key: bounds.min if bounds.fixed else asdict(bounds)
@@ -57,3 +61,11 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
         cells=[(*square, Kind(kind).name.lower(), b_c) for square, kind, b_c in cells],
         versions=versions(None),
     )
+
+
+def _of_hands(problem: Problem) -> dict[str, Any]:
+    """Return what is asked of hands, if any are to be met."""
+    if problem.hands_met is None:
+        return {}
+    low, high = asdict(problem.hands_met.low), asdict(problem.hands_met.high)
+    return {"criterion": problem.stability.criterion, "hands": {name: [low[name], high[name]] for name in low}}

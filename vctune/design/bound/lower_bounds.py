@@ -107,7 +107,7 @@ def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """
     device = problem.device
     beyond = device.structure is not None or (device.operator is not None and not device.ideal)
-    if problem.stability.band.min > 0 or beyond:
+    if not problem.passive or problem.stability.band.min > 0 or beyond:
         return np.zeros(len(boxes), bool)
     late, gripped = lags(device, FLOATS), device.least_damping
     b = device.damping + boxes.low[K_P] * late.sensor * (1 - GUARD)
@@ -121,22 +121,31 @@ def least_coupling(relaxed: Relaxation, boxes: DesignBoxes) -> LeastCoupling:
     """Return the least b_c and m_c that the conditions and the bounds leave to any design of a box.
 
     Re Z_c >= r needs b_c >= (r - b_0) (1 + 1/(omega tau_c)^2), least for the greatest tau_c, and m_c = b_c tau_c >=
-    (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega.
+    (r - b_0) (tau_c + 1/(omega^2 tau_c)), least for the tau_c next to 1/omega; in hands with omega = (2/T)
+    tan(theta/2).
 
     Parameters
     ----------
     relaxed : the problem made easier
     boxes : n of them
     """
-    at, bounds = relaxed.conditions, relaxed.problem.bounds
-    R, none = _least_resistance(at, boxes)
-    needed = np.maximum(relaxed.problem.stability.safety_factor * R - boxes.high[B_0][:, None], 0.0)
+    problem, none = relaxed.problem, np.zeros(len(boxes), bool)
+    bounds, asked = problem.bounds, list[tuple[Floats, Floats]]()
+    if relaxed.conditions is not None:
+        R, none = _least_resistance(relaxed.conditions, boxes)
+        asked.append((relaxed.conditions.omega, R))
+    if relaxed.in_hands is not None:
+        asked.append((relaxed.in_hands.omega, relaxed.in_hands.least_required(boxes)))
     shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
-    nearest = np.clip(1 / at.omega, shortest, longest)
-    damping = (needed * (1 + 1 / np.square(at.omega * longest))).max(axis=1)
-    mass = (needed * (nearest + 1 / (np.square(at.omega) * nearest))).max(axis=1)
-    b_c = np.maximum(np.maximum(damping, bounds.damping.min), bounds.mass.min / boxes.high[TAU_C])
-    m_c = np.maximum(np.maximum(mass, bounds.mass.min), b_c * boxes.low[TAU_C])
+    b_c = np.maximum(bounds.damping.min, bounds.mass.min / boxes.high[TAU_C])
+    m_c = np.full(len(boxes), bounds.mass.min)
+    for omega, R in asked:
+        needed = np.maximum(problem.stability.safety_factor * R - boxes.high[B_0][:, None], 0.0)
+        nearest = np.clip(1 / omega, shortest, longest)
+        relative = 1 + 1 / np.square(omega * longest), nearest + 1 / (np.square(omega) * nearest)
+        damping, mass = (np.where(needed > 0, needed * each, 0.0).max(axis=1) for each in relative)
+        b_c, m_c = np.maximum(b_c, damping), np.maximum(m_c, mass)
+    m_c = np.maximum(m_c, b_c * boxes.low[TAU_C])
     return LeastCoupling(b_c * (1 - 10 * GUARD), m_c * (1 - 10 * GUARD), none)
 
 

@@ -13,12 +13,14 @@ from vctune.proof.array_intervals import Enclosure, Floats
 GUARD = 1e-14
 """Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.
 
-It is 90 units of u = 2^-53. A coefficient of such a quadratic is a result of at most 4 operations, and at most 6 more
-pass its term on into the value: gain (linear + gain square), and two sums. So the value is off by at most 10 u times
+It is 90 units of u = 2^-53. A coefficient of such a quadratic is a result of at most 4 operations, and at most 8 more
+pass its term on into the value: gain (linear + gain square), and three sums. So the value is off by at most 12 u times
 the sum of the moduli of its terms (Higham 2002, section 3.1), and since no gain is negative, coefficients raised by
 `GUARD` of their modulus each raise it by more. The minimum of a convex quadratic is attained where its slope is 0, so
-that the rounding of that point counts to second order only. In `lower_bounds.py` a factor 1 - 10 `GUARD`
-covers 900 u, of some 30 operations, and a logarithm of 8 units in the last place.
+that the rounding of that point counts to second order only: with curvatures from l to h over gains up to w the point
+is off by at most w, and by h u/l of w, which lowers the value by at most min(l, h^2 u^2/l) w^2 <= h u w^2. In
+`lower_bounds.py` a factor 1 - 10 `GUARD` covers 900 u, of some 30 operations, and a logarithm of 8 units in the last
+place.
 Half and twice it change the bound by as many units of its fourteenth digit.
 """
 
@@ -53,12 +55,38 @@ class Quadratic:
         return total if self.cross is None else total + np.maximum(*self._crossed(boxes))
 
     def least(self, boxes: DesignBoxes) -> Floats:
-        """Return a number that no value over a box of gains falls below, shape (boxes, points).
+        """Return a number that no value over a box of gains falls below, shape (boxes, points): the least value.
 
-        It is the least value where there is no cross term; else the sum of what each term at least comes to.
+        With a cross term it is on an edge, or where both slopes are 0.
         """
-        total = self.constant + sum(np.minimum.reduce(self._extremes(axis, boxes)) for axis in (K_V, K_P))
-        return total if self.cross is None else total + np.minimum(*self._crossed(boxes))
+        if self.cross is not None:
+            return np.minimum(self._least_on_edges(boxes), self._least_inside(boxes))
+        return self.constant + sum(np.minimum.reduce(self._extremes(axis, boxes)) for axis in (K_V, K_P))
+
+    def _least_on_edges(self, boxes: DesignBoxes) -> Floats:
+        zero = 0.0 * self.constant
+        linear, square, least = self.linear or (zero, zero), self.square or (zero, zero), []
+        cross = zero if self.cross is None else self.cross
+        for axis, other in ((K_V, K_P), (K_P, K_V)):
+            for end in self._ends(axis, boxes):
+                slope = linear[other] + cross * end
+                edge = Quadratic(self.constant + self._part(axis, end), (slope, slope), (square[other], square[other]))
+                least += [edge.constant + part for part in edge._extremes(other, boxes)]
+        return np.minimum.reduce(least)
+
+    def _least_inside(self, boxes: DesignBoxes) -> Floats:
+        """Return the value where both slopes are 0, if that is a minimum inside; else inf."""
+        if self.square is None or self.linear is None or self.cross is None:
+            return np.full((1, 1), np.inf)
+        (v, p), (vv, pp), cross = self.linear, self.square, self.cross
+        bent = 4 * vv * pp - cross * cross
+        K_v, K_p = (cross * p - 2 * pp * v) / bent, (cross * v - 2 * vv * p) / bent
+        inside = (bent > 0) & (vv > 0)
+        for gain, axis in ((K_v, K_V), (K_p, K_P)):
+            low, high = self._ends(axis, boxes)
+            inside = inside & (low <= gain) & (gain <= high)
+        value = self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + K_v * K_p * cross
+        return np.where(inside, value, np.inf)
 
     @staticmethod
     def _ends(axis: int, boxes: DesignBoxes) -> tuple[Floats, Floats]:
@@ -81,6 +109,28 @@ class Quadratic:
     def _part(self, axis: int, gain: Floats) -> Floats:
         part = 0.0 if self.linear is None else self.linear[axis]
         return gain * (part if self.square is None else part + gain * self.square[axis])
+
+
+def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
+    """Return a quadratic that is nowhere more than a - factor b, of quadratics with every coefficient.
+
+    Parameters
+    ----------
+    a, b : with coefficients of shape (points,)
+    factor : >= 0, shape (boxes, points)
+    """
+    assert a.linear and a.square and b.linear and b.square and a.cross is not None and b.cross is not None
+
+    def difference(x: Floats, y: Floats) -> Floats:
+        taken = factor * y
+        return x - taken - GUARD * (np.abs(x) + np.abs(taken))
+
+    return Quadratic(
+        difference(a.constant, b.constant),
+        (difference(a.linear[0], b.linear[0]), difference(a.linear[1], b.linear[1])),
+        (difference(a.square[0], b.square[0]), difference(a.square[1], b.square[1])),
+        difference(a.cross, b.cross),
+    )
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:

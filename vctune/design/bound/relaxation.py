@@ -12,7 +12,7 @@ functions, enclosed by Arb; the former is affine in the gains, and least at a ve
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -29,6 +29,7 @@ from vctune.design.bound.coefficients import (
     quadratic,
     replaced,
 )
+from vctune.design.bound.hands import ConditionsInHands, conditions_in_hands
 from vctune.design.bound.quadratics import GUARD, Quadratic, lower, rounded_down, upper
 from vctune.interrupt import interrupt_deferred
 from vctune.model.affine import Affine, LoopConstants, loop_constants
@@ -102,10 +103,9 @@ class Relaxation:
     Attributes
     ----------
     problem : the problem
-    devices : at which the demands are posed
-    conditions : on the coupling
-    omega_S, sensitivity : rad/s, |S|^2 of the sampled loop at some frequencies; for an uncertain device the demands
-        are posed at each vertex of its box too
+    devices, places : at which the demands are posed
+    conditions, in_hands : on the coupling, with any passive hand on the band, and in hands; None where not demanded
+    sensitivity : |S|^2 of the sampled loop; for an uncertain device the demands are posed at each vertex of its box too
     admittance, tracking : terms of the squared error
     omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
     n_objective_devices : number of devices the greatest of whose errors is the objective; their terms follow one
@@ -114,8 +114,9 @@ class Relaxation:
 
     problem: Problem
     devices: list[Device]
-    conditions: Conditions
-    omega_S: Floats
+    places: Places
+    conditions: Conditions | None
+    in_hands: ConditionsInHands | None
     sensitivity: BoundedQuotient
     admittance: BoundedQuotient
     tracking: BoundedQuotient
@@ -123,8 +124,37 @@ class Relaxation:
     n_objective_devices: int
 
 
+@dataclass(frozen=True, slots=True)
+class Places:
+    """Where a relaxation knows the demands.
+
+    Attributes
+    ----------
+    omega : rad/s, frequencies of the stability band
+    sensitivity : rad/s, frequencies up to Nyquist
+    in_hands : those and the numbers of a hand, shape (4, any number)
+    """
+
+    omega: Floats
+    sensitivity: Floats
+    in_hands: Floats = field(default_factory=lambda: np.zeros((4, 0)))
+
+    @property
+    def number(self) -> int:
+        """How many there are."""
+        return len(self.omega) + len(self.sensitivity) + self.in_hands.shape[1]
+
+    def joined(self, more: Places) -> Places:
+        """Return these and others, each once and in order."""
+        return Places(
+            np.union1d(self.omega, more.omega),
+            np.union1d(self.sensitivity, more.sensitivity),
+            np.unique(np.hstack((self.in_hands, more.in_hands)), axis=1),
+        )
+
+
 def relaxation(
-    problem: Problem, devices: list[Device], objective: list[Device], omega: Floats, omega_S: Floats, intervals: int
+    problem: Problem, devices: list[Device], objective: list[Device], places: Places, intervals: int
 ) -> Relaxation:
     """Relax a problem.
 
@@ -133,8 +163,7 @@ def relaxation(
     problem : Problem
     devices : at which the demands are posed
     objective : those of them the greatest of whose errors is the objective
-    omega : rad/s, frequencies of the stability band
-    omega_S : rad/s, frequencies up to Nyquist
+    places : where the demands are posed
     intervals : into how many, or at how many frequencies, the transparency band is divided
     """
     band, weights = problem.transparency.band, problem.transparency.weights
@@ -151,27 +180,24 @@ def relaxation(
     admittance, tracking = (
         BoundedQuotient(lower(root), upper(D2), scale) for (root, D2), scale in zip(parts, scales, strict=True)
     )
-    conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return Relaxation(problem, devices, conditions, omega_S, sensitivity, admittance, tracking, omega_e, len(objective))
+    demands = _demands(problem, devices, places)
+    return Relaxation(problem, devices, places, *demands, admittance, tracking, omega_e, len(objective))
 
 
-def at_frequencies(relaxed: Relaxation, omega: Floats, omega_S: Floats) -> Relaxation:
-    """Return the relaxation with its demands at other frequencies.
+def at_places(relaxed: Relaxation, places: Places) -> Relaxation:
+    """Return the relaxation with its demands at other places, on each device; the error's terms are as they were."""
+    conditions, in_hands, sensitivity = _demands(relaxed.problem, relaxed.devices, places)
+    return replace(relaxed, places=places, conditions=conditions, in_hands=in_hands, sensitivity=sensitivity)
 
-    Parameters
-    ----------
-    relaxed : with any frequencies
-    omega : rad/s, frequencies of the stability band
-    omega_S : rad/s, frequencies up to Nyquist
 
-    Returns
-    -------
-    Relaxation
-        The demands at these frequencies on each device; the error's terms as they were.
-    """
-    devices = relaxed.devices
-    conditions, sensitivity = _conditions(*_everywhere(devices, omega)), _sensitivity(*_everywhere(devices, omega_S))
-    return replace(relaxed, conditions=conditions, omega_S=omega_S, sensitivity=sensitivity)
+def _demands(
+    problem: Problem, devices: list[Device], places: Places
+) -> tuple[Conditions | None, ConditionsInHands | None, BoundedQuotient]:
+    return (
+        _conditions(*_everywhere(devices, places.omega)) if problem.passive else None,
+        conditions_in_hands(devices, places.in_hands) if problem.hands_met is not None else None,
+        _sensitivity(*_everywhere(devices, places.sensitivity)),
+    )
 
 
 def _everywhere(devices: list[Device], omega: Floats) -> tuple[Device, Floats]:

@@ -10,24 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from math import inf
+from dataclasses import astuple, dataclass
+from math import inf, sqrt
 from time import perf_counter
 
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
+from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
 from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.branching import Halved, halved
 from vctune.design.bound.lower_bounds import least_coupling
 from vctune.design.bound.nodes import OpenNodes, joined, root
-from vctune.design.bound.relaxation import Relaxation, at_frequencies, relaxation
+from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxation
 from vctune.design.bound.resume import ResumeState
 from vctune.design.bound.stability import proved_stability
 from vctune.design.judge import Judgement
 from vctune.design.prepared import Posed
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains
+from vctune.proof.array_intervals import Floats
 
 FREQUENCIES, INTERVALS = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band. They cost time in
@@ -35,6 +37,10 @@ proportion; fewer make the bounds weaker, so that more boxes are needed."""
 MOST_FREQUENCIES = 160
 """Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
 of a bound. Near the end of a search no other demand is broken than those that are known."""
+SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
+"""Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
+LITTLE = 1e-3
+"""What stands for a gain of 0, relative to its upper bound, where a design in the middle is looked at first."""
 CHUNK = 1024
 """Boxes halved together: enough that NumPy's calls cost little, few enough that the bounds of all halves (4 axes, 2
 halves, 160 frequencies) take tens of MB. Half as many are chosen a little better and take a
@@ -180,15 +186,41 @@ def bound(
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     """Relax the problem to a grid of frequencies, and those at which the best design known is at its limits."""
-    problem, omega = posed.problem, [np.geomspace(*posed.span, FREQUENCIES)]
+    problem = posed.problem
+    band = np.geomspace(*posed.span, FREQUENCIES) if problem.passive else np.zeros(0)
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
-    omega_S = [np.geomspace(slowest, problem.nyquist, FREQUENCIES)]
+    places = Places(band, np.geomspace(slowest, problem.nyquist, FREQUENCIES), _in_worst_hands(problem, best))
     if best is not None:
         for case in posed.cases:
-            omega.append(ratio_minima(case, best.gains, best.coupling).omega)
-            omega_S.append(sensitivity_maxima(case, best.gains).omega)
-    first, first_S = np.unique(np.concatenate(omega)), np.unique(np.concatenate(omega_S))
-    return relaxation(problem, _devices(posed.cases), _devices(posed.objective), first, first_S, INTERVALS)
+            places = places.joined(_tight_places(case, best.gains, best.coupling))
+    return relaxation(problem, _devices(posed.cases), _devices(posed.objective), places, INTERVALS)
+
+
+def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
+    """Return some angles with the hand that is worst for the best design known, or for one in the middle."""
+    if problem.hands_met is None:
+        return np.zeros((4, 0))
+    at, bounds = loops_in_hands(problem.device, problem.hands_met, SHARES_IN_HANDS, ANGLES_IN_HANDS), problem.bounds
+    middle = (sqrt(b.max) * sqrt(b.min or LITTLE * b.max) for b in (bounds.velocity, bounds.position))
+    gains = best.gains if best is not None else Gains(*middle)
+    worst = np.argmax(np.nan_to_num(at.required(gains), nan=-inf), axis=0)
+    return np.stack((at.theta / problem.device.sample_time, *(number[worst] for number in astuple(at.hands))))
+
+
+def _tight_places(problem: Problem, gains: Gains, coupling: Coupling, *, broken: bool = False) -> Places:
+    """Return where the demands are hardest for a design, or where it breaks them."""
+    stability, omega = problem.stability, np.zeros(0)
+    least = stability.safety_factor * (1 - VIOLATED) if broken else inf
+    if problem.passive:
+        ratio = ratio_minima(problem, gains, coupling)
+        omega = ratio.omega[ratio.value < least]
+    peaks = sensitivity_maxima(problem, gains)
+    most = stability.max_sensitivity * (1 + VIOLATED) if broken else 0.0
+    hands = []
+    if problem.hands_met is not None:
+        worst = least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)
+        hands = [(each.omega, *astuple(each.hand)) for each in worst if each.ratio < least]
+    return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T)
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
@@ -237,20 +269,16 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
     K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
     if high[K_P, 0] <= axes[K_P].scale:  # so little position gain is none
         K_p = 0.0
-    _add_frequencies(posed, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
+    _add_places(posed, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
         search.improved, search.incumbent = better, better.error
 
 
-def _add_frequencies(posed: Posed, search: _Search, gains: Gains, coupling: Coupling) -> None:
-    """Add the frequencies at which a design breaks a demand to those that the relaxation knows."""
-    relaxed, stability = search.relaxed, posed.problem.stability
-    known, known_S = np.unique(relaxed.conditions.omega), relaxed.omega_S
-    more, more_S = known, known_S
+def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: Coupling) -> None:
+    """Add the places at which a design breaks a demand to those that the relaxation knows."""
+    known = more = search.relaxed.places
     for case in posed.cases:
-        ratio, peaks = ratio_minima(case, gains, coupling), sensitivity_maxima(case, gains)
-        more = np.union1d(more, ratio.omega[ratio.value < stability.safety_factor * (1 - VIOLATED)])
-        more_S = np.union1d(more_S, peaks.omega[-peaks.value > stability.max_sensitivity * (1 + VIOLATED)])
-    if len(known) < MOST_FREQUENCIES and len(more) + len(more_S) > len(known) + len(known_S):
-        search.relaxed = at_frequencies(relaxed, more, more_S)
+        more = more.joined(_tight_places(case, gains, coupling, broken=True))
+    if max(len(known.omega), known.in_hands.shape[1]) < MOST_FREQUENCIES and more.number > known.number:
+        search.relaxed = at_places(search.relaxed, more)

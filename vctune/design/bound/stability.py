@@ -8,9 +8,10 @@ import numpy as np
 
 from vctune.design.bound.boxes import K_P, DesignBoxes
 from vctune.design.prepared import Posed
+from vctune.proof.array_claims import Demands
 from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import Cells
-from vctune.proof.many_designs import by_integrator, encirclements
+from vctune.proof.many_designs import by_integrator, encirclements, encirclements_in_hand
 
 
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> tuple[Flags, Flags]:
@@ -20,7 +21,8 @@ def proved_stability(posed: Posed, boxes: DesignBoxes) -> tuple[Flags, Flags]:
 
     Parameters
     ----------
-    posed : the problem, whose devices' sampled loops and frequency models are looked at
+    posed : the problem, whose devices' sampled loops, let go and in a hand, and frequency models are looked at as far
+        as they count
     boxes : n boxes; only their gains matter
 
     Returns
@@ -51,7 +53,13 @@ def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> tuple[Flags, Flag
         part = cells.subset(which)
         devices = dict.fromkeys(case.device.modelled for case in posed.cases)
         demands = [replace(posed.demands, device=device) for device in devices]
-        number = np.concatenate([encirclements(each, part).number for each in demands])
+        number = np.concatenate([_turns(each, part) for each in demands])
         stable[which] = (number == 0).all(axis=0)
         unstable[which] = (np.isfinite(number) & (number != 0)).any(axis=0)
     return stable, unstable
+
+
+def _turns(demands: Demands, cells: Cells) -> Floats:
+    """Return how often each curve that counts goes around 0, nan where not settled, shape (curves, n)."""
+    number = encirclements(demands, cells).number
+    return number if demands.hands is None else np.vstack((number, encirclements_in_hand(demands, cells)))

@@ -1,0 +1,135 @@
+"""Every hand of a box: what is solved, judged and said."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import astuple, replace
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from device_arithmetic import DOUBLES
+from device_oracle import Coupling, Gains, read_device
+from hand_scan import least_ratio_in_hands
+from sampled_device_oracle import Hand, circle, coupling_at, seen_at
+
+from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.api.solving import solve
+from vctune.design.judge import Status, judge
+from vctune.design.record import design_record
+from vctune.document.errors import InputError
+from vctune.document.reading import parse_problem, read_problem
+from vctune.proof.certificate import Claim
+from vctune.proof.interval import Verdict
+
+FOLDER = ROOT / "tests/reference/hands"
+EXPECTED = json.loads((FOLDER / "expected.json").read_text())
+THREE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+HANDS = THREE + '[stability]\ncriterion = "hands"\n'
+
+
+@pytest.fixture(scope="module", params=EXPECTED)
+def solved(request):
+    return request.param, solve(FOLDER / f"{request.param}.toml")
+
+
+def test_reference_optima_are_met_and_certified(solved):
+    name, found = solved
+    assert found.status is Status.CERTIFIED
+    assert abs(found.judgement.error / EXPECTED[name]["error"] - 1) < 5e-3
+    assert set(found.judgement.certificate.outcomes) == {Claim.SENSITIVITY, Claim.SAMPLED_POLES, Claim.HANDS}
+
+
+def test_an_oracle_finds_no_hand_below_the_safety_factor(solved):
+    name, found = solved
+    least, peak = least_ratio_in_hands(FOLDER / f"{name}.toml", found.problem, found.judgement)
+    assert 1.05 * (1 - 1e-9) <= least < 1.2  # the places are those that matter
+    assert peak <= found.problem.stability.max_sensitivity * (1 + 1e-9)
+
+
+def test_the_record_names_the_hands(solved):
+    name, found = solved
+    file = read_problem(FOLDER / f"{name}.toml")
+    hands = design_record(file, found)["certificate"]["hands"]
+    assert hands["verdict"] == "proved" and hands["boxes"] > 0
+    assert hands["min_ratio"] == pytest.approx(1.05, rel=3e-4)
+    for number, (low, high) in hands["box"].items():
+        assert low <= hands["worst_hand"][number] <= high
+
+
+def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it():
+    passive = solve(parse_problem(THREE, "x", "x"))
+    assert passive.status is Status.CERTIFIED
+    problem = parse_problem(HANDS, "x", "x")
+    judged = judge(problem, passive.judgement.gains, passive.judgement.coupling)
+    outcome = judged.certificate.outcomes[Claim.HANDS]
+    assert judged.status is Status.VIOLATED and outcome.verdict is Verdict.REFUTED and judged.in_hand.ratio < 1
+    real = read_device(FOLDER / "hands-friction-wheel.toml")
+    z = circle(real, outcome.witness_hz, DOUBLES)
+    required = -seen_at(real, Gains(*astuple(judged.gains)), Hand(*astuple(outcome.hand)), z, DOUBLES).real
+    assert coupling_at(real, Coupling(*astuple(judged.coupling)), z, DOUBLES).real < 1.05 * required
+
+
+def test_both_criteria_cost_more_than_either_and_say_so():
+    both = solve(parse_problem(HANDS.replace('"hands"', '"both"'), "x", "x"))
+    assert both.status is Status.CERTIFIED and set(both.judgement.certificate.outcomes) >= {
+        Claim.HANDS,
+        Claim.CONDITIONS,
+    }
+    errors = {each.criterion: each.error for each in both.alternatives}
+    assert set(errors) == {"hands", "passive"} and max(errors.values()) < both.judgement.error
+    hands = solve(parse_problem(HANDS, "x", "x"))
+    assert errors["hands"] == pytest.approx(hands.judgement.error, rel=1e-6)
+    assert hands.alternatives is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("uncertain", ["mass = 0.1\ndamping = 0.2\n", "delay = 0.5\n"])
+def test_a_box_of_devices_is_met_in_every_hand(uncertain):
+    text = HANDS.replace("1e-3", "1e-3\ndelay = 8e-4") + "[uncertainty]\n" + uncertain
+    found = solve(parse_problem(text, "x", "x"))
+    assert found.status is Status.CERTIFIED
+    rng, (K, C) = np.random.default_rng(5), (found.judgement.gains, found.judgement.coupling)
+    widths = dict(line.split(" = ") for line in uncertain.strip().splitlines())
+    for _ in range(40):
+        off = {key: found.problem.device.number(key) * (1 + float(w) * rng.uniform(-1, 1)) for key, w in widths.items()}
+        device = found.problem.device.with_numbers(off)
+        assert least_ratios_in_hands(device, found.problem.hands, K, C)[0].ratio >= 1.05 * (1 - 1e-9)
+
+
+def test_without_an_integrator_nothing_is_claimed_next_to_no_stiffness():
+    problem = parse_problem(
+        HANDS + "[gains]\nvelocity = 100.0\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 5.0\n",
+        "x",
+        "x",
+    )
+    assert solve(problem).judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.UNDECIDED
+    stiff = replace(problem, hands=replace(problem.hands, low=replace(problem.hands.low, stiffness=100.0)))
+    assert solve(stiff).judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.PROVED
+
+
+def test_a_mechanism_without_a_loop_is_stable_in_every_hand():
+    text = HANDS + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n"
+    found = solve(parse_problem(text, "x", "x"))
+    assert found.judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.PROVED
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        ("[operator]\nstiffness = { min = 2.0, max = 1.0 }\n", "above max"),
+        ("[operator]\nmass = -1.0\n", "operator.mass"),
+        ("[uncertainty]\nunmodelled = [[1.0, 0.1], [100.0, 0.2]]\n", "not proved in hands"),
+    ],
+)
+def test_what_cannot_be_met_is_refused(table, words):
+    with pytest.raises(InputError, match=words):
+        parse_problem(HANDS + table, "x", "x")
+
+
+def test_a_plain_number_is_the_least_of_a_range():
+    problem = parse_problem(HANDS + "[operator]\ndamping = 40.0\nmass = 0.1\n", "x", "x")
+    assert astuple(problem.hands.low) == (0.1, 40.0, 0.0) and astuple(problem.hands.high) == (0.5, 40.0, 3000.0)
+    assert problem.device.operator is None
+    passive = parse_problem(THREE + "[operator]\ndamping = 40.0\n", "x", "x")
+    assert passive.device.operator.damping == 40.0

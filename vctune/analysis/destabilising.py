@@ -1,0 +1,153 @@
+"""The passive environment that makes a refuted loop grow in a hand (model/README.md, section 14).
+
+Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, with a damper of as much as is missing
+beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a demand that is just
+missed the pole goes outwards; where much is missed it may come back, and some of the damper is left. The functions of a
+hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import pi
+from typing import Literal
+
+import numpy as np
+
+from vctune.model.arithmetic import FLOATS, Number
+from vctune.model.coupling import coupling_impedance
+from vctune.model.hand_loop import PlantInHand, delays_of, loop_in_hand, plant_in_hand
+from vctune.model.quantities import Coupling, Device, Gains, Hand
+
+LEAST = 1e-7
+"""Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
+growth."""
+NYQUIST = 1e-6
+"""Angle next to pi at which no environment has a reactance and none is needed. Half and twice it, too."""
+FIRST, LAST = 0.125, 1e-4
+"""Shares of the damper in which it is taken away, the first tried and the least. Half and twice them follow the same
+poles."""
+FARTHEST = 0.2
+"""By how much a pole may move in one step, relative to its angle. Half takes more steps; twice may lead to another."""
+STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
+"""Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
+derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
+
+
+@dataclass(frozen=True, slots=True)
+class GrowingEnvironment:
+    """A spring or a mass as the firmware runs it, by the trapezoidal rule, and what the loop does with it.
+
+    Attributes
+    ----------
+    kind : "spring" or "mass"
+    value : N/m or kg, >= 0; 0 for nothing at all
+    damping : beside it, N s/m, >= 0
+    growth : of the motion's logarithm in that mode, 1/s, > 0
+    omega : at which it oscillates, rad/s
+    """
+
+    kind: Literal["spring", "mass"]
+    value: float
+    damping: float
+    growth: float
+    omega: float
+
+    @property
+    def unit(self) -> Literal["N/m", "kg"]:
+        """The unit of its value."""
+        return "N/m" if self.kind == "spring" else "kg"
+
+
+def destabilising(
+    device: Device, gains: Gains, coupling: Coupling, hand: Hand, omega: float
+) -> GrowingEnvironment | None:
+    """Return what a loop in a hand grows with, for a frequency at which Re(Z_c + Z_seen) < 0.
+
+    Parameters
+    ----------
+    device, gains, coupling : a design, plain numbers
+    hand : in which the demand is not met
+    omega : where it is not, rad/s, from 0 to pi/T
+
+    Returns
+    -------
+    GrowingEnvironment or None
+        Lossless if that grows; None where no growing motion is found, as where the demand is met.
+    """
+    T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
+    theta = min(max(omega * T, LEAST), pi)
+
+    def alone(theta: complex) -> complex:
+        return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, T))
+
+    reactance, warped = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, T).real
+    mass, stiffness = max(0.0, -reactance / warped), max(0.0, reactance * warped)
+
+    def unbalance(theta: complex, *, damping: float) -> complex:
+        at = _warped(theta, T)
+        return alone(theta) + damping + 1j * (mass * at - stiffness / at)
+
+    with np.errstate(all="ignore"):
+        path = _followed(unbalance, theta, -unbalance(theta, damping=0.0).real)
+    growing = [step for step in path if step[1].imag < 0]
+    if not growing:
+        return None
+    damping, pole = growing[-1] if growing[-1][0] == 0 else min(growing, key=lambda step: step[1].imag)
+    turn = abs((pole.real + pi) % (2 * pi) - pi)
+    kind: Literal["spring", "mass"] = "spring" if stiffness > 0 else "mass"
+    return GrowingEnvironment(kind, stiffness or mass, damping, -pole.imag / T, turn / T)
+
+
+def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
+    """Return where a pole goes from the unit circle while the damper that holds it there is taken away, step by step.
+
+    Nowhere if there is no such damper, and no further than it can be followed.
+    """
+    pole, left, share, path = complex(theta), 1.0, FIRST, []
+    while damping > 0 and left > 0 and share > LAST:
+        held = max(left - share, 0.0)
+        found = _zero(partial(unbalance, damping=held * damping), pole)
+        if found is None or abs(found - pole) > FARTHEST * abs(pole):
+            share /= 2
+            continue
+        pole, left, share = found, held, min(2 * share, FIRST)
+        path.append((held * damping, pole))
+    return path
+
+
+def _warped(theta: complex, sample_time: float) -> complex:
+    """Return omega of the trapezoidal rule, (2/T) tan(theta/2), rad/s."""
+    return complex(2 / sample_time * np.tan(theta / 2))
+
+
+def _coupling(coupling: Coupling, omega: complex) -> complex:
+    Z_c = coupling_impedance(coupling, omega)
+    return complex(Z_c.re + 1j * Z_c.im)
+
+
+def _seen(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
+    """Return Z_seen = P/(2 j s F)."""
+    loop, s = loop_in_hand(plant, theta, FLOATS), 1j * np.sin(theta / 2)
+    F, P = loop.closed(gains), loop.numerator(gains)
+
+    def value(even: Number, odd: Number) -> Number:
+        return even + s * odd
+
+    return complex(value(P.even, P.odd) / (2 * s * value(F.even, F.odd)))
+
+
+def _zero(f: Callable[[complex], complex], start: complex) -> complex | None:
+    """Return the zero of an analytic function that Newton's method leads to; None if to none."""
+    at = start
+    for _ in range(STEPS):
+        h = DIFFERENCE * abs(at)
+        step = f(at) / ((f(at + h) - f(at - h)) / (2 * h))
+        at -= step
+        if not np.isfinite(at):
+            return None
+        if abs(step) < CONVERGED * abs(at):
+            return at
+    return None

@@ -1,0 +1,177 @@
+"""Re Z_c / R in the hands of a box up to Nyquist, in double precision (model/README.md, section 14)."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from functools import lru_cache
+from itertools import product
+from math import inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.resonance import with_resonance
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import sampled_resistance
+from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
+
+SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
+"""Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
+much happens within little. Half or twice as many lead to the same designs, in more rounds or in more time."""
+LOWEST, PER_DECADE = 1e-4, 24
+"""Least angle omega T beside 0, and angles per decade. What is below the least is at its limit to 1e-8. Half as many
+angles may miss one of two neighbouring extrema; twice as many are twice the time."""
+SOFT = np.geomspace(1e-6, 1.0, 49)
+"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for a drag.
+Half or twice as many find the same hand, which is looked at closer; softer ones ask for next to nothing."""
+SEARCHED = 6
+"""Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+ROUNDS = 22
+"""Steps of the closer look, each of which moves to the best neighbour or halves the distance: to 1e-4 of the first
+distance, of which the ratio knows the square. Half: to 1e-2, and the prover finds what is missing, at its price."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsInHands:
+    """A loop in hands on the unit circle.
+
+    Attributes
+    ----------
+    theta : omega T, rad, from 0 to pi, shape (n,)
+    hands : their numbers, each of shape (h,)
+    loop : of shape (h, n)
+    """
+
+    theta: Floats
+    hands: Hand
+    loop: LoopInHand
+
+    def required(self, gains: Gains) -> Floats:
+        """Return R, of the shape of the loop; of the gains' shape before it if they are arrays (..., 1, 1)."""
+        found = required_in_hand(self.loop, gains)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(found.lost / found.size)
+
+
+@lru_cache(maxsize=64)
+def loops_in_hands(
+    device: Device, hands: Hands, shares: tuple[float, ...] = SHARES, per_decade: int = PER_DECADE
+) -> LoopsInHands:
+    """Return the loop of a device in some hands of a box at some angles.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    shares : of each range at which hands are looked at
+    per_decade : angles
+    """
+    count = int(per_decade * np.log10(np.pi / LOWEST))
+    theta = np.geomspace(LOWEST, np.pi, count)
+    if device.structure is not None:
+        theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
+    theta = np.append(0.0, theta)
+    some = Hand(*np.array(list(product(*(_places(*ends, shares) for ends in _ranges(hands))))).T)
+    plant = plant_in_hand(device, Hand(*(number[:, None] for number in astuple(some))), delays_of(device), FLOATS)
+    return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
+
+
+@dataclass(frozen=True, slots=True)
+class RatioInHand:
+    """The least Re Z_c / R in hands, next to a frequency.
+
+    Attributes
+    ----------
+    ratio : inf where nothing is required
+    omega : rad/s
+    hand : in which it is least
+    """
+
+    ratio: float
+    omega: float
+    hand: Hand
+
+
+def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: Coupling) -> list[RatioInHand]:
+    """Return the local minima of Re Z_c / R over the angle in the worst hand at each, lowest first.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    gains, coupling : a design, plain numbers
+
+    Returns
+    -------
+    list of RatioInHand
+        At least one.
+    """
+    where = loops_in_hands(device, hands)
+    Z_c = sampled_resistance(coupling, device.sample_time, where.theta, FLOATS)
+    need = where.required(gains) / np.maximum(Z_c, 1e-300)  # 1/ratio, continuous where R changes its sign
+    hand = np.argmax(need, axis=0)
+    worst = need[hand, np.arange(where.theta.size)]
+    padded = np.concatenate(([-inf], worst, [-inf]))
+    peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
+    peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
+    starts = np.array([number[hand[peaks]] for number in astuple(where.hands)])
+    theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
+    found = _closer(device, hands, gains, coupling, theta, starts)
+    return sorted(found, key=lambda each: each.ratio)
+
+
+def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, float, float]:
+    """Return the hand that asks for most at angle 0: the stiffness that does may be any share of its range."""
+    low, high = hands.low, hands.high
+    stiffness = low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT)
+    plant = plant_in_hand(device, Hand(low.mass, low.damping, stiffness[:, None]), delays_of(device), FLOATS)
+    found = required_in_hand(loop_in_hand(plant, np.zeros(1), FLOATS), gains)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        required = np.nan_to_num((found.lost / found.size).ravel(), nan=0.0)
+    return low.mass, low.damping, float(stiffness[np.argmax(required)])
+
+
+def _closer(
+    device: Device, hands: Hands, gains: Gains, coupling: Coupling, theta: Floats, starts: Floats
+) -> list[RatioInHand]:
+    """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share."""
+    low, width = np.array([(low, high - low) for low, high in _ranges(hands)]).T
+    safe = np.where(width > 0, width, 1.0)
+    share = np.sqrt((starts - low[:, None]) / safe[:, None])
+    step_hand, step_angle = np.full(theta.size, 0.2), np.full(theta.size, 2.3 / PER_DECADE)
+    offsets = np.array(list(product((-1, 0, 1), repeat=3))).T
+    turns = np.array([-1, 0, 1])
+    best = np.full(theta.size, -inf)
+    for _ in range(ROUNDS):
+        near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
+        angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
+        hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
+        plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+        found = required_in_hand(loop_in_hand(plant, angle[:, None, :], FLOATS), gains)
+        Z_c = sampled_resistance(coupling, device.sample_time, angle[:, None, :], FLOATS)
+        need = (found.lost / found.size / np.maximum(Z_c, 1e-300)).reshape(theta.size, -1)
+        at = np.argmax(need, axis=1)
+        rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
+        better = need[rows, at] > best
+        moved_hand = better & np.any(offsets[:, which] != 0, axis=0)
+        moved_angle = better & (turns[turn] != 0)
+        best = np.maximum(best, need[rows, at])
+        share = np.where(better, near[:, rows, which], share)
+        theta = np.where(better, angle[rows, turn], theta)
+        step_hand = np.where(moved_hand, step_hand, step_hand / 2)
+        step_angle = np.where(moved_angle, step_angle, step_angle / 2)
+    numbers = low[:, None] + width[:, None] * share**2
+    return [
+        RatioInHand(float(1 / need) if need > 0 else inf, float(at / device.sample_time), Hand(*map(float, hand)))
+        for need, at, hand in zip(best, theta, numbers.T, strict=True)
+    ]
+
+
+def _ranges(hands: Hands) -> list[tuple[float, float]]:
+    return list(zip(astuple(hands.low), astuple(hands.high), strict=True))
+
+
+def _places(low: float, high: float, shares: tuple[float, ...]) -> Floats:
+    """Return the places of a range at its shares; one where it has no width."""
+    return np.unique(low + (high - low) * np.array(shares))

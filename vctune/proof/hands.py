@@ -1,0 +1,212 @@
+"""The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
+
+The margin is proved positive over angle, hand and uncertain device together. Where it is, no pole of the loop is on the
+unit circle; in one hand none is outside, and from there to any other none crosses over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, replace
+from math import ceil, floor, pi
+
+import numpy as np
+from flint import arb
+
+from vctune.model.arithmetic import Number
+from vctune.model.hand_loop import Delays, delays_of, plant_in_hand
+from vctune.model.keys import KEYS
+from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
+from vctune.model.sampled import SNAP
+from vctune.proof.arb_balls import BALLS, ball, device_ball, gains_ball
+from vctune.proof.array_claims import Demands, hands_margin
+from vctune.proof.array_intervals import Floats, decimal
+from vctune.proof.box_tests import positive
+from vctune.proof.boxes import Boxes, band_of, over_band
+from vctune.proof.branching import Decided, Test, prove
+from vctune.proof.claims import HALF_TURN, Design, hand_curve, hand_margin
+from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
+from vctune.proof.interval import Outcome, Verdict
+from vctune.proof.sampled_loop import in_rad_per_s
+from vctune.proof.winding import turned_angle
+
+STEP = 1.4
+"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a fifth for the
+reference problems."""
+MAX_BOXES = 400_000
+"""Boxes looked at before the claim is left open; an optimal design takes some ten thousand. Half and twice it: as long
+to give up."""
+FEW = 512
+"""Boxes that are halved again before they are looked at: as many take about as long as one. A quarter: a third more
+time for random devices; four times: as long."""
+MAX_HALVINGS = 120
+"""How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
+
+
+def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove Re Z_c > factor R, and the loop stable, in every hand.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    demands : with the hands
+    box : of devices, for all of which it is to be proved; None for the design's own
+
+    Returns
+    -------
+    Outcome
+        Refuted or undecided with a hand, and with a device of the box.
+    """
+    assert demands.hands is not None
+    if not design.gains.closed:
+        return Outcome(Verdict.PROVED, 0)  # nothing is driven
+    if design.gains.position == 0 and demands.hands.low.stiffness == 0:
+        return Outcome(Verdict.UNDECIDED, 0)  # F and P both vanish at omega = 0 in a hand without stiffness
+    middle = demands.hands.middle
+    stable = prove_poles_in(design.device, middle, design.gains)
+    if stable.verdict is not Verdict.PROVED:
+        return replace(stable, hand=middle)
+    uncertain = box.modelled.uncertain if box is not None else ()
+    low, high = _ends(demands.hands, box, uncertain)
+    names = HAND + tuple(f"device.{key}" for key in uncertain)
+    fixed = dict(zip(KEYS, map(decimal, astuple(design.gains) + astuple(design.coupling)), strict=True))
+    boxes = stable.boxes
+    for part in _parts(design.device, names, low, high):
+        test = positive(hands_margin(demands, uncertain, part.delays), fixed)
+        found = prove(
+            part.within(test, names),
+            over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
+            1,
+            halved=[True] * (1 + len(names)),
+            max_halvings=MAX_HALVINGS,
+            max_boxes=MAX_BOXES,
+            at_ends=True,
+            few=FEW,
+        )
+        boxes += int(found.boxes[0])
+        if not found.proved[0]:
+            point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
+            break
+    else:
+        return Outcome(Verdict.PROVED, boxes)
+    for row, name in enumerate(names):
+        if name in DELAY_ROWS:  # at its ends the whole samples change
+            inwards = NEXT_TO * design.device.sample_time
+            part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
+    within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
+    hand, device = Hand(*within[: len(HAND)]), design.device
+    if uncertain:
+        device = device.with_numbers(dict(zip(uncertain, within[len(HAND) :], strict=True)))
+    theta = min(float(point[0]), pi)
+    fails = _margin_at(replace(design, device=device), hand, theta, demands.factor) < 0
+    outcome = Outcome(
+        Verdict.REFUTED if fails else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
+    )
+    return in_rad_per_s(outcome, device)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The devices and hands of a box whose delays have the same whole samples.
+
+    Attributes
+    ----------
+    low, high : ends of the numbers, shape (rows, 1)
+    delays : whole samples
+    sample_time, other : T, and of device and sensor the delay that is no row, s
+    """
+
+    low: Floats
+    high: Floats
+    delays: Delays
+    sample_time: float
+    other: float
+
+    def within(self, test: Test, names: tuple[str, ...]) -> Test:
+        """Return a test that leaves out where the sum of both delays has other whole samples.
+
+        Parameters
+        ----------
+        test : of boxes with these rows
+        names : of the rows, but the frequency
+        """
+        rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
+        if not rows:
+            return test
+        least = self.delays.felt * self.sample_time * (1 - SNAP)
+        most = (self.delays.felt + 1) * self.sample_time * (1 + SNAP)
+
+        def total(numbers: Floats) -> Floats:
+            return np.asarray(self.other + sum(numbers[row] for row in rows))
+
+        def tested(boxes: Boxes) -> Decided:
+            decided = test(boxes)
+            outside = (total(boxes.low) > most) | (total(boxes.high) < least)
+            there = (total(decided.point) >= least) & (total(decided.point) <= most)
+            decided.side[rows] = 0.0  # an end may be outside, and be left out
+            return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
+
+        return tested
+
+
+DELAY_ROWS = tuple(f"device.{key}" for key in DELAYS)
+
+
+def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
+    """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
+    known, T = delays_of(device), device.sample_time
+    sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
+    others = {"device.delay": device.delay, "device.force_sensor.delay": sensor}
+    rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
+    if not rows:
+        return [_Part(low, high, known, T, 0.0)]
+    other = sum(delay for name, delay in others.items() if name not in rows)
+    parts, row = [], rows.get("device.delay")
+    loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T)
+    for loop in loops:
+        least, most = low.copy(), high.copy()
+        if row is not None:
+            least[row], most[row] = max(low[row, 0], loop * T), min(high[row, 0], (loop + 1) * T)
+        first, last = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
+        for felt in _whole(first, last, T):
+            delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
+            parts.append(_Part(least, most, delays, T, other))
+    return parts
+
+
+def _whole(low: float, high: float, T: float) -> range:
+    """Return the whole samples of delays between two, the sample that ends at the greatest one counted with it."""
+    first = floor(low / T * (1 + NEXT_TO))
+    return range(first, max(first + 1, ceil(high / T * (1 - NEXT_TO))))
+
+
+def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
+    """Prove that the loop is stable in a hand, the environment at rest; the witness is in rad/s.
+
+    Parameters
+    ----------
+    device, hand, gains : taken as the decimals that they are written as
+    """
+    plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
+    law = gains_ball(gains)
+    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
+    if outcome.verdict is not Verdict.PROVED:
+        return in_rad_per_s(outcome, device)
+    return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
+
+
+def _margin_at(design: Design, hand: Hand, theta: float, factor: float) -> Number:
+    """Return the margin at one angle, in balls."""
+    device, coupling = design.device, type(design.coupling)(*map(ball, astuple(design.coupling)))
+    plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
+    return hand_margin(plant, gains_ball(design.gains), coupling, arb(theta), ball(factor), BALLS)
+
+
+def _ends(hands: Hands, box: DeviceBox | None, uncertain: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Return the least and the greatest numbers of hand and device."""
+    devices = () if box is None else (box.low, box.high)
+    numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
+    low, high = (
+        np.array([*astuple(hand), *device], float).reshape(-1, 1)
+        for hand, device in zip((hands.low, hands.high), numbers, strict=True)
+    )
+    return low, high

@@ -1,0 +1,90 @@
+"""The demand in the hands of a box up to Nyquist, and how much of the coupling's resistance each hand takes."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+from math import pi
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import sampled_resistance
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Gains, Hand, Hands
+from vctune.report.style import BLUE, GREY, INK, ORANGE, RED, canvas, decades, frequency_axis, legend_above
+
+CURVES = 40
+"""Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
+PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
+"""Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
+counts."""
+LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
+"""Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
+WORST = 3
+"""Hands that have a curve of their own: of the lowest minima, not two of one hand."""
+
+
+def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> Figure:
+    """Draw Re Z_c against the R of the worst hands, and a map over mass and stiffness of what share of it they need.
+
+    Parameters
+    ----------
+    problem : the device
+    hands : to be met
+    gains, coupling : the design
+    """
+    figure = canvas(8, 6.6, top=0.8, gaps=(0, 0.3))
+    curves, plane = figure.subplots(2, 1, height_ratios=(1, 1))
+    _curves(curves, problem, hands, gains, coupling)
+    _map(figure, plane, problem, hands, gains, coupling)
+    return figure
+
+
+def _curves(axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
+    device = problem.device
+    where = loops_in_hands(device, hands, per_decade=CURVES)
+    some = where.theta > 0
+    hz = where.theta[some] / (2 * pi * device.sample_time)
+    required = where.required(gains)[:, some]
+    axes.semilogy(hz, sampled_resistance(coupling, device.sample_time, where.theta[some], FLOATS), color=BLUE)
+    axes.lines[0].set_label("Re Z_c as it runs")
+    axes.semilogy(hz, _positive(required.max(axis=0)), color=ORANGE, label="greatest required R")
+    shown: list[Hand] = []
+    for worst in least_ratios_in_hands(device, hands, gains, coupling):
+        if worst.hand not in shown and len(shown) < WORST:
+            shown.append(worst.hand)
+            one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
+            axes.semilogy(hz, _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
+                          linestyle=("--", ":", "-.")[len(shown) - 1], label=f"R in {worst.hand}")  # fmt: skip
+    axes.set_ylabel("N s/m")
+    frequency_axis(axes, hz[0], hz[-1])
+    decades(axes)
+    legend_above(axes, 2)
+
+
+def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
+    """Draw the greatest R/Re Z_c over angle and damping, as a share."""
+    device, shares = problem.device, np.linspace(0.0, 1.0, PLACES) ** 2
+    low, high = astuple(hands.low), astuple(hands.high)
+    mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
+    need = np.zeros((PLACES, PLACES))
+    for share in DAMPINGS:
+        B = low[1] + (high[1] - low[1]) * share
+        for i, M in enumerate(mass):
+            ends = Hands(Hand(float(M), B, low[2]), Hand(float(M), B, high[2]))
+            where = loops_in_hands(device, ends, shares=tuple(shares))
+            Z_c = sampled_resistance(coupling, device.sample_time, where.theta, FLOATS)
+            found = (where.required(gains) / np.maximum(Z_c, 1e-300)).max(axis=1)
+            need[:, i] = np.maximum(need[:, i], found if len(found) == PLACES else found[0])
+    drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
+    figure.colorbar(drawn, ax=axes, label="of Re Z_c is needed, %")
+    axes.set(xlabel="mass of the hand, kg", ylabel="stiffness, N/m")
+
+
+def _positive(required: Floats) -> Floats:
+    """Return what is above 0, nan elsewhere: a logarithmic axis shows no more."""
+    return np.where(required > 0, required, np.nan)
