@@ -109,7 +109,7 @@ def test_without_an_integrator_nothing_is_claimed_next_to_no_stiffness():
 
 
 def test_a_mechanism_without_a_loop_is_stable_in_every_hand():
-    text = HANDS + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n"
+    text = HANDS + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\ndrag = 0.0\n"
     found = solve(parse_problem(text, "x", "x"))
     assert found.judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.PROVED
 

@@ -42,7 +42,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     proved in a hand without stiffness.
     """
     device, bounds = problem.device, problem.bounds
-    if bounds.position.max == 0 and hands.low.stiffness == 0:
+    if bounds.position.max == 0 < bounds.velocity.max and hands.low.stiffness == 0:
         cause = f"{OPENINGS[False]}: with K_p = 0 nothing is proved in a hand without stiffness"
         return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.min", proved=False)
     limp = hands.low == Hand(0.0, 0.0, 0.0) and hands.high.stiffness > 0
