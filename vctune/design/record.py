@@ -194,6 +194,7 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
     worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
+    somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
     return {
         "gains": GainsRecord(**asdict(gains)),
@@ -206,7 +207,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             proved_ratio=certificate.proved_ratio,
             min_ratio=judgement.min_ratio,
             worst_hz=_hz(worst),
-            rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if 0 < worst < inf else None,
+            rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if somewhere else None,
             boxes=certificate.boxes,
             claims=claim_records(problem, judgement),
             **also,
