@@ -36,10 +36,12 @@ FACTOR = 1.05
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 """By how much the least ratio is above or below the factor."""
 FEW, MANY = (1, 2), 200
+LEFT_OPEN = 0.05
+"""Share of the proofs that may be given up: of flexible devices whose resonance with the hand crosses a wide box."""
 SECONDS = 5.0
 """Of a proof at the median, on a slow machine too; what it takes on a quick one is printed."""
 LEAST = 1e-5
-"""Least angle of a witness at which growth is asked for: below it is slower than 50 digits tell from rest."""
+"""Least angle of a witness at which the growth is asked for in doubles: below it takes years, and they round it."""
 HANDS, AT_REST = 200, 1 + 1e-9
 WALLS, SAMPLES = 3, 4000
 
@@ -116,7 +118,7 @@ def test_no_verdict_of_many_is_wrong(capsys):
             f"{sum(found.case.inside > 0 for found in every)}, inside two in "
             f"{sum(found.case.inside > 1 for found in every)}\n"
         )
-    assert len(open_) < 0.03 * MANY
+    assert len(open_) < LEFT_OPEN * MANY
     assert median(seconds) < SECONDS
     assert sum(found.case.inside > 0 for found in every) > MANY / 4
 
@@ -165,18 +167,20 @@ def missing(found: Judged, hand: Held, omega: float, num: Arithmetic = DOUBLES) 
 def check_growth(number: int, found: Judged) -> bool:
     """Assert that a refuted design grows in exact time with the environment made for it; return whether it was."""
     outcome, design, T = found.outcome, found.case.design, found.real.sample_time
-    if outcome.verdict is not Verdict.REFUTED or outcome.witness < LEAST / T:
+    if outcome.verdict is not Verdict.REFUTED:
         return False
     hand = Held(*astuple(outcome.hand))
     lossless, resistance = missing(found, hand, outcome.witness, DIGITS)
     assert resistance < 0, (number, found)
+    exact = loop_of(found, hand, lossless, DIGITS).spectral_radius()
+    assert exact > 1, (number, found)
+    if outcome.witness < LEAST / T:
+        return True
     made = destabilising(design.device, design.gains, design.coupling, outcome.hand, outcome.witness)
     assert made is not None, (number, found)
     assert made.damping == 0, (number, found)
     value = lossless.stiffness if made.kind == "spring" else lossless.mass
     assert made.value == pytest.approx(value, rel=1e-6, abs=1e-9), (number, found)
-    exact = loop_of(found, hand, lossless, DIGITS).spectral_radius()
-    assert exact > 1, (number, found)
     assert made.growth == pytest.approx(float(DIGITS.context.log(exact)) / T, rel=1e-3), (number, found)
     return True
 
@@ -192,7 +196,7 @@ def test_everything_refuted_grows(capsys):
     grown = [check_growth(number, judged(number, 1.0)) for number in range(1, MANY, 2)]
     with capsys.disabled():
         sys.stdout.write(f"\n{sum(grown)} of {len(grown)} refuted designs grow with what is made for them\n")
-    assert sum(grown) > 0.7 * len(grown)
+    assert sum(grown) >= (1 - LEFT_OPEN) * len(grown)
 
 
 def hands_of(rng: np.random.Generator, found: Judged, count: int) -> list[Held]:
@@ -267,6 +271,6 @@ def test_what_is_proved_stays_at_rest(number):
 def test_everything_proved_stays_at_rest():
     """With a factor of 1: next to what grows."""
     proved = [number for number in range(0, MANY, 2) if judged(number, 1.0).outcome.verdict is Verdict.PROVED]
-    assert len(proved) > 0.9 * MANY / 2
+    assert len(proved) >= (1 - 2 * LEFT_OPEN) * MANY / 2
     for number in proved:
         check_rest(number, judged(number, 1.0), HANDS)
