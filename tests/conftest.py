@@ -19,6 +19,14 @@ PROBLEM_FILES = sorted(
 )
 
 
+def for_passive_hands(text: str) -> str:
+    """Return a problem file's text with the criterion "passive" in the place of the default."""
+    table, asked = "[stability]\n", "[stability]\ncriterion = 'passive'\n"
+    if "criterion" in text:
+        return text
+    return text.replace(table, asked) if table in text else text + asked
+
+
 @pytest.fixture(scope="session")
 def problems() -> Path:
     return ROOT / "problems"
@@ -27,8 +35,8 @@ def problems() -> Path:
 @pytest.fixture
 def folder(tmp_path):
     """One good, one violated, one unreadable and one free problem."""
-    (tmp_path / "good.toml").write_text(DEVICE + FIXED.format(160.0))
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
+    (tmp_path / "good.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0)))
+    (tmp_path / "poor.toml").write_text(for_passive_hands(DEVICE + FIXED.format(80.0)))
     (tmp_path / "bad.toml").write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "free.toml").write_text(DEVICE)
+    (tmp_path / "free.toml").write_text(for_passive_hands(DEVICE))
     return tmp_path

@@ -141,6 +141,7 @@ reference_impedance = {Z_0!r}
 norm = "peak"
 weights = {{ admittance = {power(-0.5, 0.5)!r}, tracking = {power(-0.5, 0.5)!r}, coupling = {power(-0.5, 0.5)!r} }}
 [stability]
+criterion = 'passive'
 band_hz = [{begin!r}, {end!r}]
 safety_factor = {rng.choice([1.0, 1.05, 1.5])!s}
 max_sensitivity = {float(rng.uniform(1.3, 4.0))!r}

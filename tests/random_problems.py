@@ -124,6 +124,7 @@ def random_texts(seed: int) -> Iterator[str]:
         text += f"[transparency]\nband_hz = [{f1!r}, {f2!r}]\nreference_impedance = {Z_0!r}\n"
         text += f'norm = "{rng.choice(["rms", "rms", "peak"])}"\n'
         text += "weights = {{ admittance = {!r}, tracking = {!r}, coupling = {!r} }}\n".format(*weights)
-        text += f"[stability]\nband_hz = [{edges[0]}, {edges[1]}]\nsafety_factor = {log(1.0, 1.5)!r}\n"
+        text += f"[stability]\ncriterion = 'passive'\nband_hz = [{edges[0]}, {edges[1]}]\n"
+        text += f"safety_factor = {log(1.0, 1.5)!r}\n"
         text += f"max_sensitivity = {1 + log(0.05, 9)!r}\n"
         yield text

@@ -9,7 +9,7 @@ import sys
 
 import pytest
 from command import run, started, wait_for_work
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
 from vctune.document.region import read_region
@@ -23,7 +23,7 @@ PLAIN = DEVICE + "[coupling]\ndamping = { min = 10.0, max = 3000.0 }\nmass = { m
 def baseline(tmp_path_factory):
     """A folder with a problem and its region at 1/32."""
     folder = tmp_path_factory.mktemp("baseline")
-    (folder / "device.toml").write_text(PLAIN)
+    (folder / "device.toml").write_text(for_passive_hands(PLAIN))
     done = run("region", "device.toml", "--resolution", "0.03125", cwd=folder)
     assert done.returncode == ExitCode.OK and done.stderr == ""
     assert done.stdout.splitlines()[0].startswith("feasible ")
@@ -41,7 +41,7 @@ def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
     assert written == {"region.json", "region.svg"}
-    assert record["problem"]["text"] == PLAIN
+    assert record["problem"]["text"] == for_passive_hands(PLAIN)
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
     assert sum(record["areas"].values()) == pytest.approx(1)
@@ -56,7 +56,7 @@ def test_the_file_holds_the_region(baseline):
 
 def test_the_region_of_a_device_as_heavy_as_a_file_may_say_is_a_baseline(tmp_path):
     (tmp_path / "device.toml").write_text(
-        "[device]\nmass = 1e19\ndamping = 0.0\nsample_time = 1e-3\n[coupling]\nmass = 1e19\n"
+        for_passive_hands("[device]\nmass = 1e19\ndamping = 0.0\nsample_time = 1e-3\n[coupling]\nmass = 1e19\n")
     )
     assert run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path).returncode == ExitCode.OK
     done = run("check", "device.toml", "--region", "results/device/region.json", cwd=tmp_path)
@@ -74,7 +74,7 @@ def test_what_is_read_is_written_again_to_the_byte(baseline):
     ids=["a design, no cell", "neither"],
 )
 def test_a_coarse_region_is_not_said_to_be_empty(tmp_path, gains, expected):
-    (tmp_path / "device.toml").write_text(DEVICE + gains)
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + gains))
     code, out, _ = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)
     assert "feasible      0.00 %" in out
     assert code == expected
@@ -91,7 +91,7 @@ def test_the_same_problem_passes(baseline):
 
 @pytest.mark.parametrize("style", ["text", "json", "github", "junit", "sarif"])
 def test_a_worse_device_loses_cells(baseline, tmp_path, style):
-    (tmp_path / "device.toml").write_text(PLAIN.replace("[coupling]", "delay = 2e-4\n[coupling]"))
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN.replace("[coupling]", "delay = 2e-4\n[coupling]")))
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", style)
     code, out, err = run(*arguments, cwd=tmp_path)
     assert code == ExitCode.FAILED
@@ -115,7 +115,7 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
         (PLAIN + "[stability]\nsafety_factor = 1.5\n", ExitCode.FAILED),
         (PLAIN + "[stability]\nsafety_factor = 1.06\n", ExitCode.FAILED),
     ):
-        (tmp_path / "device.toml").write_text(text)
+        (tmp_path / "device.toml").write_text(for_passive_hands(text))
         code, out, _ = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
         assert (code, "another version of the problem" in out) == (expected, True)
         left = {path.name for path in (tmp_path / "results").rglob("lost.*")}
@@ -125,11 +125,11 @@ def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tm
 def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path):
     """Its ratio is 1.05, which a factor of 1.06 refuses; what a later check has not lost is removed again."""
     region_file = baseline / "results/device/region.json"
-    (tmp_path / "device.toml").write_text(PLAIN + "[stability]\nsafety_factor = 1.06\n")
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN + "[stability]\nsafety_factor = 1.06\n"))
     code, out, _ = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert code == ExitCode.FAILED and "lost their proof: 1 of 1 listed gain sets" in out
     assert len(json.loads((tmp_path / "results/device/lost.json").read_text())["lost_designs"]) == 1
-    (tmp_path / "device.toml").write_text("# mended\n" + PLAIN)
+    (tmp_path / "device.toml").write_text(for_passive_hands("# mended\n" + PLAIN))
     (tmp_path / "results/device/gains.toml").write_text("of somebody else")
     code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert code == ExitCode.OK and "another version" not in out
@@ -140,7 +140,7 @@ def test_a_listed_gain_set_below_the_safety_factor_is_lost(baseline, tmp_path):
 def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path):
     arguments = ("check", "device.toml", "--region", baseline / "results/device/region.json", "--format", "github")
     for text, expected in (("# a remark\n" + PLAIN, ExitCode.OK), (PLAIN.replace("4.0", "5.0"), ExitCode.FAILED)):
-        (tmp_path / "device.toml").write_text(text)
+        (tmp_path / "device.toml").write_text(for_passive_hands(text))
         assert run(*arguments, cwd=tmp_path)[0] == ExitCode.OK
         code, out, _ = run(*arguments, "--strict", cwd=tmp_path)
         assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
@@ -151,7 +151,7 @@ def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, monk
     from vctune.design import solve as solving
 
     def region_at(factor):
-        (tmp_path / "device.toml").write_text(PLAIN + f"[stability]\nsafety_factor = {factor}\n")
+        (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN + f"[stability]\nsafety_factor = {factor}\n"))
         code = run("region", "device.toml", "--resolution", "0.125", cwd=tmp_path)[0]
         record = record_of(tmp_path)
         assert record["areas"]["feasible"] == 0 < record["areas"]["undecided"]
@@ -170,7 +170,7 @@ def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path):
         {"gains": {"velocity": 1.0, "position": 5e4}, "coupling": {"damping": 1.0, "mass": 1.0, "drag": 0.0}}
     )
     (tmp_path / "region.json").write_text(json.dumps(record))
-    (tmp_path / "device.toml").write_text(PLAIN)
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN))
     code, out, _ = run("check", "device.toml", "--region", "region.json", cwd=tmp_path)
     assert code == ExitCode.FAILED
     assert "lost their proof: 1 of 2 listed gain sets" in out
@@ -179,7 +179,7 @@ def test_a_listed_gain_set_that_fails_is_lost(baseline, tmp_path):
 
 
 def test_a_baseline_of_another_plane_is_refused(baseline, tmp_path):
-    (tmp_path / "device.toml").write_text(PLAIN + "[gains]\nposition = 6000.0\n")
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN + "[gains]\nposition = 6000.0\n"))
     region_file = baseline / "results/device/region.json"
     code, out, err = run("check", "device.toml", "--region", region_file, cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
@@ -216,7 +216,7 @@ DAMAGE = {
 @pytest.mark.parametrize("name", DAMAGE)
 def test_damaged_baselines_are_refused(baseline, tmp_path, name):
     break_it, message = DAMAGE[name]
-    (tmp_path / "device.toml").write_text(PLAIN)
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN))
     (tmp_path / "region.json").write_text(break_it(record_of(baseline)))
     code, out, err = run("check", "device.toml", "--region", "region.json", cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
@@ -239,7 +239,7 @@ WRONG_USE = {
 @pytest.mark.parametrize("name", WRONG_USE)
 def test_wrong_use_of_region(tmp_path, name):
     text, options, message = WRONG_USE[name]
-    (tmp_path / "device.toml").write_text(text)
+    (tmp_path / "device.toml").write_text(for_passive_hands(text))
     code, out, err = run("region", "device.toml", *options, cwd=tmp_path)
     assert (code, out) == (ExitCode.BAD_INPUT, "")
     assert message in err and "Traceback" not in err
@@ -248,7 +248,7 @@ def test_wrong_use_of_region(tmp_path, name):
 
 @pytest.mark.parametrize("seconds", [0.3, 1.2, pytest.param(2.5, marks=pytest.mark.slow)])
 def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, seconds):
-    (tmp_path / "device.toml").write_text(PLAIN)
+    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN))
     process = started("region", "device.toml", "--resolution", "0.001", cwd=tmp_path)
     wait_for_work(process, seconds)
     process.send_signal(signal.SIGINT)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DEVICE
+from conftest import DEVICE, for_passive_hands
 from dense import NAMES, band, below, least_damping, within_bounds
 from random_problems import random_designs, random_texts
 
@@ -34,7 +34,7 @@ RANDOM = 2
 
 
 def problem_of(text: str) -> Problem:
-    return parse_problem(text, "problem.toml", "problem")
+    return parse_problem(for_passive_hands(text), "problem.toml", "problem")
 
 
 @cache
@@ -212,7 +212,10 @@ def infeasible_texts(count: int, seed: int = 7) -> list[tuple[str, str]]:
             ("K_p too high", device + f"[gains]\nposition = {{ min = {3 * Z / T}, max = {6 * Z / T} }}\n"),
             ("b_c too small", device + some + f"[coupling]\ndamping = {{ min = {b * 1e-6}, max = {b * 1e-2} }}\n"),
             ("m_c too small", device + some + f"[coupling]\nmass = {{ min = {m * 1e-9}, max = {m * 1e-6} }}\n"),
-            ("max_sensitivity", device + strong + f"[stability]\nmax_sensitivity = {1 + between(1e-3, 3e-2)}\n"),
+            (
+                "max_sensitivity",
+                device + strong + f"[stability]\nmax_sensitivity = {1 + between(1e-3, 3e-2)}\n",
+            ),
             ("delay", device + f"delay = {late}\n" + strong),
             ("no damping, whole axis", undamped + "[stability]\nband_hz = [0.0, inf]\n"),
             (
@@ -220,7 +223,10 @@ def infeasible_texts(count: int, seed: int = 7) -> list[tuple[str, str]]:
                 lag + f"[gains]\nposition = {{ min = {Z / T / 500}, max = {2 * Z / T} }}\n"
                 f"[stability]\nband_hz = [0.0, {0.1 / T}]\n",
             ),
-            ("band too wide", slack + some + f"[stability]\nband_hz = [{5e-4 / T}, {0.49 / T}]\n"),
+            (
+                "band too wide",
+                slack + some + f"[stability]\nband_hz = [{5e-4 / T}, {0.49 / T}]\n",
+            ),
             (
                 "narrow bounds",
                 device + f"[gains]\nvelocity = {{ min = {0.3 * Z}, max = {0.31 * Z} }}\nposition = 0.0\n"

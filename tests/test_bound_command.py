@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 import pytest
 from command import run, strict
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune import interrupt
 from vctune.design.bound.search import bound
@@ -110,7 +110,7 @@ def test_what_stops_a_search_leaves_a_valid_bound():
 
 
 def test_input_that_cannot_be_bounded(folder):
-    (folder / "fixed.toml").write_text(DEVICE + FIXED.format(160.0))
+    (folder / "fixed.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0)))
     assert "there is nothing to choose" in refused("bound", "fixed.toml", cwd=folder)
     design = folder / "o/friction-wheel/design.json"
     (folder / "other.toml").write_text((folder / "problem.toml").read_text().replace("100.0]", "99.0]"))

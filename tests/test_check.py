@@ -10,7 +10,7 @@ import sys
 import command
 import numpy as np
 import pytest
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune.design.check import CheckVerdict, check
 from vctune.design.solve import solve
@@ -68,9 +68,9 @@ def test_json_is_the_object_of_solve(folder):
 
 
 def test_gains_files_are_checked_against_one_problem(tmp_path):
-    problem = parse_problem(DEVICE, "x", "x")
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
     judgement = solve(problem).judgement
-    (tmp_path / "problem.toml").write_text(DEVICE)
+    (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "gains").mkdir()
     for share in (1.0, 0.5):
         coupling = type(judgement.coupling)(judgement.coupling.damping * share, judgement.coupling.mass, 0.0)
@@ -83,7 +83,7 @@ def test_gains_files_are_checked_against_one_problem(tmp_path):
 
 
 def test_bad_gains_files_are_refused_with_their_lines(tmp_path):
-    (tmp_path / "problem.toml").write_text(DEVICE)
+    (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "gains.toml").write_text('[gains]\nvelocity = "x"\n[coupling]\ndamping = 1.0\nmass = -1.0\n')
     done = run("problem.toml", "gains.toml", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT
@@ -103,9 +103,9 @@ def test_rounding_attack(tmp_path, count):
         mass, T = 10.0 ** rng.uniform(-3, 3), 10.0 ** rng.uniform(-4, -2)
         text = f"[device]\nmass = {mass!r}\ndamping = {mass / T * 10 ** rng.uniform(-5, -1)!r}\nsample_time = {T!r}\n"
         text += f'hold = "{rng.choice(["zoh", "lag"])}"\ndelay = {T * float(rng.choice([0.0, 0.5]))!r}\n'
-        judgement = solve(parse_problem(text, "x", "x")).judgement
+        judgement = solve(parse_problem(for_passive_hands(text), "x", "x")).judgement
         problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
-        problem.write_text(text)
+        problem.write_text(for_passive_hands(text))
         gains.write_text(gains_text(judgement.gains, judgement.coupling, {}))
         assert check([problem, gains])[0].result is CheckVerdict.PASSED
 
@@ -127,7 +127,7 @@ def test_an_empty_folder_is_no_pass(folder):
 
 @pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])
 def test_files_of_windows_are_read(tmp_path, spoil):
-    (tmp_path / "device.toml").write_text(spoil(DEVICE), newline="")
+    (tmp_path / "device.toml").write_text(spoil(for_passive_hands(DEVICE)), newline="")
     (tmp_path / "gains.toml").write_text(spoil(FIXED.format(80.0)), newline="")
     done = run("gains.toml", "device.toml", "--format", "github", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import yaml
 from command import run as vctune
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 SNIPPETS = dict(re.findall(r"```yaml\n# (\S+)\n(.*?)```", (ROOT / "vctune/cli/README.md").read_text(), re.DOTALL))
 WORKFLOW, HOOKS = SNIPPETS[".github/workflows/gains.yml"], SNIPPETS[".pre-commit-config.yaml"]
@@ -33,7 +33,7 @@ def module(name, *arguments, cwd, **env):
 def region(tmp_path_factory):
     """The region of the device."""
     folder = tmp_path_factory.mktemp("region")
-    (folder / "device.toml").write_text(DEVICE)
+    (folder / "device.toml").write_text(for_passive_hands(DEVICE))
     done = vctune("region", "device.toml", "--resolution", "0.03125", cwd=folder)
     assert done.returncode == 0, done.stderr
     return (folder / "results/device/region.json").read_text()
@@ -42,7 +42,7 @@ def region(tmp_path_factory):
 @pytest.fixture
 def repository(tmp_path, region):
     """A user's repository with a device, its gains and region, and the snippets."""
-    (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "results/device").mkdir(parents=True)
     (tmp_path / "results/device/region.json").write_text(region)
     (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
@@ -90,7 +90,7 @@ def test_the_workflow_checks(repository):
 
 def test_the_workflow_guards_the_region(repository):
     """A demand that the gains still meet but part of the region does not."""
-    (repository / "device.toml").write_text(DEVICE + "[stability]\nmax_sensitivity = 1.8\n")
+    (repository / "device.toml").write_text(for_passive_hands(DEVICE + "[stability]\nmax_sensitivity = 1.8\n"))
     done = steps(repository, Path(sys.executable).parent, install=False)
     assert done.returncode == 1
     (annotation,) = [line for line in done.stdout.splitlines() if line.startswith("::error")]

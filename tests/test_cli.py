@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from command import process, run, started, strict, wait_for_work, wait_until
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 
 from vctune.exit_codes import ExitCode
 
@@ -23,7 +23,7 @@ DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 @pytest.fixture
 def device(tmp_path) -> Path:
     path = tmp_path / "device.toml"
-    path.write_text(DEVICE)
+    path.write_text(for_passive_hands(DEVICE))
     return path
 
 
@@ -65,7 +65,7 @@ def test_json_is_the_file_and_nothing_else(device, tmp_path):
 
 def test_pasted_gains_are_certified_again(device, tmp_path):
     run("solve", device, "--quiet", "--out", "o", cwd=tmp_path)
-    pasted = (tmp_path / "o/device/gains.toml").read_text().split("[design]")[0] + DEVICE
+    pasted = (tmp_path / "o/device/gains.toml").read_text().split("[design]")[0] + for_passive_hands(DEVICE)
     fixed = tmp_path / "fixed.toml"
     fixed.write_text(pasted)
     first = strict((tmp_path / "o/device/design.json").read_text())
@@ -86,7 +86,11 @@ def test_infeasible(tmp_path):
 
 def test_violated_and_quiet(tmp_path):
     path = tmp_path / "fixed.toml"
-    path.write_text(DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n")
+    path.write_text(
+        for_passive_hands(
+            DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n"
+        )
+    )
     done = run("solve", path, "--quiet", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (ExitCode.FAILED, "", "")
 
@@ -182,7 +186,7 @@ def test_internal_errors_are_said_without_a_traceback(device, tmp_path):
 def test_names_become_one_folder(tmp_path):
     for name in ("a/b", "..", "<script>alert(1)</script>", "Größe 大 'x'"):
         path = tmp_path / "n.toml"
-        path.write_text(f"name = {json.dumps(name)}\n" + DEVICE)
+        path.write_text(for_passive_hands(f"name = {json.dumps(name)}\n" + DEVICE))
         done = run("solve", path, "--json", "--out", "o", cwd=tmp_path)
         assert strict(done.stdout)["problem"]["name"] == name
     assert {path.parent.parent for path in tmp_path.rglob("design.json")} == {tmp_path / "o"}
@@ -212,22 +216,22 @@ def test_colour_only_for_terminals_and_never_with_no_color(device, tmp_path):
 def test_own_input_is_not_overwritten(tmp_path):
     folder = tmp_path / "results" / "gains"
     folder.mkdir(parents=True)
-    (folder / "gains.toml").write_text(DEVICE)
+    (folder / "gains.toml").write_text(for_passive_hands(DEVICE))
     done = run("solve", folder / "gains.toml", cwd=tmp_path)
     assert done.returncode == ExitCode.BAD_INPUT
-    assert (folder / "gains.toml").read_text() == DEVICE
+    assert (folder / "gains.toml").read_text() == for_passive_hands(DEVICE)
 
 
 def test_designs_of_other_problems_are_not_overwritten(tmp_path):
     for name, code in (("a/b", ExitCode.OK), ("a:b", ExitCode.BAD_INPUT), ("a/b", ExitCode.OK)):
-        (tmp_path / "n.toml").write_text(f'name = "{name}"\n' + DEVICE)
+        (tmp_path / "n.toml").write_text(for_passive_hands(f'name = "{name}"\n' + DEVICE))
         assert run("solve", "n.toml", cwd=tmp_path).returncode == code
 
 
 def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
     run("solve", device, cwd=tmp_path)
     before = (tmp_path / "results/device/gains.toml").read_text()
-    device.write_text(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n")
+    device.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n"))
     done = run("solve", device, "--quiet", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     assert "gains.previous.toml" in done.stderr

@@ -137,6 +137,6 @@ def test_the_record_of_a_refusal_names_it():
     grown = log(radius(problem.device, Hand(hand.mass, hand.damping, hand.stiffness), made)) * 1e3
     assert found.growth_per_s == pytest.approx(grown, rel=1e-6)
     assert made.unit == found.unit
-    rows = [row.label for row in claim.rows()]
-    assert any(row.startswith("  grows at ") and "e-fold in" in row for row in rows)
+    rows = [row.unit for row in claim.rows()]
+    assert any(row.startswith("grows at ") and "e-fold in" in row for row in rows)
     assert all(other.environment is None for other in claims.values() if other is not claim)

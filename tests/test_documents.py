@@ -22,7 +22,7 @@ from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.schema import json_schema
 from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
-from vctune.model.problem import Band, Range
+from vctune.model.problem import HUMAN_HANDS, Band, Range
 from vctune.model.quantities import Coupling, Gains
 
 BAD = Path(__file__).parent / "bad"
@@ -179,9 +179,10 @@ def test_defaults_are_the_documented_formulas():
     assert problem.bounds.position == Range(0.0, pytest.approx(2 * loop / tau))
     assert problem.bounds.damping == Range(pytest.approx(1e-6 * Z_0), pytest.approx(1e6 * Z_0))
     assert problem.bounds.mass == Range(pytest.approx(1e-6 * 0.4), pytest.approx(1e6 * 0.4))
-    assert problem.bounds.drag == Range(0.0, 0.0)
+    assert problem.bounds.drag == Range(0.0, pytest.approx(Z_0))
     assert problem.stability.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 100))
     assert (problem.stability.safety_factor, problem.stability.max_sensitivity) == (1.05, 2.0)
+    assert (problem.stability.criterion, problem.hands) == ("both", HUMAN_HANDS)
 
 
 def test_an_experiment_needs_but_a_name():

@@ -13,7 +13,7 @@ import tomllib
 
 import pytest
 from command import process, run
-from conftest import DEVICE, FIXED
+from conftest import DEVICE, FIXED, for_passive_hands
 
 from vctune.document.errors import printable
 from vctune.document.files import folder_name, write_together
@@ -137,7 +137,7 @@ def digests(folder):
 def earlier(tmp_path_factory):
     """A problem, its design, simulation and report; each figure says of which problem it is."""
     place = tmp_path_factory.mktemp("earlier")
-    (place / "device.toml").write_text(DEVICE + FIXED.format(160.0) + EXPERIMENT)
+    (place / "device.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0) + EXPERIMENT))
     for command in ("solve", "simulate"):
         assert run(command, "device.toml", cwd=place, report=True).returncode == ExitCode.OK
     folder = place / "results/device"
@@ -178,7 +178,7 @@ def test_a_design_and_what_shows_it_are_of_one_run(earlier, tmp_path, command, n
 
 def test_ctrl_c_while_the_report_is_drawn(tmp_path):
     """It ends at once, and no report of an earlier design stays beside the new one."""
-    (tmp_path / "device.toml").write_text(DEVICE + FIXED.format(160.0))
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0)))
     (tmp_path / "results/device").mkdir(parents=True)
     (tmp_path / "results/device/report.html").write_text("earlier")
     interrupted = (
@@ -194,7 +194,7 @@ def test_ctrl_c_while_the_report_is_drawn(tmp_path):
 
 
 def test_solving_again_changes_no_byte(tmp_path):
-    (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     written = []
     for way in (process, run):
         done = way("solve", "device.toml", "--json", cwd=tmp_path, report=True)
@@ -223,7 +223,7 @@ def test_what_does_not_print_reaches_neither_terminal_nor_folder(tmp_path, char)
 
 
 def test_names_are_shown_escaped(tmp_path):
-    (tmp_path / "device.toml").write_text('name = "a\\u202eb"\n' + DEVICE + FIXED.format(160.0))
+    (tmp_path / "device.toml").write_text(for_passive_hands('name = "a\\u202eb"\n' + DEVICE + FIXED.format(160.0)))
     done = run("solve", "device.toml", cwd=tmp_path)
     assert "\u202e" not in done.stdout + done.stderr and "a\\u202eb" in done.stdout
     assert os.listdir(tmp_path / "results") == ["a_b"]

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import command
 import pytest
 import xmlschema
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft7Validator
@@ -219,7 +219,9 @@ def test_warnings_reach_every_format(verdict, strict):
 def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
     """Gains with a ratio of 1.05 and more, absolutely stable, under a safety factor of 1.5."""
     (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
-    (tmp_path / "x.toml").write_text(DEVICE + "[stability]\nsafety_factor = 1.5\n")
+    (tmp_path / "x.toml").write_text(
+        for_passive_hands(DEVICE + "[stability]\ncriterion = 'passive'\nsafety_factor = 1.5\n")
+    )
     done = run("x.toml", "gains.toml", "--format", style, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
     said = done.stdout
@@ -248,7 +250,7 @@ ASCII = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 def test_formats_in_any_locale(tmp_path, style, env):
     name = os.fsdecode(b"gr\xc3\xb6\xc3\x9fe \xff \x1b[31m.toml")
     (tmp_path / name).write_text(DEVICE + "dampin = 1.0\n")
-    (tmp_path / "poor.toml").write_text(DEVICE + FIXED.format(80.0))
+    (tmp_path / "poor.toml").write_text(for_passive_hands(DEVICE + FIXED.format(80.0)))
     done = command.process("check", ".", "--format", style, cwd=tmp_path, **env)
     assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "")
     assert style == "github" or "\x1b" not in done.stdout

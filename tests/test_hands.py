@@ -7,7 +7,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 from device_arithmetic import DOUBLES
 from device_oracle import Coupling, Gains, read_device
 from hand_scan import least_ratio_in_hands
@@ -58,7 +58,7 @@ def test_the_record_names_the_hands(solved):
 
 
 def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it():
-    passive = solve(parse_problem(THREE, "x", "x"))
+    passive = solve(parse_problem(for_passive_hands(THREE), "x", "x"))
     assert passive.status is Status.CERTIFIED
     problem = parse_problem(HANDS, "x", "x")
     judged = judge(problem, passive.judgement.gains, passive.judgement.coupling)

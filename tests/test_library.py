@@ -30,6 +30,7 @@ from vctune.document.toml_text import toml_text
 WHEEL = {
     "name": "<wheel>",
     "device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3},
+    "stability": {"criterion": "passive"},
     "gains": {"position": {"min": 3000.0, "max": 1e5}},
     "experiment": [{"name": "spring", "environment": {"stiffness": 200.0}, "operator": {"cycles": 1}}],
 }

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DEVICE
+from conftest import DEVICE, for_passive_hands
 from dense import below, meet_demands
 from random_problems import random_designs, random_texts
 from test_witness import closed_loop_poles, handle_admittance, passive, reactance, value
@@ -47,6 +47,7 @@ position = { min = 3000.0, max = 1e5 }
 band_hz = [0.5, 30.0]
 reference_impedance = 10.0
 [stability]
+criterion = 'passive'
 band_hz = [0.5, 100.0]
 """
 )
@@ -118,7 +119,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     text += (
         f'hold = "{device.hold}"\n[operator]\nmass = {device.operator.mass!r}\ndamping = {device.operator.damping!r}\n'
     )
-    problem = parse_problem(text, "p", "p")
+    problem = parse_problem(for_passive_hands(text), "p", "p")
     numbers = np.array([gains.velocity, gains.position, virtual.damping, virtual.mass, 0.0])
     case = cases(problem.device, numbers)
     R, Z_c = required(case, omega), coupling_impedance(case, 1j * omega).real
@@ -162,6 +163,7 @@ damping = {}
 velocity = 40.0
 position = 2000.0
 [stability]
+criterion = 'passive'
 band_hz = [0.0, inf]
 """
 
@@ -266,11 +268,11 @@ def test_the_record_shows_both():
 def held_texts(seed, rng):
     """Random problems in random hands, many of them with a band from 0."""
     for text in random_texts(seed):
-        device = parse_problem(text, "p", "p").device
+        device = parse_problem(for_passive_hands(text), "p", "p").device
         Z = device.mass / device.loop_lag + device.damping
         mass, damping = device.mass * 10 ** rng.uniform(-2, 2), Z * 10 ** rng.uniform(-6, 0)
         hand = f"[operator]\nmass = {mass!r}\ndamping = {damping!r}\n"
-        from_0 = re.sub(r"(\[stability\]\nband_hz = \[)[^,]*,", r"\g<1>0.0,", text)
+        from_0 = re.sub(r"(\[stability\]\ncriterion = 'passive'\nband_hz = \[)[^,]*,", r"\g<1>0.0,", text)
         yield (from_0 if rng.random() < 0.4 else text) + hand
 
 
@@ -280,7 +282,7 @@ def test_random_problems_are_never_certified_in_vain(seed, capsys):
     """Random operators, many bands from 0; designs and random others judged by plain complex numbers."""
     rng, met = np.random.default_rng(seed), {}
     for text, _ in zip(held_texts(seed, rng), range(40), strict=False):
-        problem = parse_problem(text, "p", "p")
+        problem = parse_problem(for_passive_hands(text), "p", "p")
         solved = solve(problem)
         met[solved.status.value] = met.get(solved.status.value, 0) + 1
         designs, least = random_designs(problem, 4000, rng), 1e300

@@ -7,7 +7,7 @@ import re
 
 import numpy as np
 import pytest
-from conftest import DEVICE
+from conftest import DEVICE, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.colors import to_rgb
@@ -122,7 +122,7 @@ def test_regions_are_told_apart_by_everyone_and_in_grey(sight):
 
 @pytest.fixture(scope="module")
 def drawn(measured):
-    problem = parse_problem(DEVICE, "x", "x")
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
     solved = solve(problem)
     record = record_of(ProblemFile(problem, DEVICE), solved)
     made = figures(Design(problem, solved.judgement.gains, solved.judgement.coupling, record))

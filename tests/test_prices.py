@@ -6,7 +6,7 @@ import json
 
 import pytest
 from command import run
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune import solve
 from vctune.design import prices as pricing
@@ -36,6 +36,7 @@ drag = { min = 0.0, max = 50.0 }
 band_hz = [0.5, 20.0]
 reference_impedance = 10.0
 [stability]
+criterion = 'passive'
 band_hz = [0.5, 80.0]
 """
 """A device that has every number there is."""
@@ -43,7 +44,7 @@ WHEEL = (ROOT / "problems/friction-wheel.toml").read_text()
 
 
 def priced(text):
-    return with_prices(solve(parse_problem(text, "x", "x")))
+    return with_prices(solve(parse_problem(for_passive_hands(text), "x", "x")))
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +141,7 @@ def test_every_number_has_its_unit(real):
 
 
 def test_they_are_in_the_file_where_there_is_a_report(tmp_path):
-    (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     folder = tmp_path / "results/device"
     assert run("solve", "device.toml", "--quiet", cwd=tmp_path).returncode == 0
     assert "prices" not in json.loads((folder / "design.json").read_text())

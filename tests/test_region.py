@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import DEVICE, ROOT
+from conftest import DEVICE, ROOT, for_passive_hands
 from dense import best_damping, surpluses
 
 from vctune.bench.evaluator import cases
@@ -87,7 +87,7 @@ PROBLEMS = {
 
 
 def posed(text):
-    return problem_file(text, Path("p.toml")).problem
+    return problem_file(for_passive_hands(text), Path("p.toml")).problem
 
 
 @cache

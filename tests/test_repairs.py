@@ -11,7 +11,7 @@ from signal import SIGINT
 import numpy as np
 import pytest
 from command import run, started, wait_for_work
-from conftest import DEVICE, FIXED, ROOT
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
 from test_bound import infeasible_texts
@@ -70,7 +70,7 @@ REFUTED = {
 
 
 def parsed(text: str) -> Problem:
-    return parse_problem(text, "test.toml", "test")
+    return parse_problem(for_passive_hands(text), "test.toml", "test")
 
 
 def toml_text(document: dict) -> str:
@@ -182,9 +182,9 @@ def test_the_least_drag_is_that_of_the_limit():
 
 
 def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_path):
-    (tmp_path / "problem.toml").write_text(DEVICE)
+    (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "poor.toml").write_text(FIXED.format(80.0))
-    (tmp_path / "pasted.toml").write_text(REFUTED["b_c"])
+    (tmp_path / "pasted.toml").write_text(for_passive_hands(REFUTED["b_c"]))
     apart = check([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
     pasted = check([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
@@ -358,7 +358,7 @@ def test_a_theorem_starts_no_solver(text, monkeypatch):
 
 
 def test_the_command_lists_repairs_in_table_record_and_report(tmp_path):
-    (tmp_path / "stuck.toml").write_text(QUICK["no damping, whole axis"])
+    (tmp_path / "stuck.toml").write_text(for_passive_hands(QUICK["no damping, whole axis"]))
     done = run("solve", "stuck.toml", cwd=tmp_path, report=True)
     assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
     record = json.loads((tmp_path / "results/stuck/design.json").read_text())
@@ -430,7 +430,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     (said,) = (line for line in record["warnings"] if "hardly uses its velocity loop" in line)
     assert f"{record['repairs'][0]['needs']} would cure it" in said
     design = Gains(**record["gains"]), Coupling(**record["coupling"])
-    (tmp_path / "idle.toml").write_text(IDLE)
+    (tmp_path / "idle.toml").write_text(for_passive_hands(IDLE))
     (tmp_path / "gains.toml").write_text(gains_text(*design, {}))
     checked = check([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
@@ -440,7 +440,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
 def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
     """The demands are not to blame where solving the problem finds a loop in use."""
     weak = "[gains]\nvelocity = 0.5\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\n"
-    (tmp_path / "device.toml").write_text(DEVICE)
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "gains.toml").write_text(weak)
     checked = check([tmp_path / "device.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command import run
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 
 from vctune.analysis.margins import unstable_poles
 from vctune.cli.table import print_design
@@ -28,7 +28,7 @@ from vctune.report.report import write_report
 
 DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 FIXED = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = {}\nmass = 0.37\n"
-LAG = 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
 PARTS = """delay = 2e-4
 actuator = { bandwidth_hz = 700.0 }
 velocity = { from = "difference", filter_hz = 300.0 }
@@ -56,6 +56,7 @@ PRICED = ("certified", "infeasible", "every-part")
 
 
 def recorded(text, *, prices=False):
+    text = for_passive_hands(text)
     problem = parse_problem(text, "test.toml", "test")
     solved = solve(problem)
     return design_record(ProblemFile(problem, text), with_prices(solved) if prices else solved)
@@ -126,14 +127,14 @@ def test_active_demands_have_their_prices(records):
         (row["demand"] for row in record["active"]),
         key=lambda demand: -max(r["multiplier"] for r in record["active"] if r["demand"] == demand),
     )
-    eased = recorded(DEVICE + f"[stability]\nsafety_factor = {1.05 * 0.999}\n")
+    eased = recorded(DEVICE + f"[stability]\ncriterion = 'passive'\nsafety_factor = {1.05 * 0.999}\n")
     price = sum(row["multiplier"] for row in record["active"] if row["demand"].startswith("Re Z_c"))
     saved = np.log(record["transparency"]["error"] / eased["transparency"]["error"]) / 1e-3
     assert price == pytest.approx(saved, rel=0.02)
 
 
 def test_curves_agree_with_the_certificate():
-    problem = parse_problem(DEVICE, "x", "x")
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
     judgement = solve(problem).judgement
     gains, coupling = judgement.gains, judgement.coupling
     curves = llewellyn(problem, gains, coupling)
@@ -152,7 +153,7 @@ def test_curves_agree_with_the_certificate():
 
 def test_a_rigid_environment_is_felt_as_the_loop_alone():
     """Whatever the device is made of, at its resonance too."""
-    problem = parse_problem(DEVICE + PARTS, "x", "x")
+    problem = parse_problem(for_passive_hands(DEVICE + PARTS), "x", "x")
     gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 1.0)
     terms = transparency(problem, gains, coupling)
     hz, felt = handle_impedance(problem, gains, coupling)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 
 from vctune.analysis import resonance
 from vctune.design import (
@@ -197,7 +197,11 @@ def robust_error(name: str) -> float:
 
 def _uncertain(name: str) -> Any:
     drag = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n"
-    return parse_problem("[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n" + UNCERTAIN[name] + drag, "x", "x")
+    return parse_problem(
+        for_passive_hands("[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n" + UNCERTAIN[name] + drag),
+        "x",
+        "x",
+    )
 
 
 @pytest.mark.slow

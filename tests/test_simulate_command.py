@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command import process, started, strict, wait_for_work, wait_until
 from command import run as vctune
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 
 from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Environment, Operator
@@ -39,7 +39,7 @@ HAND = Operator("reciprocate", 0.0, 0.05, 0.1, 3, 0.0, 2.0, 1000.0)
 @pytest.fixture
 def problem(tmp_path):
     path = tmp_path / "device.toml"
-    path.write_text(DEVICE + FIXED + EXPERIMENTS)
+    path.write_text(for_passive_hands(DEVICE + FIXED + EXPERIMENTS))
     return path
 
 
@@ -47,7 +47,7 @@ def problem(tmp_path):
 def made(tmp_path_factory):
     """What `vctune simulate` made of the problem, once: the finished process and its folder."""
     folder = tmp_path_factory.mktemp("made")
-    (folder / "device.toml").write_text(DEVICE + FIXED + EXPERIMENTS)
+    (folder / "device.toml").write_text(for_passive_hands(DEVICE + FIXED + EXPERIMENTS))
     return vctune("simulate", "device.toml", cwd=folder), folder
 
 
@@ -132,7 +132,7 @@ def test_json_and_one_experiment(problem, tmp_path):
     ],
 )
 def test_bad_input(problem, tmp_path, arguments, text):
-    (tmp_path / "bare.toml").write_text(DEVICE)
+    (tmp_path / "bare.toml").write_text(for_passive_hands(DEVICE))
     done = vctune("simulate", *arguments, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
     assert text in done.stderr and "Traceback" not in done.stderr
@@ -141,7 +141,7 @@ def test_bad_input(problem, tmp_path, arguments, text):
 
 def test_infeasible_and_unstable_fail(tmp_path):
     path = tmp_path / "device.toml"
-    path.write_text(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n" + EXPERIMENTS)
+    path.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n" + EXPERIMENTS))
     done = vctune("simulate", path, cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED and "nothing to simulate" in done.stderr
     path.write_text(DEVICE + FIXED.replace("160.0", "16.0").replace("0.37", "0.02") + EXPERIMENTS.replace(
@@ -154,7 +154,7 @@ def test_infeasible_and_unstable_fail(tmp_path):
 
 def test_interrupted_leaves_nothing_half_written(tmp_path):
     path = tmp_path / "device.toml"
-    path.write_text(DEVICE + FIXED + EXPERIMENTS.replace("cycles = 2", "cycles = 2000"))
+    path.write_text(for_passive_hands(DEVICE + FIXED + EXPERIMENTS.replace("cycles = 2", "cycles = 2000")))
     running = started("simulate", "device.toml", cwd=tmp_path, start_new_session=True)
     folder = tmp_path / "results/device"
     wait_until((folder / "gains.toml").exists)

@@ -483,7 +483,7 @@ def test_growing_modes_of_a_real_device_lie_outside_the_proved_band():
             "force_sensor": {"bandwidth_hz": 500.0, "order": 2},
         },
         "operator": {"damping": 0.5},
-        "stability": {"band_hz": [0.5, 100.0], "max_sensitivity": 2.0},
+        "stability": {"criterion": "passive", "band_hz": [0.5, 100.0], "max_sensitivity": 2.0},
     }  # fmt: skip
     problem = posed("real", document)
     gains, coupling = Gains(399.81642, 3000.0), Coupling(87.063041, 0.1434354, 0.9335363)

@@ -10,7 +10,7 @@ from math import inf, pi
 import device_scan
 import numpy as np
 import pytest
-from conftest import PROBLEM_FILES, ROOT
+from conftest import PROBLEM_FILES, ROOT, for_passive_hands
 from device_arithmetic import DOUBLES
 from device_oracle import coupling_impedance, response_at
 from device_pairs import real_of
@@ -46,7 +46,7 @@ def read(name):
 
 
 def parse(text):
-    return parse_problem(text, "test.toml", "test")
+    return parse_problem(for_passive_hands(text), "test.toml", "test")
 
 
 def recomputed(problem, gains, virtual):
@@ -211,7 +211,10 @@ def test_whole_axis_is_proved_at_both_ends():
             ["of the required R at", "coupling.damping"],
         ),
         (DEVICE + "[gains]\nvelocity = 790.0\n", ["|S| reaches", "above max_sensitivity 2"]),
-        (UNDAMPED + "delay = 5e-3\n[stability]\nband_hz = [0.05, 100.0]\n", ["Re G_hh < 0 at", "N s/m of device"]),
+        (
+            UNDAMPED + "delay = 5e-3\n[stability]\nband_hz = [0.05, 100.0]\n",
+            ["Re G_hh < 0 at", "N s/m of device"],
+        ),
     ],
 )
 def test_infeasible_says_which_demand_fails_and_what_repairs_it(text, parts):

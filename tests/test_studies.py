@@ -15,8 +15,8 @@ from vctune.document.reading import parse_problem
 from vctune.document.study import read_study
 from vctune.study.points import latin_hypercube, points
 
-PROBLEM = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n[stability]\nband_hz = [0.5, 100.0]\n"
 BARE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+PROBLEM = BARE + "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
 
 
 def study(folder, text, problem=PROBLEM):
@@ -127,7 +127,9 @@ def test_both_ends_may_be_axes_where_the_problem_has_neither(tmp_path):
     plan = study(tmp_path, text + '"gains.velocity.min" = [1.0]\n"gains.velocity.max" = [9.0]', BARE)
     here, _ = plan.at((0.5, 50.0, 1.0, 9.0))
     there = parse_problem(
-        BARE + "[stability]\nband_hz = [0.5, 50.0]\n[gains]\nvelocity = { min = 1.0, max = 9.0 }", "x", "study"
+        BARE + "[stability]\nband_hz = [0.5, 50.0]\n[gains]\nvelocity = { min = 1.0, max = 9.0 }",
+        "x",
+        "study",
     )
     assert here == there
 

@@ -36,7 +36,10 @@ from vctune.study.summary import summary
 from vctune.study.sweep import sweep
 from vctune.study.table import csv_text, parquet_bytes, table_of
 
-FREE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n[stability]\nband_hz = [0.5, 100.0]\n"
+FREE = (
+    "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+    "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
+)
 FIXED = FREE + ("[gains]\nvelocity = 300.0\nposition = 3000.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 0.1\n")
 """Judged, not solved: a few milliseconds a point."""
 FEW = '"device.damping" = [1.0, 2.0, 4.0]\n"stability.band_hz[1]" = [50.0, 600.0]\n'

@@ -33,7 +33,7 @@ TO_ANGLE, TO_CURRENT, LAG = 115e-6, 173e-6, 335e-6
 """Delays from current to angle and from reference to current, and the current's lag, s."""
 DAMPING = 0.02
 """b, 2 rad/s of the mass. A tenth and ten times of it change no verdict below."""
-BANDS = {"transparency": {"band_hz": [0.5, 30.0]}, "stability": {"band_hz": [0.5, 100.0]}}
+BANDS = {"transparency": {"band_hz": [0.5, 30.0]}, "stability": {"criterion": "passive", "band_hz": [0.5, 100.0]}}
 """The stability band has the resonance in it."""
 RATIOS = (0.002, 0.005, 0.01)
 """Damping ratios of the resonance."""

@@ -27,7 +27,7 @@ DEMANDS = (
     "[gains]\nvelocity = {{ min = 1.0, max = 1000.0 }}\nposition = {{ min = {}, max = 1e5 }}\n"
     "[coupling]\ndrag = {{ min = 0.0, max = 50.0 }}\n"
     "[transparency]\nband_hz = [0.5, 30.0]\nreference_impedance = 10.0\n"
-    "[stability]\nband_hz = [0.5, 100.0]\n[uncertainty]\n"
+    "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n[uncertainty]\n"
 )
 CASES = {
     "late": (

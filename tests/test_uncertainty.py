@@ -14,7 +14,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from command import run
-from conftest import ROOT
+from conftest import ROOT, for_passive_hands
 from dense import conditions_surplus, meet_demands, surpluses
 from hypothesis import given
 from hypothesis import strategies as st
@@ -64,7 +64,7 @@ EXACT = 1e-9
 @cache
 def problem(name, tables=""):
     text = (ROOT / "problems" / f"{name}.toml").read_text().split("[[experiment]]")[0]
-    return parse_problem(text + tables, name, name)
+    return parse_problem(for_passive_hands(text + tables), name, name)
 
 
 @cache
@@ -290,7 +290,7 @@ def test_operator_uncertainty_and_drag_combine():
         "[0.5, 100.0]", "[0.0, 300.0]"
     )
     text = text.replace("[coupling]", "[coupling]\ndrag = { min = 0.0, max = 10.0 }")
-    given = parse_problem(text + WIDE + HELD, "x", "x")
+    given = parse_problem(for_passive_hands(text + WIDE + HELD), "x", "x")
     found = solve(given)
     assert found.status is Status.CERTIFIED and found.judgement.coupling.drag > 0
     seen = replace(given, stability=replace(given.stability, band=replace(given.stability.band, min=1e-5)))
@@ -328,7 +328,7 @@ def test_a_delay_may_cross_whole_samples():
     )
     law = Gains(550.0, 0.0)
     for width, stable in ((0.1, True), (0.3, True), (0.8, False)):
-        given = parse_problem(base + f"[uncertainty]\ndelay = {width}\nmass = 0.05\n", "x", "x")
+        given = parse_problem(for_passive_hands(base + f"[uncertainty]\ndelay = {width}\nmass = 0.05\n"), "x", "x")
         outcome = judge(given, law, Coupling(1e4, 1e3, 0.0)).certificate.outcomes[Claim.SAMPLED_POLES]
         design = np.array([550.0, 0.0, 1e4, 1e3, 0.0])
         radii = spectral_radius(on_devices(given, design, corners(given)))
@@ -435,7 +435,7 @@ def test_bands_to_the_ends_of_the_axis():
         "[coupling]\ndrag = { min = 0.0, max = 5.0 }\n[stability]\nband_hz = [0.0, inf]\n"
     )
     for tables in (WIDE, WIDE + HELD):
-        given = parse_problem(text + tables, "x", "x")
+        given = parse_problem(for_passive_hands(text + tables), "x", "x")
         found = solve(given)
         assert found.status is Status.CERTIFIED
         assert found.judgement.certificate.proved_band == (0.0, inf)
@@ -463,7 +463,7 @@ def test_random_boxes_hold_no_device_that_fails(seed, capsys):
     """Random problems with random boxes, some with operators; 60 devices of each judged by plain complex numbers."""
     rng, met = np.random.default_rng(seed), {}
     for (text, widths), _ in zip(boxed_texts(seed, rng), range(40), strict=False):
-        posed = parse_problem(text, "p", "p")
+        posed = parse_problem(for_passive_hands(text), "p", "p")
         found, given = solve(posed), posed.device
         met[found.status.value] = met.get(found.status.value, 0) + 1
         for _ in range(60 if found.status is Status.CERTIFIED else 0):

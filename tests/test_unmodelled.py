@@ -27,7 +27,7 @@ FACTOR, BAND = 1.05, (0.5, 100.0)
 DEMANDS = (
     "[gains]\nvelocity = { min = 1.0, max = 1000.0 }\nposition = { min = 0.0, max = 1e5 }\n"
     "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n[transparency]\nband_hz = [0.5, 30.0]\nreference_impedance = 10.0\n"
-    "[stability]\nband_hz = [0.5, 100.0]\n"
+    "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
 )
 DISC = "[uncertainty]\nunmodelled = [[1.0, 0.02], [100.0, 0.1], [400.0, 1.0]]\n"
 TABLE = np.array([[1.0, 0.02], [100.0, 0.1], [400.0, 1.0]])

@@ -9,6 +9,7 @@ from time import process_time
 
 import numpy as np
 import pytest
+from conftest import for_passive_hands
 from random_problems import on_devices, random_devices
 from test_uncertainty import failing, numbers
 
@@ -57,7 +58,7 @@ def random_texts(seed):
 
 def settled(text, devices=40):
     """Return the status and the processor time of a search that must end; a proved design holds on random devices."""
-    given, began = parse_problem(text, "x", "x"), process_time()
+    given, began = parse_problem(for_passive_hands(text), "x", "x"), process_time()
     found = solve(given)
     seconds = process_time() - began
     assert found.status in (Status.CERTIFIED, Status.INFEASIBLE), text
@@ -77,7 +78,7 @@ def test_a_worst_device_far_from_every_vertex_is_met(text):
 
 def test_a_design_of_a_wider_box_means_one_of_a_narrower():
     wide, narrow = HARD[1].replace("delay = 0.5", "delay = 0.9"), HARD[1]
-    errors = [solve(parse_problem(text, "x", "x")).judgement.error for text in (narrow, wide)]
+    errors = [solve(parse_problem(for_passive_hands(text), "x", "x")).judgement.error for text in (narrow, wide)]
     assert errors[0] <= errors[1]
 
 
@@ -115,11 +116,8 @@ def test_long_delays_are_proved(samples, damping, widths):
 
 def test_where_every_phase_occurs_a_device_refutes_what_fails():
     """Gains some times too high for one frequency far above the least at which the delays turn the phase fully."""
-    given = parse_problem(
-        DEVICE.format(1.0, 1.0, 1e-3, 0.1) + "[stability]\nband_hz = [20.0, 100.0]\n[uncertainty]\ndelay = 0.9\n",
-        "x",
-        "x",
-    )
+    text = DEVICE.format(1.0, 1.0, 1e-3, 0.1) + "[stability]\nband_hz = [20.0, 100.0]\n[uncertainty]\ndelay = 0.9\n"
+    given = parse_problem(for_passive_hands(text), "x", "x")
     found = solve(given).judgement
     assert found.status is Status.CERTIFIED
     lighter = Coupling(found.coupling.damping * 0.999, found.coupling.mass * 0.999, 0.0)
@@ -132,7 +130,7 @@ def test_where_every_phase_occurs_a_device_refutes_what_fails():
 @pytest.mark.parametrize("text", HARD, ids=["three", "delay"])
 def test_the_least_ratio_of_a_box_is_found(text):
     """Among many random devices of the box none has a lower one."""
-    given = parse_problem(text, "x", "x")
+    given = parse_problem(for_passive_hands(text), "x", "x")
     bounds = given.bounds
     gains, coupling = Gains(3 * bounds.velocity.min, 0.0), Coupling(3e4 * bounds.velocity.min, 1.0, 0.0)
     judgement = judge(given, gains, coupling)
@@ -148,7 +146,7 @@ def test_the_least_ratio_of_a_box_is_found(text):
 def test_a_mass_of_any_size_is_proved():
     """Nine decades of it, with a design that hardly needs to know."""
     text = DEVICE.format(1.0, 1.0, 1e-3, 0.0) + "[uncertainty]\nmass = 0.999999999\n"
-    assert solve(parse_problem(text, "x", "x")).status is Status.CERTIFIED
+    assert solve(parse_problem(for_passive_hands(text), "x", "x")).status is Status.CERTIFIED
 
 
 def test_exp_of_a_wide_interval_is_bounded():

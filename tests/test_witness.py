@@ -68,6 +68,7 @@ position = {position}
 [coupling]
 drag = {drag}
 [stability]
+criterion = 'passive'
 band_hz = [0.0, inf]
 max_sensitivity = 3.0
 """

@@ -22,9 +22,9 @@ much happens within little. Half or twice as many lead to the same designs, in m
 LOWEST, PER_DECADE = 1e-4, 24
 """Least angle omega T beside 0, and angles per decade. What is below the least is at its limit to 1e-8. Half as many
 angles may miss one of two neighbouring extrema; twice as many are twice the time."""
-SOFT = np.geomspace(1e-6, 1.0, 49)
-"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for a drag.
-Half or twice as many find the same hand, which is looked at closer; softer ones ask for next to nothing."""
+SOFT = np.geomspace(1e-12, 1.0, 97)
+"""Shares of the range of stiffness that are looked at at angle 0, where a soft spring and a late loop ask for drag, for
+most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
 ROUNDS = 22
@@ -77,6 +77,25 @@ def loops_in_hands(
     return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
 
 
+@lru_cache(maxsize=64)
+def loops_at_rest(device: Device, hands: Hands, spacing: int = 1) -> LoopsInHands:
+    """Return the loop of a device at angle 0 in soft springs, of which which asks for most depends on the gains.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    spacing : of the stiffnesses that are looked at, in those of `SOFT`
+    """
+    low, high = hands.low, hands.high
+    stiffness = np.unique(low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT[::spacing]))
+    masses = np.unique((low.mass, high.mass))
+    some = Hand(*(each.ravel() for each in np.meshgrid(masses, low.damping, stiffness, indexing="ij")))
+    plant = plant_in_hand(device, Hand(*(number[:, None] for number in astuple(some))), delays_of(device), FLOATS)
+    theta = np.zeros(1)
+    return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
+
+
 @dataclass(frozen=True, slots=True)
 class RatioInHand:
     """The least Re Z_c / R in hands, next to a frequency.
@@ -121,15 +140,11 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     return sorted(found, key=lambda each: each.ratio)
 
 
-def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, float, float]:
-    """Return the hand that asks for most at angle 0: the stiffness that does may be any share of its range."""
-    low, high = hands.low, hands.high
-    stiffness = low.stiffness + (high.stiffness - low.stiffness) * np.append(0.0, SOFT)
-    plant = plant_in_hand(device, Hand(low.mass, low.damping, stiffness[:, None]), delays_of(device), FLOATS)
-    found = required_in_hand(loop_in_hand(plant, np.zeros(1), FLOATS), gains)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        required = np.nan_to_num((found.lost / found.size).ravel(), nan=0.0)
-    return low.mass, low.damping, float(stiffness[np.argmax(required)])
+def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
+    """Return the hand that asks for most at angle 0."""
+    where = loops_at_rest(device, hands)
+    most = int(np.argmax(np.nan_to_num(where.required(gains).ravel(), nan=0.0)))
+    return tuple(float(number[most]) for number in astuple(where.hands))
 
 
 def _closer(
@@ -163,9 +178,14 @@ def _closer(
         step_angle = np.where(moved_angle, step_angle, step_angle / 2)
     numbers = low[:, None] + width[:, None] * share**2
     return [
-        RatioInHand(float(1 / need) if need > 0 else inf, float(at / device.sample_time), Hand(*map(float, hand)))
+        RatioInHand(_inverse(float(need)), float(at / device.sample_time), Hand(*map(float, hand)))
         for need, at, hand in zip(best, theta, numbers.T, strict=True)
     ]
+
+
+def _inverse(need: float) -> float:
+    """Return the ratio, 0 where Re Z_c is."""
+    return inf if need <= 0 else 1 / need if need < 1e200 else 0.0
 
 
 def _ranges(hands: Hands) -> list[tuple[float, float]]:

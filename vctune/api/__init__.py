@@ -13,7 +13,7 @@ tables as a dict, a `Problem`, or the `ProblemFile` that `problem` makes of any 
 >>> best = solved.judgement
 >>> low, high = best.certificate.proved_band_hz
 >>> print(f"proved from {low:.2g} to {high:.3g} Hz")
-proved from 0.49 to 103 Hz
+proved from 0 to 106 Hz
 >>> check(wheel, best.gains, best.coupling).result.value
 'passed'
 """

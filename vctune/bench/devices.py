@@ -42,7 +42,7 @@ def _document(rng: np.random.Generator) -> dict[str, Any]:
     found |= {"sample_time": T, "hold": "lag" if chance(1 / 3) else "zoh"}
     if chance(0.5):
         found["delay"] = T * min(decades(-8, 2.2), MOST_DELAY)
-    document: dict[str, Any] = {"device": found}
+    document: dict[str, Any] = {"device": found, "stability": {"criterion": "passive"}}
     tau = T / 2 + found.get("delay", 0.0)
     impedance = mass / tau + found["damping"]
     gains: dict[str, Any] = {}
@@ -56,11 +56,11 @@ def _document(rng: np.random.Generator) -> dict[str, Any]:
         low = min(0.5 / T, 1 / tau) * decades(-9, -1)
         high = min(low * decades(0.05, 9), 0.3 / T)
         document["transparency"] = {"band_hz": [low, high]}
-        document["stability"] = {"band_hz": [low * decades(-1, 0), min(high * decades(0, 1), 0.5 / T)]}
+        document["stability"]["band_hz"] = [low * decades(-1, 0), min(high * decades(0, 1), 0.5 / T)]
     if chance(0.2):
         document.setdefault("transparency", {})["norm"] = "peak"
     if chance(0.2):
-        document.setdefault("stability", {})["max_sensitivity"] = 1 + decades(-1, 1)
+        document["stability"]["max_sensitivity"] = 1 + decades(-1, 1)
     if chance(0.1):
         document["coupling"] = {"drag": {"min": 0.0, "max": impedance * decades(-4, 2)}}
     return document

@@ -1,4 +1,4 @@
-"""The reference problems: between them free and fixed loops, both holds, delays, K_p = 0, active bounds, two basins."""
+"""The reference problems, for any passive hand on a band: between them free and fixed loops, both holds, delays, K_p = 0, active bounds, two basins."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _wheel(gains: dict[str, Any], edge: float, **device: Any) -> dict[str, Any]:
         "gains": gains,
         "coupling": COUPLING,
         "transparency": FELT,
-        "stability": {"band_hz": [0.5, edge]},
+        "stability": {"criterion": "passive", "band_hz": [0.5, edge]},
     }
 
 
@@ -28,11 +28,14 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "two-basins": {
         **_wheel(LIMITS, 30.0, mass=0.8, damping=1.5, delay=1e-3),
         "transparency": {**FELT, "band_hz": [0.5, 20.0]},
-        "stability": {"band_hz": [0.2, 30.0]},
+        "stability": {"criterion": "passive", "band_hz": [0.2, 30.0]},
     },
     "friction-wheel": _wheel(PAPER, 100.0),
     "fast-sampling": _wheel(LIMITS, 120.0, mass=0.3, damping=0.4, sample_time=5e-4, delay=1e-4),
-    "desktop": {"device": {"mass": 0.05, "damping": 0.2, "sample_time": 2.5e-4}},
+    "desktop": {
+        "device": {"mass": 0.05, "damping": 0.2, "sample_time": 2.5e-4},
+        "stability": {"criterion": "passive"},
+    },
     "friction-wheel-paper": _wheel(PAPER, 100.0, hold="lag"),
     "lag-damped": _wheel(
         {"velocity": {"min": 1.0, "max": 200.0}, "position": {"min": 0.0, "max": 2e4}}, 100.0, hold="lag"
@@ -40,7 +43,7 @@ DOCUMENTS: dict[str, dict[str, Any]] = {
     "cobot-wrist": {
         "device": {"mass": 10.0, "damping": 20.0, "sample_time": 2e-3, "delay": 4e-3},
         "transparency": {"band_hz": [0.2, 5.0], "reference_impedance": 50.0},
-        "stability": {"band_hz": [0.2, 15.0]},
+        "stability": {"criterion": "passive", "band_hz": [0.2, 15.0]},
     },
     "at-bound": _wheel(LIMITS, 250.0, mass=1.0, delay=5e-4),
     "fixed-loop": _wheel({"velocity": 150.0, "position": 6000.0}, 100.0),

@@ -261,9 +261,8 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
         if samples.band.omega.size:
             needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
             places.append((samples.band.omega, np.maximum.reduce(needs)))
-        held = [there.in_hand for there in samples.everywhere if there.in_hand is not None]
-        if held:
-            each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
+        each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
+        for held in zip(*(there.in_hand for there in samples.everywhere if there.in_hand), strict=True):
             needs = [np.nan_to_num(hands.required(each), nan=0.0).max(axis=-2) for hands in held]
             half = held[0].theta / 2
             slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)

@@ -45,6 +45,7 @@ from vctune.model.transparency import PANEL_NODES, squared_terms
 OPTIONS: dict[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
+    "calc_lam_p": False,
     "expand": True,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
@@ -61,7 +62,8 @@ OPTIONS: dict[str, Any] = {
     "ipopt.min_refinement_steps": 0,
     "ipopt.max_refinement_steps": 1,
 }
-"""The last six are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
+"""Multipliers of the parameters are nobody's question, and CasADi warns on stderr where one is not finite. The last six
+are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
 
 
 class _SymbolArithmetic:

@@ -202,7 +202,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "transparency": TransparencyRecord(**asdict(judgement.transparency)),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
-            band_hz=[_hz(band.min), _hz(band.max)],
+            band_hz=[_hz(band.min), _hz(band.max)] if problem.passive else None,
             proved_band_hz=list(proved) if proved else None,
             proved_ratio=certificate.proved_ratio,
             min_ratio=judgement.min_ratio,

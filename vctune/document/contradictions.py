@@ -58,11 +58,11 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
 
 def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Fault]:
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
-    criterion = stability.get("criterion", "passive") if isinstance(stability, dict) else "passive"
-    if criterion != "passive" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
+    criterion = stability.get("criterion") if isinstance(stability, dict) else None
+    if criterion == "hands" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield (
             ("uncertainty", "unmodelled"),
-            'is not proved in hands; leave it out, or ask for stability.criterion = "passive"',
+            'is not proved in hands; leave it out, or ask for stability.criterion = "both" or "passive"',
         )
 
 

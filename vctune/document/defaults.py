@@ -48,12 +48,14 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     weights = objective.weights
 
     gains, coupling = document.gains, document.coupling
+    stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
+    dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
     bounds = Bounds(
         velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
         position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
         damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
         mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
-        drag=_range(coupling.drag, 0.0, Z_0 if document.stability.criterion != "passive" else 0.0),
+        drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
     )
     return Problem(
         name=document.name if document.name is not None else default_name,

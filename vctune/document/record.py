@@ -132,16 +132,20 @@ class ClaimRecord(Part):
     environment: EnvironmentRecord | None = None
 
     def rows(self) -> Iterator[Row]:
-        """Yield what is shown of a claim that is not proved."""
-        yield Row(self.claim, self.verdict, "" if self.witness_hz is None else f"at {text(self.witness_hz, 6)} Hz")
+        """Yield what is shown of a claim that is not proved; its text is too long for a label."""
+        yield Row(
+            "claim",
+            self.verdict,
+            self.claim + ("" if self.witness_hz is None else f", at {text(self.witness_hz, 6)} Hz"),
+        )
         if self.witness_device is not None:
-            yield Row(f"  with {self.witness_device}", "", "")
+            yield Row("", "", f"with {self.witness_device}")
         if self.witness_hand is not None:
-            yield Row(f"  in the hand of {self.witness_hand}", "", "")
+            yield Row("", "", f"in the hand of {self.witness_hand}")
         if self.environment is not None:
-            yield Row(f"  grows at {self.environment}", "", "")
+            yield Row("", "", f"grows at {self.environment}")
             if self.environment.hand != self.witness_hand:
-                yield Row(f"    in the hand of {self.environment.hand}", "", "")
+                yield Row("", "", f"in the hand of {self.environment.hand}")
 
 
 class WithoutOperatorRecord(Part):
@@ -172,14 +176,15 @@ class HandsRecord(Part):
     @property
     def promise(self) -> str:
         """What is proved if it is, in words."""
-        return f"in every hand {self.stated}, on every passive environment, at every frequency"
+        environments = "with every environment that is passive as the firmware runs it"
+        return f"in every hand {self.stated}, {environments}, at every frequency"
 
 
 class CertificateRecord(Part):
     """What is proved of absolute stability and of the velocity loop."""
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
-    band_hz: Annotated[Pair, Shown("band", "Hz")]
+    band_hz: Annotated[Pair | None, Shown("band", "Hz")]
     proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
     proved_ratio: Number
     min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz")]
@@ -196,8 +201,9 @@ class CertificateRecord(Part):
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
     def rows(self) -> Iterator[Row]:
-        """Yield what is shown of it, and the claims that are not proved."""
-        yield from super().rows()
+        """Yield what is shown of it, and the claims that are not proved; rows of a band only where there is one."""
+        shown = list(super().rows())
+        yield from shown if self.band_hz is not None else shown[:1]
         yield from self.without_operator.rows() if self.without_operator else ()
         yield from self.hands.rows() if self.hands else ()
         for claim in self.claims:
@@ -371,10 +377,13 @@ class DesignRecord(Part):
         """What is proved of the design, in words; nothing where it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
-        hands = [f"stable {self.certificate.hands.promise}"] if self.certificate.hands else []
-        low, high = (text(edge) for edge in self.certificate.band_hz)
-        any_hand = f"absolutely stable in any passive hand from {low} to {high} Hz, as far as the frequency model goes"
-        passive = [any_hand] if self.certificate.proved_band_hz is not None else []
+        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        hands = [f"stable{known} {self.certificate.hands.promise}"] if self.certificate.hands else []
+        band = self.certificate.band_hz
+        place = (
+            None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
+        )
+        passive = [f"absolutely stable in any passive hand {place}"] if place else []
         return "; ".join([*hands, *passive])
 
     @property

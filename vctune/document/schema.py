@@ -134,8 +134,8 @@ class CouplingTable(Table):
     )
     drag: Variable | None = Field(
         None,
-        description="b_0, N s/m. Default 0, and { min = 0, max = Z_0 } where hands are to be met: a stiff and hardly "
-        "damped one needs some.",
+        description="b_0, N s/m. Default { min = 0, max = Z_0 } where hands are to be met, since a stiff and hardly "
+        'damped one needs some, and 0 with the criterion "passive" or where the other four numbers are fixed.',
     )
 
 
@@ -163,7 +163,7 @@ class TransparencyTable(Table):
 
 
 class StabilityTable(Table):
-    """The demands: Llewellyn's conditions on a band, and a bound on the sampled loop's sensitivity."""
+    """The demands: stability in the hands of [operator], Llewellyn's conditions on a band, and a bound on |S|."""
 
     band_hz: tuple[Edge, Edge] | None = Field(
         None,
@@ -177,7 +177,7 @@ class StabilityTable(Table):
         2.0, description="Greatest |S| of the exact sampled loop, up to the Nyquist frequency."
     )
     criterion: Literal["passive", "hands", "both"] = Field(
-        "passive",
+        "both",
         description='"passive": any passive hand, on band_hz. "hands": every hand of [operator] with every passive '
         "environment, in the sampled loop at every frequency.",
     )

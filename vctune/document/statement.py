@@ -39,7 +39,7 @@ def statement(problem: Problem) -> dict[str, Any]:
             "band_hz": _hz(stability.band),
             "safety_factor": stability.safety_factor,
             "max_sensitivity": stability.max_sensitivity,
-            **({"criterion": stability.criterion} if problem.hands_met is not None else {}),
+            "criterion": stability.criterion,
         },
     }
     if problem.uncertainty is not None:
