@@ -19,7 +19,7 @@ from vctune.simulation import plant
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.assembly import Assembly, applied, assembly, sensing
 from vctune.simulation.assembly import transition as assembled_transition
-from vctune.simulation.controller import Measurement, State, control, encoded
+from vctune.simulation.controller import Measurement, State, control, encoded, remembered_by
 from vctune.simulation.friction import Slide, friction_force
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing
@@ -80,7 +80,7 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     felt = arriving[-1] + inputs[4] if scene.force_noise > 0 else arriving[-1]
     measurement = Measurement(seen.motor.x, seen.motor.v, felt)
     remembered, command = control(scene.law, State(**memory), measurement, SYMBOLS)
-    changed = [name for name in names if getattr(remembered, name) is not memory[name]]
+    changed = remembered_by(scene.law)
     record = [seen.handle.x, seen.handle.v, seen.force]
     record += [remembered.reference, remembered.desired, command.environment, command.force]
     record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
