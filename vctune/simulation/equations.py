@@ -98,7 +98,7 @@ STATE = {
         "desired": ("v_e", "m/s", "velocity of the environment"),
         "coupling": ("f_c", "N", "force of the coupling's damper and mass"),
         "integral": ("i", "m s", "integrated position error"),
-        "measured": ("x", "m", "position at the sample before"),
+        "measured": ("x", "m", "position of the motor"),
         "filtered": ("v_1", "m/s", "velocity behind the first low-pass"),
         "twice_filtered": ("v_2", "m/s", "velocity behind the second low-pass"),
         "inertia": ("f_m", "N", "force of the environment's mass"),
@@ -132,12 +132,12 @@ def estimate(parts: Parts) -> Iterator[Equation]:
     velocity: Term = _now("measured_velocity")
     if parts.difference:
         velocity = (_now("measured") - _was("measured")) / _now("sample_time")
-    yield _new("raw_velocity", "v", "m/s", "velocity before the low-passes", velocity)
+    yield _new("raw_velocity", "v'", "m/s", "velocity before the low-passes", velocity)
     source = "raw_velocity"
     for name in ("filtered", "twice_filtered")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
         source = name
-    yield _new("velocity", "v^", "m/s", "velocity that the law acts on", _now(source))
+    yield _new("velocity", "v_hat", "m/s", "velocity that the law acts on", _now(source))
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
@@ -199,10 +199,10 @@ def law(parts: Parts) -> Iterator[Equation]:
         step = _now("coupling_step") * (_now("desired") - _was("desired"))
         yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
     reference = _now("middle") + _now("half_sample_time") * _now("desired")
-    yield _new("led", "x_e", "m", "x_e before it is held to the handle", reference)
+    yield _new("led", "x_e'", "m", "x_e before it is held to the handle", reference)
     error: Term = _now("led") - _now("measured")
     if parts.limit:
-        yield _new("ahead", "e", "m", "position error before it is limited", error)
+        yield _new("ahead", "e'", "m", "position error before it is limited", error)
         error = maximum(-_now("position_reach"), minimum(_now("position_reach"), _now("ahead")))
         yield _new("error", "e", "m", "position error", error)
         yield _kept("reference", _now("led") - (_now("ahead") - _now("error")))
@@ -216,6 +216,6 @@ def law(parts: Parts) -> Iterator[Equation]:
             integral = maximum(-_now("integral_reach"), minimum(_now("integral_reach"), integral))
         yield _kept("integral", integral)
         force = force + _now("integral_gain") * _now("integral")
-    yield _new("asked", "u", "N", "force before it is limited", force)
+    yield _new("asked", "u'", "N", "force before it is limited", force)
     limited = maximum(-_now("limit"), minimum(_now("limit"), _now("asked"))) if parts.limit else _now("asked")
     yield _new("command", "u", "N", "force that the motor is commanded", limited)

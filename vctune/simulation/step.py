@@ -28,8 +28,9 @@ from vctune.simulation.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 
 CHUNK = 1024
 """Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
-COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
-"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u; x and v are the handle's."""
+COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
+"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is what is sensed
+of f_h."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """What it also records where the motor does not move as the handle."""
 INPUTS = 5
@@ -82,7 +83,7 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     remembered, command = control(scene.law, State(**memory), measurement, SYMBOLS)
     changed = remembered_by(scene.law)
     record = [seen.handle.x, seen.handle.v, seen.force]
-    record += [remembered.reference, remembered.desired, command.environment, command.force]
+    record += [remembered.reference, remembered.desired, command.environment, command.force, felt]
     record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
     commanded = [command.force, *queue]
     state = ca.vertcat(body, *(memory[name] for name in changed), *queue, *late)

@@ -1,0 +1,33 @@
+"""What stands beside the controller: vectors.csv and replay.c, a Makefile, the bridge to the simulation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vctune.export.c_source import names_and_numbers, rendered_template, statement
+from vctune.export.firmware import Firmware
+from vctune.export.vectors import Replay, experiment_line, greatest_difference, vectors_text
+
+ALLOWED_ULP = 0
+"""Every operation is rounded as it was simulated: no digit differs."""
+
+
+def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
+    """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile.
+
+    Parameters
+    ----------
+    made : the design as firmware
+    simulated : what it is to replay
+    """
+    given: dict[str, Any] = {
+        **names_and_numbers(made),
+        "experiments": [experiment_line(one, difference=made.parts.difference) for one in simulated],
+        "ulp": ALLOWED_ULP,
+        "top_lines": statement(made),
+    }
+    if made.precision == "single":
+        measured = greatest_difference(made, simulated)
+        given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
+    written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
+    return {"vectors.csv": vectors_text(simulated), **written}
