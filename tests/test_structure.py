@@ -20,6 +20,7 @@ FLOORS = [
     "simulation",
     "design",
     "study",
+    "export",
     "report",
     "api",
     "bench",

@@ -59,7 +59,7 @@ def statement(made: Firmware) -> list[str]:
     ----------
     made : the design as firmware
     """
-    doubt = [] if certified(made) else [f"NOT PROVED. {made.record.status}: {made.doubt}", ""]
+    doubt = [] if certified(made) else [not_proved(made), ""]
     proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
     single = "Proved again with the constants below, rounded to single precision, and with their sample time."
     return [
@@ -72,6 +72,11 @@ def statement(made: Firmware) -> list[str]:
         *([single] if certified(made) and made.precision == "single" else []),
         *assumptions(made),
     ]
+
+
+def not_proved(made: Firmware) -> str:
+    """Return what is said first of a design that is not certified."""
+    return f"NOT PROVED. {made.record.status}: {made.doubt}"
 
 
 def assumptions(made: Firmware) -> list[str]:

@@ -6,7 +6,7 @@ import json
 from math import isfinite
 from typing import Any
 
-from vctune.export.c_source import BUILT_IN, LIMITING, assumptions, state_names
+from vctune.export.c_source import BUILT_IN, LIMITING, assumptions, not_proved, state_names
 from vctune.export.c_text import plain
 from vctune.export.firmware import Firmware, certified
 from vctune.simulation import equations
@@ -45,8 +45,8 @@ def controller_record(made: Firmware) -> dict[str, Any]:
     blocks = ("estimate", "drive", "environment", "law")
     assert all(isfinite(number) for number in made.coefficients.values())
     return {
+        **({} if certified(made) else {"not_proved": not_proved(made)}),
         "schema": SCHEMA,
-        **({} if certified(made) else {"not_proved": made.doubt}),
         "name": made.name,
         "problem_sha256": made.problem_sha256,
         "design_sha256": made.design_sha256,

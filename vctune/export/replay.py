@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.export.c_source import names_and_numbers, rendered_template, statement
-from vctune.export.firmware import Firmware
+from vctune.export.c_source import names_and_numbers, not_proved, rendered_template, statement
+from vctune.export.c_text import comment
+from vctune.export.firmware import Firmware, certified
 from vctune.export.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
@@ -24,10 +25,16 @@ def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
         **names_and_numbers(made),
         "experiments": [experiment_line(one, difference=made.parts.difference) for one in simulated],
         "ulp": ALLOWED_ULP,
-        "top_lines": statement(made),
+        "hash_top": commented(statement(made)),
     }
     if made.precision == "single":
         measured = greatest_difference(made, simulated)
         given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
     written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
-    return {"vectors.csv": vectors_text(simulated), **written}
+    doubt = "" if certified(made) else commented([not_proved(made)]) + "\n"
+    return {"vectors.csv": doubt + vectors_text(simulated), **written}
+
+
+def commented(texts: list[str]) -> str:
+    """Return texts as lines that begin with #."""
+    return "\n".join(f"# {line}".rstrip() for text in texts for line in comment(text) or [""])
