@@ -20,7 +20,7 @@ FLOORS = [
     "simulation",
     "design",
     "study",
-    "export",
+    "firmware",
     "report",
     "api",
     "bench",

@@ -16,7 +16,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
-from vctune.export.firmware import Firmware, Precision, certified, firmware
+from vctune.firmware.firmware import Firmware, Precision, certified, firmware
 from vctune.model.quantities import Coupling, Gains
 
 Format = Literal["c", "fmu", "json"]
@@ -164,12 +164,12 @@ def _record(source: Any) -> DesignRecord | None:
 
 def files_of(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
     if to == "json":
-        from vctune.export.coefficients import controller_json
+        from vctune.firmware.coefficients import controller_json
 
         return {"controller.json": controller_json(made)}
-    from vctune.export.c_source import c_source
-    from vctune.export.replay import replay_files
-    from vctune.export.vectors import replays
+    from vctune.firmware.c_source import c_source
+    from vctune.firmware.replay import replay_files
+    from vctune.firmware.vectors import replays
 
     sources = c_source(made)
     return {**sources, **replay_files(made, replays(file, made, progress))}

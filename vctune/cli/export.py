@@ -11,7 +11,7 @@ from vctune.cli.options import out_option
 
 if TYPE_CHECKING:
     from vctune.api.exporting import Format
-    from vctune.export.firmware import Precision
+    from vctune.firmware.firmware import Precision
 
 
 @click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
@@ -40,8 +40,8 @@ def export(source: Path, gains: Path | None, to: Format, precision: Precision, u
     from vctune.design.judge import Status
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
-    from vctune.export.c_source import statement
-    from vctune.export.firmware import certified, firmware
+    from vctune.firmware.c_source import statement
+    from vctune.firmware.firmware import certified, firmware
 
     file, design = stated_design(source, gains, None)
     with progress_on_stderr(f"vctune export {source.name}", shown=True) as progress:

@@ -1,7 +1,7 @@
 """The firmware as difference equations with named coefficients, in the order in which they are executed.
 
 From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
-(`vctune/export/`).
+(`vctune/firmware/`).
 """
 
 from __future__ import annotations

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.export.c_source import names_and_numbers, not_proved, rendered_template, statement
-from vctune.export.c_text import comment
-from vctune.export.firmware import Firmware, certified
-from vctune.export.vectors import Replay, experiment_line, greatest_difference, vectors_text
+from vctune.firmware.c_source import names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_text import comment
+from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
 """Every operation is rounded as it was simulated: no digit differs."""

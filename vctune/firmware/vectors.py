@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from vctune.document.errors import printable
 from vctune.document.reading import ProblemFile, problem_file
-from vctune.export.firmware import Firmware
+from vctune.firmware.firmware import Firmware
 from vctune.model.arithmetic import Number
 from vctune.model.experiment import Experiment
 from vctune.simulation import equations
@@ -140,9 +139,8 @@ def commands(firmware: Firmware, one: Replay, number: Callable[[float], Number])
 def experiment_line(one: Replay, *, difference: bool) -> str:
     """Return an experiment as an element of the table in replay.c, with the position at the start for a difference."""
     rendered = one.experiment.environment
-    name = printable(one.experiment.name).encode("ascii", "backslashreplace").decode()
-    name = name.replace("\\", "\\\\").replace('"', '\\"').replace("?", "\\?")
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
     begin = [*([one.position] if difference else []), one.reference, one.experiment.limit or 0.0]
-    return f'{{"{name}", {", ".join([*map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))])}}},'
+    fields = [f'"{one.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))]
+    return f"{{{', '.join(fields)}}},"

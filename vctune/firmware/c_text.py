@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from vctune.document.errors import printable
-from vctune.export.firmware import Precision
+from vctune.firmware.firmware import Precision
 from vctune.simulation.equations import Equation
 from vctune.simulation.expression import Operation, Symbol, Term
 
@@ -100,7 +100,8 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 def comment(text: str, width: int = 110) -> list[str]:
     """Return a text as lines that fit into a comment of C, which they cannot end."""
     lines, line = [], ""
-    for word in printable(text).encode("ascii", "backslashreplace").decode().replace("*/", "* /").split():
+    plain_text = printable(text).encode("ascii", "replace").decode()
+    for word in plain_text.replace("/", " / ").split() if "*" in text else plain_text.split():
         if line and len(line) + 1 + len(word) > width:
             lines.append(line)
             line = ""

@@ -6,9 +6,9 @@ import json
 from math import isfinite
 from typing import Any
 
-from vctune.export.c_source import BUILT_IN, LIMITING, assumptions, not_proved, state_names
-from vctune.export.c_text import plain
-from vctune.export.firmware import Firmware, certified
+from vctune.firmware.c_source import BUILT_IN, LIMITING, assumptions, not_proved, state_names
+from vctune.firmware.c_text import plain
+from vctune.firmware.firmware import Firmware, certified
 from vctune.simulation import equations
 from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Quantity
 from vctune.version import __version__

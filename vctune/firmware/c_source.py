@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from vctune.export.c_text import code, comment, literal, operations
-from vctune.export.firmware import Firmware, certified
+from vctune.firmware.c_text import code, comment, literal, operations
+from vctune.firmware.firmware import Firmware, certified
 from vctune.simulation import equations
 from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
 from vctune.simulation.expression import Symbol
@@ -42,7 +42,7 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     templates = Environment(  # C and XML are no HTML of a page: nothing is escaped here
-        loader=PackageLoader("vctune.export"),
+        loader=PackageLoader("vctune.firmware"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
