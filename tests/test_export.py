@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import zipfile
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
@@ -409,6 +411,87 @@ def test_a_library_of_something_else_is_refused(folder):
     (folder / "gains.toml").write_text(FIXED.format(160.0))
     refused = vctune("simulate", "good.toml", "gains.toml", "--controller", "else.so", cwd=folder)
     assert refused.returncode == ExitCode.BAD_INPUT and "vctune_bridge.c" in refused.stderr
+
+
+@pytest.fixture(scope="module")
+def unit(made, tmp_path_factory):
+    """The FMU of the filtered device, and where the vectors of its C are."""
+    pytest.importorskip("fmpy")
+    folder = made("filtered")
+    told = export(folder.parent.parent / "device.toml", to="fmu", unproved=True)
+    path = write_export(told, tmp_path_factory.mktemp("fmu")) / next(iter(told.files))
+    return path, folder
+
+
+@has("gcc")
+def test_the_fmu_is_valid_and_its_binary_is_made_of_its_sources(unit):
+    from fmpy.validation import validate_fmu
+
+    path, _ = unit
+    assert validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as packed:
+        names = packed.namelist()
+        assert {"modelDescription.xml", "sources/vctune_controller.c", "binaries/linux64/vctune_fmu.so"} <= set(names)
+        described = packed.read("modelDescription.xml").decode()
+        folder = path.parent / "unpacked"
+        packed.extractall(folder)
+    assert described.count("NOT PROVED") == 2  # at its top, and in what a tool shows of it
+    assert done("gcc", *WARNINGS, "-c", "vctune_fmu.c", "-o", "out.o", cwd=folder / "sources").stderr == ""
+    again = export(unit[1].parent.parent / "device.toml", to="fmu", unproved=True)
+    assert next(iter(again.files.values())) == path.read_bytes()  # the same bytes
+
+
+@has("gcc")
+def test_the_fmu_replays_the_vectors(unit):
+    """In FMPy, to the last bit; and a step of another length is refused."""
+    from fmpy import extract, read_model_description
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import FMU2Slave
+
+    path, folder = unit
+    described = read_model_description(str(path))
+    at = {one.name: one.valueReference for one in described.modelVariables}
+    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
+    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
+    place = extract(str(path))
+    slave = FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier=described.coSimulation.modelIdentifier)
+    slave.instantiate()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    rendered = {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004}
+    given = {f"environment_{name}": number for name, number in rendered.items()} | {"limit": 2.0}
+    given |= {"start_position": rows[0, 0], "start_reference": rows[0, 0]}
+    slave.setReal([at[name] for name in given], list(given.values()))
+    slave.setBoolean([at["wall"]], [True])
+    slave.exitInitializationMode()
+    commanded, T = [], 1e-3
+    for k, row in enumerate(rows):
+        slave.setReal([at["position"], at["velocity"], at["force"]], row[:3].tolist())
+        slave.doStep(k * T, T)
+        commanded += slave.getReal([at["command"]])
+    assert commanded == rows[:, 3].tolist()
+    with pytest.raises(FMICallException):
+        slave.doStep(len(rows) * T, 2 * T)
+    with pytest.raises(FMICallException):
+        slave.setReal([at["force"]], [float("nan")])
+    slave.terminate()
+    slave.freeInstance()
+    shutil.rmtree(place)
+
+
+def test_an_fmu_without_a_compiler_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    refused = vctune("export", "good.toml", "--to", "fmu", cwd=folder)
+    assert refused.returncode == ExitCode.BAD_INPUT and "install gcc or clang" in refused.stderr
+    assert not (folder / "results").exists()
+
+
+@has("gcc")
+def test_an_fmu_that_is_not_proved_says_so(folder):
+    told = export(folder / "poor.toml", to="fmu", unproved=True)
+    with zipfile.ZipFile(BytesIO(next(iter(told.files.values())))) as packed:
+        for name in packed.namelist():
+            assert name.endswith(".so") or b"NOT PROVED" in b"".join(packed.read(name).splitlines()[:3]), name
 
 
 def test_behind_a_limit_the_position_error_stays_within_reach():

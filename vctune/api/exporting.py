@@ -13,7 +13,7 @@ from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError, Mistake
-from vctune.document.files import Content, make_folder, write_together
+from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
 from vctune.firmware.firmware import Firmware, Precision, certified, firmware
@@ -167,6 +167,10 @@ def files_of(file: ProblemFile, made: Firmware, to: Format, progress: Progress) 
         from vctune.firmware.coefficients import controller_json
 
         return {"controller.json": controller_json(made)}
+    if to == "fmu":
+        from vctune.firmware.fmu import fmu
+
+        return {f"{folder_name(made.name)}.fmu": fmu(made)}
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays

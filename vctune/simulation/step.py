@@ -118,12 +118,12 @@ class _Wired:
     """The symbols of a scene around its firmware: body, commands and forces on their way, and what is read of them."""
 
     begin: Equilibrium
-    moving: Assembly | None
+    mechanism: Assembly | None
     body: Any
     inputs: Any
     queue: list[Any]
     late: list[Any]
-    seen: _Seen
+    motion: _Seen
     measurement: Measurement
 
 
@@ -151,7 +151,7 @@ def _wire(scene: Scene, inputs: int) -> _Wired:
 
 
 def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware) -> Step:
-    seen, inputs, body, begin = wired.seen, wired.inputs, wired.body, wired.begin
+    seen, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
     commanded = [firmware.answer[-1], *wired.queue]
     record = [seen.handle.x, seen.handle.v, seen.force, *firmware.answer, wired.measurement.force]
     record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
@@ -159,17 +159,17 @@ def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware
     state = ca.vertcat(body, *firmware.memory, *wired.queue, *wired.late)
     kept = ca.vertcat(*firmware.kept, *commanded[:-1], *arriving[:-1])
     start = [
-        *_at_rest(scene, wired.moving, begin),
+        *_at_rest(scene, wired.mechanism, begin),
         *firmware.start,
         *(begin.motor for _ in wired.queue),
         *(begin.hand for _ in wired.late),
     ]
     if scene.friction is None:
-        exact = _moved_exactly(scene, wired.moving, body, inputs, commanded)
+        exact = _moved_exactly(scene, wired.mechanism, body, inputs, commanded)
         one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
     else:
         given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
-        one = _with_friction(scene, wired.moving, scene.friction, stretch, given)
+        one = _with_friction(scene, wired.mechanism, scene.friction, stretch, given)
     return Step(one, np.array(start))
 
 
