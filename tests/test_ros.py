@@ -99,7 +99,7 @@ def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
 
 
 def radius(problem, axis, coefficient, hand, *, smoothed=False):
-    """Return the spectral radius of the arm under the stepped admittance, with its filter if it is to be stepped too."""
+    """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
     K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
     memory = Sampled(real_of(problem.device), OracleHand(*hand), DOUBLES)
     count = memory.size

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -164,9 +165,12 @@ def _record(source: Any) -> DesignRecord | None:
 
 def files_of(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
     if to == "json":
-        from vctune.firmware.coefficients import controller_json
+        from vctune.firmware.coefficients import controller_record
+        from vctune.report.controller import controller_page
 
-        return {"controller.json": controller_json(made)}
+        record = controller_record(made)
+        page = controller_page(record, made.device, made.gains, made.coupling)
+        return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
     if to == "fmu":
         from vctune.firmware.fmu import fmu
 

@@ -1,8 +1,7 @@
-"""Every difference equation with its coefficients, as JSON for other languages."""
+"""Every difference equation with its coefficients, for other languages: the object of controller.json."""
 
 from __future__ import annotations
 
-import json
 from math import isfinite
 from typing import Any
 
@@ -68,11 +67,6 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         "output": "command",
         "versions": {"vctune": __version__},
     }
-
-
-def controller_json(made: Firmware) -> str:
-    """Return the text of controller.json."""
-    return json.dumps(controller_record(made), indent=1, allow_nan=False) + "\n"
 
 
 def _told(quantity: Quantity) -> dict[str, str]:
