@@ -351,6 +351,8 @@ def test_a_design_is_exported_as_it_was_solved(folder):
     assert told.firmware.gains == Gains(**record["gains"])
     from_record = export(record)
     assert from_record.files == told.files
+    assert vctune("export", path, cwd=folder).returncode == ExitCode.OK
+    assert (folder / "results/good/firmware/vctune_controller.c").read_text() == told.files["vctune_controller.c"]
     assert vctune("export", path, "good.toml", cwd=folder).returncode == ExitCode.BAD_INPUT
     path.write_text(json.dumps(record | {"problem": record["problem"] | {"sha256": "0" * 64}}))
     assert "was changed" in vctune("export", path, cwd=folder).stderr

@@ -145,7 +145,9 @@ def stated_design(
         raise InputError(named, [Mistake("gains", "is a design of its own; name a problem file with other gains")])
     if record.design is None:
         raise InputError(named, [Mistake("gains", f"nothing to export: {record.reason or record.status}")])
-    file = ProblemFile(parse_problem(record.problem.text, named, record.problem.name), record.problem.text, named)
+    file = ProblemFile(
+        parse_problem(record.problem.text, named, record.problem.name), record.problem.text, record.problem.name
+    )
     if file.sha256 != record.problem.sha256:
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
         raise InputError(named, [Mistake("problem.sha256", message)])
