@@ -37,17 +37,17 @@ EXPERIMENTS = """
 [[experiment]]
 name = "everything at once"
 environment = { mass = 0.1, damping = 3.0, stiffness = 5000.0, zero = 0.004, wall = true }
-operator = { to = 0.01, cycles = 1, mass = 0.1 }
+operator = { to = 0.01, speed = 0.04, cycles = 1, mass = 0.1 }
 friction = { coulomb = 0.3, stiction = 0.4 }
 sensors = { position_resolution = 1e-5, force_noise = 0.01 }
 actuator = { limit = 2.0 }
 [[experiment]]
 name = "lossless"
 environment = { mass = 0.05, stiffness = 200.0, rule = "trapezoid" }
-operator = { from = 0.001, to = 0.01, cycles = 1 }
+operator = { from = 0.001, to = 0.01, speed = 0.05, cycles = 1 }
 [[experiment]]
 name = "free motion"
-operator = { to = 0.01, cycles = 1, motion = "sine" }
+operator = { to = 0.01, speed = 0.1, cycles = 1, motion = "sine" }
 """
 NAME = r"""name = 'a /* ??/ \ %d " é */ name'
 """
@@ -505,6 +505,30 @@ def test_an_fmu_that_is_not_proved_says_so(folder):
             assert name.endswith(".so") or b"NOT PROVED" in b"".join(packed.read(name).splitlines()[:3]), name
 
 
+def test_a_limit_that_does_not_act_changes_nothing():
+    """To the last bit, also where the position part alone asks for more than it: the certified loop is linear."""
+    from vctune.simulation.arithmetic import FLOATS
+    from vctune.simulation.controller import Measurement, State, control
+
+    device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
+    free = designed_law(device, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.5), NOTHING)
+    limited = replace(free, limit=30.0)
+    states = [State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * 2
+    rng, beyond = np.random.default_rng(5), 0
+    for _ in range(500):
+        position, force = float(rng.normal(0.0, 3e-3)), float(rng.normal(0.0, 1.0))
+        # a velocity by which the damping part holds against the position part
+        ahead = states[0].reference + 1e-3 * states[0].desired - position
+        seen = Measurement(position, states[0].desired + 40 * ahead, force)
+        (states[0], one), (states[1], other) = (
+            control(law, state, seen, FLOATS) for law, state in zip((free, limited), states, strict=True)
+        )
+        assert (states[0], one) == (states[1], other)
+        assert abs(one.force) < 30.0
+        beyond += abs(6000.0 * (states[0].reference - position)) > 30.0
+    assert beyond > 10
+
+
 def test_behind_a_limit_the_position_error_stays_within_reach():
     """What the limit can hold: the position part alone never asks for more, and is back as soon as the hand lets go."""
     from vctune.simulation.arithmetic import FLOATS
@@ -526,7 +550,7 @@ def test_behind_a_limit_the_position_error_stays_within_reach():
 
 @pytest.mark.slow
 @has("make", "gcc")
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(20))
 def test_random_designs_replay_to_the_last_bit(seed, tmp_path):
     """Random devices with random parts, gains with and without an integrator, random environments, both precisions."""
     rng = np.random.default_rng(seed)

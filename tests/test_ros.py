@@ -130,24 +130,30 @@ def test_what_is_proved_is_stable_as_it_is_stepped(arm):
         assert radius(problem, axis, 0.05, hand, smoothed=True) < 1
 
 
-def test_what_is_refuted_names_a_hand_that_makes_it_grow_and_what_would_help(arm):
-    changed(arm, selected_axes="[false, false, false, true, false, false]", filter_coefficient="0.9")
+ROTATION = {"selected_axes": "[false, false, false, true, false, false]", "filter_coefficient": "0.9"}
+"""An axis that is too light for a stiff hand, and is no translation."""
+
+
+def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
+    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])  # they are looked for below
+    changed(arm, **ROTATION)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
-    assert "a rotation" in done.stdout and "coupling.drag" in done.stdout
-    hand = done.stdout.split("Hz in the hand of ")[-1].split(";")[0].split(", ")
+    assert "a rotation" in done.stdout
+    hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
     told = tuple(float(number.split()[0]) for number in hand)
-    corner = corner_hz(0.9, T)
-    (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner}\n")
+    (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
     problem, axis = read_problem(arm / "late.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
     assert radius(problem, axis, 0.9, told) > 1
-    better = done.stdout.split("damping_ratio ")[1].split()[0]
-    changed(
-        arm,
-        selected_axes="[false, false, false, true, false, false]",
-        filter_coefficient="0.9",
-        damping_ratio=six(float(better)),
-    )
+
+
+@pytest.mark.slow
+def test_what_would_help_does(arm):
+    changed(arm, **ROTATION)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert "coupling.drag" in done.stdout
+    better = float(done.stdout.split("damping_ratio ")[1].split()[0])
+    changed(arm, **ROTATION, damping_ratio=six(better))
     assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
 
 

@@ -37,7 +37,8 @@ class Simulation:
     file : the problem
     gains, coupling : the design
     experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
-    controller : name of the compiled controller that ran in the place of the design's own; None for none
+    controller, made_for : name of the compiled controller that ran in the place of the design's own, and digest of the
+        problem that it was made for; None for none
     """
 
     file: ProblemFile
@@ -45,6 +46,7 @@ class Simulation:
     coupling: Coupling
     experiments: tuple[Simulated, ...]
     controller: str | None = None
+    made_for: str | None = None
 
     @property
     def stable(self) -> bool:
@@ -100,7 +102,8 @@ def simulate(
     law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
     compiled = None if controller is None else CompiledController(Path(controller))
     runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
-    return Simulation(file, law, coupling, runs, None if compiled is None else compiled.path.name)
+    told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
+    return Simulation(file, law, coupling, runs, *told)
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from vctune.api.files import claim_folder
+from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
@@ -70,8 +71,10 @@ def export(
 
     Raises
     ------
+    NotCertifiedError
+        If the design is not certified, and `unproved` was not asked for; an `InputError` as well.
     InputError
-        If there is no design, or it is not certified, or an FMU is asked for where there is no C compiler.
+        If there is no design, or an FMU is asked for where there is no C compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -80,14 +83,18 @@ def export(
     progress("proving")
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
-        raise InputError(file.problem.name, [Mistake("", refusal(made))])
-    return Exported(file, made, files_of(file, made, to, progress))
+        raise NotCertifiedError(made)
+    return Exported(file, made, _files(file, made, to, progress))
 
 
-def refusal(made: Firmware) -> str:
-    """Return why a firmware is not exported, and what to do."""
-    single = " with the constants rounded to single precision" if made.precision == "single" else ""
-    return f"not exported: {made.record.status}{single}: {made.doubt}; --unproved exports it all the same, and says so"
+class NotCertifiedError(InputError):
+    """A design is not exported, for it is not certified; `status` is what it is."""
+
+    def __init__(self, made: Firmware) -> None:
+        single = " with the constants rounded to single precision" if made.precision == "single" else ""
+        self.status = Status(made.record.status)
+        message = f"not exported: {self.status.value}{single}: {made.doubt}; --unproved exports it, and says so"
+        super().__init__(made.name, [Mistake("", message)])
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
@@ -165,7 +172,7 @@ def _record(source: Any) -> DesignRecord | None:
     return None
 
 
-def files_of(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
+def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
     if to == "json":
         from vctune.firmware.coefficients import controller_record
         from vctune.report.controller import controller_page

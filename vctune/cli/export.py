@@ -33,25 +33,28 @@ def export(source: Path, gains: Path | None, to: Format, precision: Precision, u
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
     leaves it undecided; nothing is written then, unless --unproved is given.
     """
-    from vctune.api.exporting import Exported, files_of, refusal, stated_design, write_export
+    from vctune.api.exporting import NotCertifiedError, write_export
+    from vctune.api.exporting import export as make
     from vctune.cli.exits import of_status
     from vctune.cli.output import emit
     from vctune.cli.progress import progress_on_stderr
-    from vctune.design.judge import Status
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
+    from vctune.document.reading import read_gains
+    from vctune.exit_codes import ExitCode
     from vctune.firmware.c_source import statement
-    from vctune.firmware.firmware import certified, firmware
 
-    file, design = stated_design(source, gains, None)
-    with progress_on_stderr(f"vctune export {source.name}", shown=True) as progress:
-        progress("proving")
-        made = firmware(file, *design, precision)
-        if not certified(made) and not unproved:
-            click.echo(f"{printable(file.problem.name)}: {printable(refusal(made))}", err=True)
-            return of_status(Status(made.record.status))
-        files = files_of(file, made, to, progress)
-        place = write_export(Exported(file, made, files), out / folder_name(file.problem.name))
-    emit("\n".join(printable(line) for line in statement(made) if line))
-    click.echo(f"written to {place}: {', '.join(files)}", err=True)
-    return 0
+    given = read_gains(gains) if gains else None
+    design = (given.gains, given.coupling) if given else ()
+    try:
+        with progress_on_stderr(f"vctune export {source.name}", shown=True) as progress:
+            exported = make(source, *design, to=to, precision=precision, unproved=unproved, progress=progress)
+            place = write_export(exported, out / folder_name(exported.firmware.name))
+    except NotCertifiedError as refused:
+        click.echo(str(refused), err=True)
+        return of_status(refused.status)
+    if given and given.sha256 not in (None, exported.firmware.problem_sha256):
+        click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
+    emit("\n".join(printable(line) for line in statement(exported.firmware) if line))
+    click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
+    return ExitCode.OK

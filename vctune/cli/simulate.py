@@ -63,6 +63,8 @@ def simulate(
         if design is None:
             return ExitCode.FAILED
         simulation = run(file, *design, name, controller=controller, progress=progress)
+        if simulation.made_for not in (None, file.sha256):
+            click.echo(f"{controller}: made for another version of the problem (sha256 differs)", err=True)
         progress("writing and drawing")
         if controller is not None:
             folder = folder / IN_THE_LOOP

@@ -259,6 +259,6 @@ def _wrapped(line: str) -> list[str]:
     """Return a long line in two or more, broken before an operator."""
     if len(line) + 4 <= WIDTH:
         return [line]
-    places = [at for at in range(WIDTH // 2, WIDTH - 4) if line[at : at + 3] in (" + ", " - ", " ? ", " : ")]
+    places = [at for at in range(WIDTH // 4, WIDTH - 4) if line[at : at + 3] in (" + ", " - ", " ? ", " : ")]
     at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # not within parentheses
     return [line[:at], *_wrapped(f"    {line[at + 1 :]}")]

@@ -15,6 +15,8 @@ from vctune.simulation.expression import Operation, Symbol, Term
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
 """How strongly an operator holds its operands."""
+HOLDING = BINDING | {"choice": 0}
+"""The same of operators that are operands themselves; what is not here is a call."""
 COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
 
 
@@ -111,5 +113,5 @@ def comment(text: str, width: int = 110) -> list[str]:
 
 def _held(text: str, term: Term, binding: int) -> str:
     """Return an operand, in parentheses where it is held less strongly than the operator around it asks."""
-    own = BINDING.get(term.operator, 9) if isinstance(term, Operation) else 9
+    own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
     return f"({text})" if own < binding else text

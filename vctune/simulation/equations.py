@@ -192,30 +192,37 @@ def law(parts: Parts) -> Iterator[Equation]:
     """Yield coupling, reference and the law K_v + K_p/s on the velocity error, limited.
 
     x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at
-    (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Behind a limit x_e stays as near
-    to the handle as the limit can hold it: the integrator does not wind up.
+    (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
+    as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
     """
     if parts.coupling:
         step = _now("coupling_step") * (_now("desired") - _was("desired"))
         yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
     reference = _now("middle") + _now("half_sample_time") * _now("desired")
-    yield _new("led", "x_e'", "m", "x_e before it is held to the handle", reference)
-    error: Term = _now("led") - _now("measured")
-    if parts.limit:
-        yield _new("ahead", "e'", "m", "position error before it is limited", error)
-        error = maximum(-_now("position_reach"), minimum(_now("position_reach"), _now("ahead")))
-        yield _new("error", "e", "m", "position error", error)
-        yield _kept("reference", _now("led") - (_now("ahead") - _now("error")))
-    else:
-        yield _new("error", "e", "m", "position error", error)
-        yield _kept("reference", _now("led"))
+    yield _new("led", "x_e'", "m", "x_e, unless the limit acts", reference)
+    yield _new("error", "e", "m", "position error", _now("led") - _now("measured"))
     force = _now("velocity_gain") * (_now("desired") - _now("velocity")) + _now("position_gain") * _now("error")
     if parts.integral:
         integral = _was("integral") + _now("sample_time") * _now("error")
-        if parts.limit:
-            integral = maximum(-_now("integral_reach"), minimum(_now("integral_reach"), integral))
-        yield _kept("integral", integral)
-        force = force + _now("integral_gain") * _now("integral")
+        yield _new("summed", "i'", "m s", "integrated position error, unless the limit acts", integral)
+        force = force + _now("integral_gain") * _now("summed")
     yield _new("asked", "u'", "N", "force before it is limited", force)
-    limited = maximum(-_now("limit"), minimum(_now("limit"), _now("asked"))) if parts.limit else _now("asked")
-    yield _new("command", "u", "N", "force that the motor is commanded", limited)
+    if not parts.limit:
+        yield _kept("reference", _now("led"))
+        if parts.integral:
+            yield _kept("integral", _now("summed"))
+        yield _new("command", "u", "N", "force that the motor is commanded", _now("asked"))
+        return
+    yield _new("size", "|u'|", "N", "its size", maximum(-_now("asked"), _now("asked")))
+    slip = choice(_now("size"), _now("limit"), _now("error") - _within("position_reach", _now("error")), 0.0)
+    yield _new("slip", "d", "m", "by how much x_e goes back to the handle where the limit acts", slip)
+    yield _kept("reference", _now("led") - _now("slip"))
+    if parts.integral:
+        held = _within("integral_reach", _now("summed"))
+        yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
+    yield _new("command", "u", "N", "force that the motor is commanded", _within("limit", _now("asked")))
+
+
+def _within(bound: str, term: Symbol) -> Expression:
+    """Return a term that is kept from minus a bound to the bound."""
+    return maximum(-_now(bound), minimum(_now(bound), term))
