@@ -227,3 +227,43 @@ def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
     monkeypatch.setitem(sys.modules, "yaml", None)
     refused = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert refused.returncode == ExitCode.BAD_INPUT and 'pip install "vctune[ros]"' in refused.stderr
+
+
+@pytest.mark.slow
+def test_verdicts_hold_on_random_arms(arm, monkeypatch):
+    """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
+    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])
+    outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
+    assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
+
+
+def random_arm(rng, arm):
+    """Check a random arm, and hold the verdict against the loop as it is stepped; return which it is."""
+    mass, gain = 10 ** rng.uniform(0, 1.3), 10 ** rng.uniform(-1.5, -0.6)
+    loop = [gain * mass / T, gain * mass / T * 10 ** rng.uniform(0, 1)]
+    numbers = [mass, rng.uniform(1, 30), rng.uniform(0, 1.5e-3), *loop]
+    table = "[device]\nmass = {}\ndamping = {}\nsample_time = 1e-3\ndelay = {}\n[gains]\nvelocity = {}\nposition = {}\n"
+    text, coefficient = table.format(*numbers), float(rng.uniform(0.05, 0.95))
+    (arm / "arm.toml").write_text(text)
+    (arm / "late.toml").write_text(f"{text}[device.force_sensor]\nbandwidth_hz = {corner_hz(coefficient, T)}\n")
+    changed(
+        arm,
+        filter_coefficient=coefficient,
+        mass=six(float(10 ** rng.uniform(0, 1.2))),
+        damping_ratio=six(float(10 ** rng.uniform(-1.2, 0.6))),
+        stiffness=six(float(10 ** rng.uniform(1, 3))),
+    )
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    bare, late = (read_problem(arm / name).problem for name in ("arm.toml", "late.toml"))
+    axis = read_admittance(arm / "ros.yaml").axes[0]
+    if done.returncode == ExitCode.OK:
+        for share in rng.uniform(size=(20, 3)):
+            hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
+            assert radius(late, axis, coefficient, hand) < 1
+            assert radius(bare, axis, coefficient, hand, smoothed=True) < 1
+        return "proved"
+    if " it grows at " in done.stdout:
+        hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
+        assert radius(late, axis, coefficient, tuple(float(number.split()[0]) for number in hand)) > 1
+        return "grows"
+    return "open"
