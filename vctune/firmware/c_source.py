@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from vctune.firmware.c_text import code, comment, literal, operations
@@ -88,13 +89,18 @@ def assumptions(made: Firmware) -> list[str]:
         (device.force_sensor, "force sensor"),
         (device.structure, "structure"),
     ]
-    known = ", ".join(name for part, name in parts if part is not None)
+    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
+    box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     return [
-        f"Assumed: a linear device of {device.mass!r} kg and {device.damping!r} N s/m with {known or 'ideal parts'}; "
-        f"a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the sample and is held; the "
+        f"Assumed: a linear device of {device.mass!r} kg and {device.damping!r} N s/m with "
+        f"{known or 'ideal parts'}{box}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the sample and is held; the "
         "force is sampled just before; environments are passive as they run. Of static friction, a limited force, "
         "quantisation and the rounding of each operation nothing is proved.",
     ]
+
+
+def _numbers(part: Any) -> str:
+    return ", ".join(f"{name} {number}" for name, number in asdict(part).items() if number is not None)
 
 
 def names_and_numbers(made: Firmware) -> dict[str, Any]:
@@ -122,6 +128,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
     return {
         "top": top,
         "period": f"{round(T * 1e9)}",
+        "sample_time": repr(T),
         "double": double,
         "real": "double" if double else "float",
         "zero": literal(0.0, made.precision),
@@ -181,15 +188,7 @@ def _code(made: Firmware) -> dict[str, Any]:
 
 def state_names(made: Firmware) -> list[str]:
     """Return what a firmware remembers, the mass of its environment apart."""
-    parts = made.parts
-    needed = {
-        "measured": parts.difference,
-        "filtered": parts.low_passes > 0,
-        "twice_filtered": parts.low_passes > 1,
-        "integral": False,
-        "inertia": False,
-    }
-    return [name for name in STATE if needed.get(name, True)]
+    return [name for name in equations.remembered(made.parts) if name != "inertia"]
 
 
 def used(blocks: dict[str, list[Equation]]) -> set[str]:
@@ -228,7 +227,7 @@ def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, st
         **{Symbol(name): f"VCTUNE_{name.upper()}" for name in made.coefficients},
         **{Symbol(quantity.name): f"measurement->{_short(quantity)}" for quantity in INPUTS},
         **{Symbol(name, before=True): f"state->{name}" for name in STATE},
-        **{Symbol(name): f"state->{name}" for name in ("limit", "position_reach")},
+        **{Symbol(name): f"state->{name}" for name in LIMITING},
         **local,
     }
 

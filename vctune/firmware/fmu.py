@@ -114,7 +114,6 @@ def _given(made: Firmware) -> dict[str, Any]:
         **names_and_numbers(made),
         "reals": [name.upper() for name, *_ in REALS],
         "guid": _guid(made),
-        "sample_time": repr(made.device.sample_time),
         "absent": absent,
     }
 

@@ -166,16 +166,7 @@ def coefficients_of(law: Law) -> dict[str, float]:
 
 def remembered_by(law: Law) -> tuple[str, ...]:
     """Return the fields of `State` that a firmware needs at its next sample."""
-    parts = parts_of(law)
-    needed = {
-        "coupling": parts.coupling,
-        "integral": parts.integral,
-        "measured": parts.difference,
-        "filtered": parts.low_passes > 0,
-        "twice_filtered": parts.low_passes > 1,
-        "inertia": parts.mass and parts.trapezoid,
-    }
-    return tuple(name for name in _REMEMBERED if needed.get(name, True))
+    return equations.remembered(parts_of(law))
 
 
 @lru_cache(maxsize=64)

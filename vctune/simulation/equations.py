@@ -107,6 +107,19 @@ STATE = {
 """What a firmware can have to remember."""
 
 
+def remembered(parts: Parts) -> tuple[str, ...]:
+    """Return what of `STATE` a firmware needs at its next sample."""
+    needed = {
+        "coupling": parts.coupling,
+        "integral": parts.integral,
+        "measured": parts.difference,
+        "filtered": parts.low_passes > 0,
+        "twice_filtered": parts.low_passes > 1,
+        "inertia": parts.mass and parts.trapezoid,
+    }
+    return tuple(name for name in STATE if needed.get(name, True))
+
+
 def _new(name: str, symbol: str, unit: str, meaning: str, right: Term) -> Equation:
     return Equation(Quantity(name, symbol, unit, meaning), right)
 
