@@ -93,9 +93,9 @@ def assumptions(made: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     built = f"a linear device of {device.mass!r} kg and {device.damping!r} N s/m with {known or 'ideal parts'}{box}"
     return [
-        f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the sample and "
-        "is held; the force is sampled just before; environments are passive as they run. Of static friction, a limited "
-        "force, quantisation and the rounding of each operation nothing is proved.",
+        f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
+        "sample and is held; the force is sampled just before; environments are passive as they run. Of static "
+        "friction, a limited force, quantisation and the rounding of each operation nothing is proved.",
     ]
 
 
