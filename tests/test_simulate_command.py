@@ -175,7 +175,7 @@ def traced(force, operator=HAND, T=1e-3, environment_force=None):
     x, v, still = path.position, path.velocity, np.zeros(count)
     f = force(x, v)
     f_e = f if environment_force is None else environment_force(x, v)
-    return Traces(np.arange(count) * T, x, x, v, f, x, v, f_e, still + 0.25, None)
+    return Traces(np.arange(count) * T, x, x, v, f, x, v, f_e, still + 0.25, f, None)
 
 
 def measured(force, environment, operator=HAND, limit=None, **options):

@@ -20,6 +20,7 @@ FLOORS = [
     "simulation",
     "design",
     "study",
+    "firmware",
     "report",
     "api",
     "bench",
@@ -90,6 +91,8 @@ def test_heavy_libraries_stay_in_their_rooms():
         "pyarrow": "study/table.py",
         "scipy": "bench",
         "mpmath": "bench",
+        "yaml": "document/ros.py",
+        "ctypes": "simulation/library.py",
     }
     for library, home in homes.items():
         for path in PACKAGE.rglob("*.py"):

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
     from vctune.api.experiments import simulate as simulate
+    from vctune.api.exporting import export as export
+    from vctune.api.exporting import write_export as write_export
     from vctune.api.files import write_design as write_design
     from vctune.api.files import write_report as write_report
     from vctune.api.regions import region as region
@@ -69,6 +71,7 @@ _HOME = {
     "check": "api.checking",
     "check_region": "api.checking",
     "design_record": "design.record",
+    "export": "api.exporting",
     "front": "api.studies",
     "judge": "design.judge",
     "problem": "document.building",
@@ -78,6 +81,7 @@ _HOME = {
     "solve": "api.solving",
     "sweep": "api.studies",
     "write_design": "api.files",
+    "write_export": "api.exporting",
     "write_report": "api.files",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""

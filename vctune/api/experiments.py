@@ -12,8 +12,7 @@ import numpy as np
 
 from vctune.api.files import DESIGN_FILE
 from vctune.design.optimum import Progress
-from vctune.document.building import ProblemSource
-from vctune.document.building import design as design_of
+from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
 from vctune.document.design import read_design
 from vctune.document.errors import InputError, Mistake
@@ -25,6 +24,7 @@ from vctune.model.experiment import Experiment
 from vctune.model.quantities import Coupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run
+from vctune.simulation.library import CompiledController
 from vctune.simulation.record import simulation_record, trace_arrays
 
 
@@ -37,12 +37,16 @@ class Simulation:
     file : the problem
     gains, coupling : the design
     experiments : each with the runs of the design and of the regular PID: `traces`, `metrics`, `mode`
+    controller, made_for : name of the compiled controller that ran in the place of the design's own, and digest of the
+        problem that it was made for; None for none
     """
 
     file: ProblemFile
     gains: Gains
     coupling: Coupling
     experiments: tuple[Simulated, ...]
+    controller: str | None = None
+    made_for: str | None = None
 
     @property
     def stable(self) -> bool:
@@ -55,7 +59,7 @@ class Simulation:
         return self._measured().to_json()
 
     def _measured(self) -> SimulationRecord:
-        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments))
+        return simulation_record(self.file, self.gains, self.coupling, list(self.experiments), self.controller)
 
     def _repr_html_(self) -> str:
         from vctune.report.experiments import HEADINGS, measured_rows
@@ -69,6 +73,7 @@ def simulate(
     coupling: Coupling | None = None,
     experiment: Experiment | str | None = None,
     *,
+    controller: str | Path | None = None,
     progress: Progress = lambda stage: None,
 ) -> Simulation:
     """Simulate a design in the experiments of a problem.
@@ -79,6 +84,8 @@ def simulate(
     gains : N s/m and N/m, with their coupling; or the path of a gains file; None for what `solve` finds
     coupling : N s/m and kg
     experiment : the only one to simulate, by name or as it is; None for all of the problem
+    controller : path of a compiled controller, or of its folder, to run in the place of the design's own; each
+        experiment then has its `difference`
     progress : told the stage of the work
 
     Returns
@@ -88,13 +95,15 @@ def simulate(
     Raises
     ------
     InputError
-        If problem or design are none, there is no such experiment, or solving finds no design.
+        If problem or design are none, there is no such experiment or controller, or solving finds no design.
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    law, coupling = _found(file, progress) if gains is None else _given(gains, coupling)
-    runs = tuple(run(file.problem, law, coupling, one, progress=progress) for one in chosen)
-    return Simulation(file, law, coupling, runs)
+    law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
+    compiled = None if controller is None else CompiledController(Path(controller))
+    runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
+    told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
+    return Simulation(file, law, coupling, runs, *told)
 
 
 def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment, ...]:
@@ -155,11 +164,6 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     else:
         write_together({**measured, **simulation_files(record, folder)})
     return value
-
-
-def _given(gains: Gains | str | Path, coupling: Coupling | None) -> tuple[Gains, Coupling]:
-    given = design_of(gains, coupling)
-    return given.gains, given.coupling
 
 
 def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, Coupling]:

@@ -34,6 +34,9 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
     each of them. A folder stands for the .toml files in it.
 
+    A YAML file in the place of GAINS is a parameter file of a ROS 2 admittance_controller: each of its selected axes is
+    checked with the device of one PROBLEM whose [gains] are fixed.
+
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
     be proved.
     """
@@ -43,10 +46,15 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
     from vctune.design.check import check as check_files
+    from vctune.document.ros import is_admittance
     from vctune.exit_codes import ExitCode
 
     files = [file for path in paths for file in _files(path)]
-    found = check_files(files) if baseline is None else _against(baseline, files, out)
+    admittances = [file for file in files if is_admittance(file)]
+    if admittances and baseline is None:
+        found = _admittances([file for file in files if file not in admittances], admittances)
+    else:
+        found = check_files(files) if baseline is None else _against(baseline, files, out)
     checks = [replace(checked, strict=strict) for checked in found]
     emit(FORMATS[style](checks))
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
@@ -69,6 +77,20 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     elif gone := remove_lost(folder):
         click.echo(f"nothing is lost any more: removed {', '.join(gone)} from {folder}", err=True)
     return [checked, *(check_files(files) if len(files) > 1 else [])]
+
+
+def _admittances(problems: list[Path], admittances: list[Path]) -> list[Checked]:
+    """Check parameter files of ROS 2 against one problem."""
+    from vctune.design.admittance_check import check_admittance
+    from vctune.document.errors import InputError, Mistake
+    from vctune.document.reading import read_problem
+    from vctune.document.ros import read_admittance
+
+    if len(problems) != 1:
+        message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
+        raise InputError(str(admittances[0]), [Mistake("", message)])
+    problem = read_problem(problems[0])
+    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path))]
 
 
 def _files(path: Path) -> list[Path]:

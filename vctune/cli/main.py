@@ -9,6 +9,7 @@ import click
 from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
+from vctune.cli.export import export
 from vctune.cli.front import front
 from vctune.cli.region import region
 from vctune.cli.report import report
@@ -55,6 +56,7 @@ main.add_command(check)
 main.add_command(sweep)
 main.add_command(front)
 main.add_command(simulate)
+main.add_command(export)
 main.add_command(report)
 main.add_command(region)
 main.add_command(bound)

@@ -14,18 +14,31 @@ if TYPE_CHECKING:
     from vctune.document.reading import ProblemFile
     from vctune.model.quantities import Coupling, Gains
 
+IN_THE_LOOP = "in-the-loop"
+"""The folder of what a compiled controller came to, in that of the design."""
+
 
 @click.command(short_help="Simulate a design in the problem's experiments.")
 @problem_argument
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option("--experiment", "name", help="Name of the only experiment to simulate.  [default: all]")
 @out_option()
+@click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print simulation.json instead of the table.")
-def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_json: bool) -> int:
+def simulate(
+    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, as_json: bool
+) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
 
     Writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's report. Exit
     code 1 if the design diverges or is unstable with an experiment's hand and environment, or if there is none.
+
+    With --controller a compiled firmware runs in the place of the design's own, and is compared with it; the files then
+    are in the folder `in-the-loop` beside the design's.
     """
     import json
 
@@ -34,6 +47,7 @@ def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_
     from vctune.api.files import design_folder
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
+    from vctune.document.files import make_folder
     from vctune.document.reading import read_gains, read_problem
     from vctune.exit_codes import ExitCode
 
@@ -48,8 +62,13 @@ def simulate(problem: Path, gains: Path | None, name: str | None, out: Path, as_
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
-        simulation = run(file, *design, name, progress=progress)
+        simulation = run(file, *design, name, controller=controller, progress=progress)
+        if simulation.made_for not in (None, file.sha256):
+            click.echo(f"{controller}: made for another version of the problem (sha256 differs)", err=True)
         progress("writing and drawing")
+        if controller is not None:
+            folder = folder / IN_THE_LOOP
+            make_folder(folder)
         record = write_simulation(simulation, folder)
     if as_json:
         emit(json.dumps(record, indent=1, allow_nan=False))

@@ -14,7 +14,7 @@ from rich.table import Table
 from vctune.document.errors import printable
 from vctune.document.part import text
 from vctune.document.record import DesignRecord, RepairRecord
-from vctune.document.simulation import LeastVirtualRecord, SimulationRecord
+from vctune.document.simulation import DifferenceRecord, LeastVirtualRecord, SimulationRecord
 
 LEAST_WIDTH = 80
 WIDE = 120
@@ -82,8 +82,21 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
             table.add_row(*(escape(printable(cell)) for cell in row))
         console.print(table)
         for one in record.experiments:
+            if one.difference is not None:
+                console.print(f"{escape(printable(one.name))}: {_apart(one.difference)}", soft_wrap=True)
             if one.least_virtual is not None:
                 console.print(f"{escape(printable(one.name))}: {_least(one.least_virtual)}", soft_wrap=True)
+
+
+def _apart(difference: DifferenceRecord) -> str:
+    if difference.force is None:
+        return "the firmware's commands are not finite"
+    if difference.force == 0:
+        return "the firmware's commands are those of the design to the last bit"
+    return (
+        f"the firmware's commands are within {difference.force:.3g} N of the design's own on the same measurements, "
+        f"farthest at {difference.time_s:.4g} s"
+    )
 
 
 def _least(least: LeastVirtualRecord) -> str:

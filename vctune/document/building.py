@@ -111,6 +111,12 @@ def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> Gains
     return GainsFile(gains, coupling, None, gains_text(gains, coupling, {}))
 
 
+def plain_design(gains: Gains | str | Path, coupling: Coupling | None = None) -> tuple[Gains, Coupling]:
+    """Return gains and coupling of a design, of what `design` takes."""
+    given = design(gains, coupling)
+    return given.gains, given.coupling
+
+
 def plain(value: Any) -> Any:
     """Return a value as TOML has it: objects as tables, what is None left out, NumPy's numbers as Python's."""
     if is_dataclass(value) and not isinstance(value, type):

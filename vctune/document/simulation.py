@@ -92,6 +92,13 @@ class RunRecord(Part):
     curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
 
 
+class DifferenceRecord(Part):
+    """By how much a firmware's command differs at most from the design's on what was measured, N, and when, s."""
+
+    force: Number
+    time_s: float
+
+
 class ExperimentRecord(Part):
     """An experiment with the runs of the regular PID and of the design."""
 
@@ -102,6 +109,7 @@ class ExperimentRecord(Part):
     least_virtual: LeastVirtualRecord | None
     baseline: RunRecord | None
     design: RunRecord
+    difference: DifferenceRecord | None = None
 
 
 class SimulationRecord(Part):
@@ -112,13 +120,16 @@ class SimulationRecord(Part):
     coupling: CouplingRecord
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
+    controller: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the object of simulation.json; every number in it is finite or null."""
         return {"schema": SCHEMA} | self.model_dump(exclude_unset=True)
 
     def is_of(self, design: DesignRecord) -> bool:
-        """Whether it is of the very design and experiments of a design.json."""
+        """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""
+        if self.controller is not None:
+            return False
         given = design.problem
         if self.problem.sha256 != given.sha256 or (self.gains, self.coupling) != (design.gains, design.coupling):
             return False

@@ -61,7 +61,10 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     return [
         (experiment.name, controller, *_cells(run))
         for experiment in simulation.experiments
-        for run, controller in ((experiment.baseline, "regular PID"), (experiment.design, "this design"))
+        for run, controller in (
+            (experiment.baseline, "regular PID"),
+            (experiment.design, simulation.controller or "this design"),
+        )
         if run is not None
     ]
 

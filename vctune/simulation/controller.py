@@ -1,13 +1,22 @@
-"""The firmware: one pure function from (state, measurement) to (state, force), to be ported line by line."""
+"""The firmware: one pure function from (state, measurement) to (state, force), as `equations` describes it.
+
+`vctune export` makes C of the same equations.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import lru_cache
 
 from vctune.model.arithmetic import Number
 from vctune.model.experiment import Environment
 from vctune.model.quantities import Coupling
+from vctune.simulation import equations
 from vctune.simulation.arithmetic import Arithmetic
+from vctune.simulation.coefficients import coupling_coefficients, environment_coefficients, limit_coefficients
+from vctune.simulation.equations import Equation, Parts
+from vctune.simulation.expression import Symbol, value
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +34,7 @@ class Law:
     difference : whether the velocity is the backward difference of the measured position; measured itself if not
     smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
     low_passes : how many of them, up to 2
-    limit : greatest force, N; None for none
+    limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
     """
 
     sample_time: float
@@ -59,7 +68,7 @@ class State:
     Attributes
     ----------
     reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
-    coupling : velocity of the coupling's mass, m/s
+    coupling : force of the coupling's damper and mass, N
     integral : of the position error, m s
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
@@ -88,10 +97,7 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     """Run the firmware for one sample.
 
     The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
-    What is stiff is implicit: v_e solves this equation at the end of the sample. Coupling and x_e follow the
-    trapezoidal rule, whose impedances at omega are the continuous ones at (2/T) tan(omega T/2): it takes nothing
-    from Re Z_c, on which the certificate rests. The environment follows backward Euler, which stays passive and
-    damps what it cannot resolve, so that a wall may be as stiff as one likes; or the trapezoidal rule too, lossless.
+    What is stiff is implicit: v_e solves this equation at the end of the sample.
 
     Parameters
     ----------
@@ -105,52 +111,76 @@ def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -
     state : to remember
     command : for the motor
     """
-    T = law.sample_time
-    position = encoded(law, measurement.position, ops)
-    velocity, filtered, twice_filtered = _velocity(law, state, measurement.velocity, position)
+    written, given = _written(law)
+    known = dict(given)
+    known |= {Symbol(name, before=True): getattr(state, name) for name in _REMEMBERED}
+    known[Symbol("measured_position")] = measurement.position
+    known[Symbol("measured_velocity")] = measurement.velocity
+    known[Symbol("measured_force")] = measurement.force
+    for equation in written:
+        known[Symbol(equation.quantity.name)] = value(equation.right, known, ops)
+    remembered = {name: known[Symbol(name)] for name in remembered_by(law)}
+    kept = State(**{name: remembered.get(name, getattr(state, name)) for name in _REMEMBERED})
+    return kept, Command(known[Symbol("command")], known[Symbol("environment_force")])
 
-    lossless = law.environment.rule == "trapezoid" and law.environment.mass > 0
-    rendered = 2 * law.environment.mass if lossless else law.environment.mass
-    mass = (law.virtual_mass + rendered) / T
-    resistance, memory = mass + law.virtual_damping, mass * state.desired
-    if lossless:
-        memory = memory + state.inertia
-    alpha = share = 0.0
-    if law.coupling is not None:
-        alpha = T * law.coupling.damping / (2 * law.coupling.mass)
-        share = law.coupling.damping / (1 + alpha)
-        resistance = resistance + share + law.coupling.drag
-        memory = memory + share * ((1 - alpha) * state.coupling + alpha * state.desired)
-    middle = state.reference + T / 2 * state.desired
-    desired, environment = _rendered(law, measurement.force + memory, resistance, middle, ops)
-    inertia = rendered / T * (desired - state.desired)
-    if lossless:
-        inertia = inertia - state.inertia
-    environment = environment + inertia
-    reference = middle + T / 2 * desired
-    coupling = state.coupling
-    if law.coupling is not None:
-        coupling = ((1 - alpha) * state.coupling + alpha * (desired + state.desired)) / (1 + alpha)
 
-    error = reference - position
-    force = law.velocity * (desired - velocity) + law.position * error
-    integral = state.integral
-    if law.integral > 0:
-        integral = state.integral + T * error
-        force = force + law.integral * integral
-    if law.limit is not None:
-        force = ops.maximum(-law.limit, ops.minimum(law.limit, force))
-    remembered = State(
-        reference=reference,
-        desired=desired,
-        coupling=coupling,
-        integral=integral,
-        measured=position if law.difference else state.measured,
-        filtered=filtered,
-        twice_filtered=twice_filtered,
-        inertia=inertia if lossless else state.inertia,
+_REMEMBERED = tuple(field.name for field in fields(State))
+
+
+def parts_of(law: Law) -> Parts:
+    """Return what a firmware consists of."""
+    rendered = law.environment
+    return Parts(
+        quantised=law.position_resolution > 0,
+        difference=law.difference,
+        low_passes=law.low_passes,
+        coupling=law.coupling is not None,
+        virtual=law.virtual_mass > 0,
+        mass=rendered.mass > 0,
+        trapezoid=rendered.rule == "trapezoid",
+        contact=rendered.stiffness > 0 or rendered.damping > 0,
+        wall=rendered.wall,
+        integral=law.integral > 0,
+        limit=law.limit is not None,
     )
-    return remembered, Command(force, environment)
+
+
+def coefficients_of(law: Law) -> dict[str, float]:
+    """Return the coefficients of a firmware by their names in `equations.COEFFICIENTS`."""
+    T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time)
+    given["resistance"] += law.virtual_mass / T + law.virtual_damping
+    return {
+        "sample_time": T,
+        "half_sample_time": T / 2,
+        "velocity_gain": law.velocity,
+        "position_gain": law.position,
+        "integral_gain": law.integral,
+        "virtual_inertance": law.virtual_mass / T,
+        "smoothing": 1.0 if law.smoothing is None else law.smoothing,
+        "resolution": law.position_resolution,
+        **given,
+        **environment_coefficients(law.environment, T),
+        **limit_coefficients(law.limit, law.position, law.integral),
+    }
+
+
+def remembered_by(law: Law) -> tuple[str, ...]:
+    """Return the fields of `State` that a firmware needs at its next sample."""
+    return equations.remembered(parts_of(law))
+
+
+@lru_cache(maxsize=64)
+def _written(law: Law) -> tuple[tuple[Equation, ...], dict[Symbol, Number]]:
+    """Return the equations of a firmware and the values of its coefficients."""
+    written = tuple(_blocks(parts_of(law)))
+    return written, {Symbol(name): number for name, number in coefficients_of(law).items()}
+
+
+def _blocks(parts: Parts) -> Iterator[Equation]:
+    yield from equations.estimate(parts)
+    yield from equations.drive(parts)
+    yield from equations.environment(parts)
+    yield from equations.law(parts)
 
 
 def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
@@ -162,36 +192,9 @@ def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
     position : m
     ops : arithmetic of the position
     """
-    if law.position_resolution == 0:
-        return position
-    return law.position_resolution * ops.floor(position / law.position_resolution + 0.5)
-
-
-def _velocity(law: Law, state: State, measured: Number, position: Number) -> tuple[Number, Number, Number]:
-    """Return the velocity that the law acts on, and what its two low-passes remember."""
-    velocity = (position - state.measured) / law.sample_time if law.difference else measured
-    if law.smoothing is None:
-        return velocity, state.filtered, state.twice_filtered
-    filtered = state.filtered + law.smoothing * (velocity - state.filtered)
-    if law.low_passes == 1:
-        return filtered, filtered, state.twice_filtered
-    twice_filtered = state.twice_filtered + law.smoothing * (filtered - state.twice_filtered)
-    return twice_filtered, filtered, twice_filtered
-
-
-def _rendered(law: Law, force: Number, resistance: Number, middle: Number, ops: Arithmetic) -> tuple[Number, Number]:
-    """Return v_e with resistance v_e + damping v_e + stiffness (middle + h v_e - zero) = force, and f_e without mass.
-
-    h is T, and T/2 by the trapezoidal rule. At a wall the last two terms are left out where their sum would pull.
-    """
-    Z_e = law.environment
-    reach = law.sample_time / 2 if Z_e.rule == "trapezoid" else law.sample_time
-    if Z_e.stiffness == 0 and Z_e.damping == 0:
-        return force / resistance, 0.0
-    offset, slope = Z_e.stiffness * (middle - Z_e.zero), Z_e.damping + reach * Z_e.stiffness
-    desired = (force - offset) / (resistance + slope)
-    if Z_e.wall:
-        free = force / resistance
-        desired = ops.where(offset + slope * free > 0, desired, free)
-        return desired, ops.maximum(0.0, offset + slope * desired)
-    return desired, offset + slope * desired
+    first = next(equations.estimate(parts_of(law)))
+    return value(
+        first.right,
+        {Symbol("measured_position"): position, Symbol("resolution"): law.position_resolution},
+        ops,
+    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
+from vctune.simulation.in_the_loop import Controller, Difference, run_in_the_loop
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
 from vctune.simulation.scene import Scene, baseline_scene, designed_scene
@@ -39,12 +40,14 @@ class Simulated:
     experiment : its description
     baseline, design : the two runs; no baseline without one in the description
     least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
+    difference : of the commands of a firmware, where one ran in the place of the design's own, whose `mode` stays
     """
 
     experiment: Experiment
     baseline: Run | None
     design: Run
     least_virtual: float | None
+    difference: Difference | None = None
 
 
 def simulate(
@@ -53,6 +56,7 @@ def simulate(
     coupling: Coupling,
     experiment: Experiment,
     progress: Callable[[str], None] = lambda stage: None,
+    controller: Controller | None = None,
 ) -> Simulated:
     """Simulate an experiment with a design and with its regular PID.
 
@@ -62,19 +66,28 @@ def simulate(
     gains, coupling : the design
     experiment : one of the problem's, or any other
     progress : told the stage of the work
+    controller : a firmware in the place of the design's own; None for none
     """
 
     def ran(scene: Scene, name: str) -> Run:
-        title = f"{experiment.name}, {name}"
-        traces = run(scene, lambda share: progress(f"{title} {share:.0%}"))
+        return judged(scene, run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}")))
+
+    def judged(scene: Scene, traces: Traces) -> Run:
         measured = None
         if traces.diverged is None:
             measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)
         return Run(traces, measured, fastest_mode(scene))
 
-    design = ran(designed_scene(problem.device, gains, coupling, experiment), "design")
+    scene, difference = designed_scene(problem.device, gains, coupling, experiment), None
+    if controller is None:
+        design = ran(scene, "design")
+    else:
+        traces, difference = run_in_the_loop(
+            scene, controller, lambda share: progress(f"{experiment.name}, firmware {share:.0%}")
+        )
+        design = judged(scene, traces)
     pid = experiment.baseline
     if pid is None:
-        return Simulated(experiment, None, design, None)
+        return Simulated(experiment, None, design, None, difference)
     baseline = ran(baseline_scene(problem.device, experiment, pid), "baseline")
-    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid))
+    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid), difference)

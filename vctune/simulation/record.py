@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields
-from typing import Literal
+from math import isfinite
+from typing import Any, Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from vctune.document.digest import experiments_digest
 from vctune.document.reading import ProblemFile
 from vctune.document.record import CouplingRecord, GainsRecord
 from vctune.document.simulation import (
+    DifferenceRecord,
     EnvironmentRecord,
     ExperimentRecord,
     LeastVirtualRecord,
@@ -34,7 +36,7 @@ simulation.json, the same picture. Twice: corners begin to show in print."""
 
 
 def simulation_record(
-    file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated]
+    file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated], controller: str | None = None
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
@@ -45,7 +47,9 @@ def simulation_record(
     file : the problem and its text
     gains, coupling : the design, SI units
     simulated : the experiments
+    controller : name of the firmware that ran in the place of the design's own; None for none
     """
+    also: dict[str, Any] = {} if controller is None else {"controller": controller}
     return SimulationRecord(
         problem=SimulatedProblemRecord(
             name=file.problem.name,
@@ -56,6 +60,7 @@ def simulation_record(
         coupling=CouplingRecord(**asdict(coupling)),
         experiments=[_experiment(one) for one in simulated],
         versions={"vctune": __version__},
+        **also,
     )
 
 
@@ -82,6 +87,11 @@ def _experiment(one: Simulated) -> ExperimentRecord:
     if least is not None and pid is not None:
         virtual = LeastVirtualRecord(share=least, mass=least * pid.mass, damping=least * pid.damping)
     baseline = None if one.baseline is None else _run(one.baseline, _thinned(curves["baseline"], tolerance))
+    apart = one.difference
+    also: dict[str, Any] = {}
+    if apart is not None:
+        finite = apart.force if isfinite(apart.force) else None
+        also["difference"] = DifferenceRecord(force=finite, time_s=apart.time)
     return ExperimentRecord(
         name=experiment.name,
         environment=EnvironmentRecord(**asdict(experiment.environment)),
@@ -90,6 +100,7 @@ def _experiment(one: Simulated) -> ExperimentRecord:
         least_virtual=virtual,
         baseline=baseline,
         design=_run(one.design, _thinned(curves["design"], tolerance)),
+        **also,
     )
 
 

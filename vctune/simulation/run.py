@@ -27,10 +27,11 @@ class Traces:
     time : s
     intended : position that the hand wants, m
     position, velocity : of the handle, m, m/s; without a spring between them also the motor's
-    force : f_h, the hand's force on the handle, N; what the sensor makes of it is not recorded
+    force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
     motor : u, the commanded force, N
+    sensed : f_s, what the force sensor has of f_h, noise included, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
     motor_position, motor_velocity : what the firmware's encoder sees, m, m/s; None where it moves as the handle
     """
@@ -44,6 +45,7 @@ class Traces:
     desired: Floats
     environment_force: Floats
     motor: Floats
+    sensed: Floats
     diverged: float | None
     motor_position: Floats | None = None
     motor_velocity: Floats | None = None
@@ -74,7 +76,7 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
     state, done, diverged = step.start, 0, False
     while done < samples and not diverged:
         count = min(CHUNK, samples - done)
-        inputs = _inputs(scene, done, noise)
+        inputs = motion_inputs(scene, done, noise)
         with interrupt_deferred():
             states, records = chunk(state, inputs)
         state = np.asarray(states)[:, -1]
@@ -83,10 +85,11 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
         done += count
         diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
-    return _traces(scene, recorded[:done], wanted[:done], diverged=diverged)
+    return traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
 
 
-def _inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
+def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
+    """Return the inputs of a scene's step for `CHUNK` samples from the `first` on, a column a sample."""
     motion = intended_motion(scene.operator, scene.device.sample_time, first, first + CHUNK)
     inputs = np.zeros((INPUTS, CHUNK))
     inputs[0], inputs[2] = motion.position[:-1], motion.position[1:]
@@ -96,7 +99,16 @@ def _inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
     return inputs
 
 
-def _traces(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
+def traces_of(scene: Scene, recorded: Floats, wanted: Floats, *, diverged: bool) -> Traces:
+    """Return what was recorded as traces; of a run that diverged the samples before it did.
+
+    Parameters
+    ----------
+    scene : that was run
+    recorded : a row a sample, of `columns`
+    wanted : intended position at each of these samples, m
+    diverged : whether the handle left where the hand wants it
+    """
     T, began = scene.device.sample_time, None
     if diverged:
         travel = abs(scene.operator.end - scene.operator.start)

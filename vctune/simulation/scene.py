@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
-from vctune.model.experiment import Baseline, Experiment, Friction, Operator
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.filters import smoothing
 from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
 from vctune.simulation.controller import Law
@@ -104,6 +104,34 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 
+def designed_law(device: Device, gains: Gains, coupling: Coupling | None, environment: Environment) -> Law:
+    """Return the firmware of a design, without a limit and with an encoder that does not round.
+
+    Parameters
+    ----------
+    device : its sample time and its velocity estimate
+    gains, coupling : the design
+    environment : what is rendered
+    """
+    estimate = device.velocity or VelocityEstimate()
+    smooth = estimate.filter_hz is not None
+    return Law(
+        sample_time=device.sample_time,
+        velocity=gains.velocity,
+        position=gains.position,
+        integral=0.0,
+        coupling=coupling,
+        virtual_mass=0.0,
+        virtual_damping=0.0,
+        environment=environment,
+        position_resolution=0.0,
+        difference=estimate.source == "difference",
+        smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
+        low_passes=estimate.filter_order if smooth else 0,
+        limit=None,
+    )
+
+
 def _scene(
     device: Device,
     experiment: Experiment,
@@ -113,21 +141,13 @@ def _scene(
     mass: float,
     damping: float,
 ) -> Scene:
-    sensors, estimate = experiment.sensors, device.velocity or VelocityEstimate()
-    smooth = estimate.filter_hz is not None
-    law = Law(
-        sample_time=device.sample_time,
-        velocity=gains.velocity,
-        position=gains.position,
+    sensors = experiment.sensors
+    law = replace(
+        designed_law(device, gains, coupling, experiment.environment),
         integral=integral,
-        coupling=coupling,
         virtual_mass=mass,
         virtual_damping=damping,
-        environment=experiment.environment,
         position_resolution=sensors.position_resolution,
-        difference=estimate.source == "difference",
-        smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
-        low_passes=estimate.filter_order if smooth else 0,
         limit=experiment.limit,
     )
     return Scene(

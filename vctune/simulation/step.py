@@ -19,7 +19,7 @@ from vctune.simulation import plant
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.assembly import Assembly, applied, assembly, sensing
 from vctune.simulation.assembly import transition as assembled_transition
-from vctune.simulation.controller import Measurement, State, control, encoded
+from vctune.simulation.controller import Measurement, State, control, encoded, remembered_by
 from vctune.simulation.friction import Slide, friction_force
 from vctune.simulation.motion import Floats, hand_force_derivatives
 from vctune.simulation.plant import timing
@@ -28,10 +28,13 @@ from vctune.simulation.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 
 CHUNK = 1024
 """Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
-COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor")
-"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u; x and v are the handle's."""
+COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
+"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is what is sensed
+of f_h."""
 MOTOR_COLUMNS = ("motor_position", "motor_velocity")
 """What it also records where the motor does not move as the handle."""
+ANSWER = ("reference", "desired", "environment_force", "motor")
+"""What of these a firmware gives; the inputs of an open step beyond `INPUTS`."""
 INPUTS = 5
 """x_i, v_i at this sample and at the next, and the noise of the force sensor."""
 
@@ -52,6 +55,19 @@ class Step:
         return self.one.mapaccum(CHUNK)
 
 
+@dataclass(frozen=True, slots=True)
+class OpenStep:
+    """A compiled step without its firmware.
+
+    sense(state, inputs) -> (position, velocity, force) is what a firmware reads; one(state, inputs) -> (state, record)
+    has what it gives, `ANSWER`, behind its other inputs.
+    """
+
+    sense: Any
+    one: Any
+    start: Floats
+
+
 def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     """Assemble and compile the step of a scene; `stretch` says how friction is integrated.
 
@@ -65,41 +81,95 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
     Step
         In SI units; its inputs are `INPUTS`, its record is of `columns`.
     """
+    wired = _wire(scene, INPUTS)
+    memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
+    remembered, command = control(scene.law, State(**memory), wired.measurement, SYMBOLS)
+    changed = remembered_by(scene.law)
+    known = {"reference": wired.begin.reference, "measured": encoded(scene.law, wired.begin.position, FLOATS)}
+    firmware = _Firmware(
+        memory=[memory[name] for name in changed],
+        kept=[getattr(remembered, name) for name in changed],
+        start=[known.get(name, 0.0) for name in changed],
+        answer=[remembered.reference, remembered.desired, command.environment, command.force],
+    )
+    return _compiled(scene, stretch, wired, firmware)
+
+
+def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
+    """Assemble and compile the step of a scene whose firmware is not in it.
+
+    Parameters
+    ----------
+    scene : what the run consists of; of its law only the encoder
+    stretch : of no meaning without friction
+    """
+    wired = _wire(scene, INPUTS + len(ANSWER))
+    given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
+    step = _compiled(scene, stretch, wired, _Firmware([], [], [], given))
+    read = wired.measurement
+    position = encoded(scene.law, read.position, SYMBOLS)
+    states = ca.vertcat(wired.body, *wired.queue, *wired.late)
+    sense = ca.Function("sense", [states, wired.inputs[:INPUTS]], [ca.vertcat(position, read.velocity, read.force)])
+    return OpenStep(sense, step.one, step.start)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wired:
+    """The symbols of a scene around its firmware: body, commands and forces on their way, and what is read of them."""
+
+    begin: Equilibrium
+    mechanism: Assembly | None
+    body: Any
+    inputs: Any
+    queue: list[Any]
+    late: list[Any]
+    motion: _Seen
+    measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class _Firmware:
+    """What a firmware remembers, before and after a sample and at the start, and what it gives, as in `ANSWER`."""
+
+    memory: list[Any]
+    kept: list[Any]
+    start: list[float]
+    answer: list[Any]
+
+
+def _wire(scene: Scene, inputs: int) -> _Wired:
     when, sensed, moving, begin = timing(scene), sensing(scene), assembly(scene), equilibrium(scene)
-    names = [field.name for field in fields(State)]
-    rest = _at_rest(scene, moving, begin)
-    body, inputs = ca.SX.sym("body", len(rest)), ca.SX.sym("inputs", INPUTS)
+    body, given = ca.SX.sym("body", len(_at_rest(scene, moving, begin))), ca.SX.sym("inputs", inputs)
     queue = [
         ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
     ]  # forces commanded and not yet spent, the newest first
     late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces sensed and not yet read
-    memory = {name: ca.SX.sym(name) for name in names}
+    seen = _seen(scene, moving, body, given, queue[-1])
+    oldest = [seen.sensed, *late][-1]
+    felt = oldest + given[4] if scene.force_noise > 0 else oldest
+    return _Wired(begin, moving, body, given, queue, late, seen, Measurement(seen.motor.x, seen.motor.v, felt))
 
-    seen = _seen(scene, moving, body, inputs, queue[-1])
-    arriving = [seen.sensed, *late]
-    felt = arriving[-1] + inputs[4] if scene.force_noise > 0 else arriving[-1]
-    measurement = Measurement(seen.motor.x, seen.motor.v, felt)
-    remembered, command = control(scene.law, State(**memory), measurement, SYMBOLS)
-    changed = [name for name in names if getattr(remembered, name) is not memory[name]]
-    record = [seen.handle.x, seen.handle.v, seen.force]
-    record += [remembered.reference, remembered.desired, command.environment, command.force]
+
+def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware) -> Step:
+    seen, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
+    commanded = [firmware.answer[-1], *wired.queue]
+    record = [seen.handle.x, seen.handle.v, seen.force, *firmware.answer, wired.measurement.force]
     record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
-    commanded = [command.force, *queue]
-    state = ca.vertcat(body, *(memory[name] for name in changed), *queue, *late)
-    kept = ca.vertcat(*(getattr(remembered, name) for name in changed), *commanded[:-1], *arriving[:-1])
-    known = {"reference": begin.reference, "measured": encoded(scene.law, begin.position, FLOATS)}
+    arriving = [seen.sensed, *wired.late]
+    state = ca.vertcat(body, *firmware.memory, *wired.queue, *wired.late)
+    kept = ca.vertcat(*firmware.kept, *commanded[:-1], *arriving[:-1])
     start = [
-        *rest,
-        *(known.get(name, 0.0) for name in changed),
-        *(begin.motor for _ in queue),
-        *(begin.hand for _ in late),
+        *_at_rest(scene, wired.mechanism, begin),
+        *firmware.start,
+        *(begin.motor for _ in wired.queue),
+        *(begin.hand for _ in wired.late),
     ]
     if scene.friction is None:
-        exact = _moved_exactly(scene, moving, body, inputs, commanded)
+        exact = _moved_exactly(scene, wired.mechanism, body, inputs, commanded)
         one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
     else:
-        firmware = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
-        one = _with_friction(scene, moving, scene.friction, stretch, firmware)
+        given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
+        one = _with_friction(scene, wired.mechanism, scene.friction, stretch, given)
     return Step(one, np.array(start))
 
 
@@ -180,7 +250,7 @@ def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, st
     There are one or two, and one more where the force is sensed in the middle of one.
     """
     when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
-    state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", INPUTS)
+    state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
     kept, record, early, late = firmware(state, inputs)
     body, felt = state[: 3 if moving is None else moving.size + 1], []
     instant, T = sensing(scene).instant, scene.device.sample_time

@@ -1,0 +1,269 @@
+"""Parameter files of ROS 2: what is checked is what the controller steps, and a verdict holds where it is stepped."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from math import log, pi, sqrt
+
+import numpy as np
+import pytest
+from command import run as vctune
+from command import strict
+from device_arithmetic import DOUBLES
+from device_pairs import real_of
+from firmware import Device as Sampled
+from sampled_device_oracle import Hand as OracleHand
+
+from vctune.design.admittance_check import corner_hz, coupling_of_admittance
+from vctune.document.reading import read_problem
+from vctune.document.ros import Admittance, read_admittance
+from vctune.exit_codes import ExitCode
+from vctune.simulation.coefficients import coupling_coefficients
+
+ARM = """[device]
+mass = 10.0
+damping = 20.0
+sample_time = 1e-3
+delay = 1e-3
+[gains]
+velocity = 800.0
+position = 8000.0
+"""
+PARAMETERS = """/**:
+  admittance_controller:
+    ros__parameters:
+      joints: [j1]
+      ft_sensor:
+        name: ft
+        filter_coefficient: 0.05
+      admittance:
+        selected_axes: [true, false, false, false, false, false]
+        mass: [5.0, 5.0, 5.0, 0.1, 0.1, 0.1]
+        damping_ratio: [2.5, 2.5, 2.5, 2.5, 2.5, 2.5]
+        stiffness: [50.0, 50.0, 50.0, 10.0, 10.0, 10.0]
+"""
+T = 1e-3
+
+
+@pytest.fixture
+def arm(tmp_path):
+    (tmp_path / "arm.toml").write_text(ARM)
+    (tmp_path / "ros.yaml").write_text(PARAMETERS)
+    return tmp_path
+
+
+def changed(folder, **values):
+    """Write the file again with other texts behind keys."""
+    text = PARAMETERS
+    for key, value in values.items():
+        line = next(line for line in text.splitlines() if line.strip().startswith(f"{key}:"))
+        text = text.replace(line, f"{line.split(':')[0]}: {value}")
+    (folder / "ros.yaml").write_text(text)
+
+
+def six(value):
+    return str([value] * 6)
+
+
+def test_it_reads_the_selected_axes(arm):
+    changed(arm, selected_axes="[true, false, false, true, false, false]")
+    found = read_admittance(arm / "ros.yaml")
+    assert [axis.axis for axis in found.axes] == ["x", "rx"]
+    assert found.filter_coefficient == 0.05
+    x = found.axes[0]
+    assert (x.mass, x.stiffness, x.line) == (5.0, 50.0, 10)
+    assert x.damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0))
+    assert replace(x, joint_damping=5.0).damping == pytest.approx(x.damping + 25.0)
+    assert corner_hz(0.05, T) == pytest.approx(8.16, abs=0.01)
+    assert corner_hz(0.05, T) == pytest.approx(-log(0.95) / (2 * pi * T))
+
+
+def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
+    """To rounding, on any force: acceleration from the forces of the sample before, then velocity, then position."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        mass, stiffness, ratio = rng.uniform(0.5, 20.0), 10 ** rng.uniform(0, 3), rng.uniform(0.3, 3.0)
+        axis = Admittance("x", float(mass), float(ratio), float(stiffness), 0.0, 1)
+        made = coupling_coefficients(coupling_of_admittance(axis, T), T)
+        v = x = w = y = coupling = 0.0
+        for force in rng.normal(size=500):
+            v += T * (force - axis.damping * v - stiffness * x) / mass
+            x += T * v
+            # f = f_c + b_0 w + spring, with the spring at the mean of both positions
+            free = force + made["coupling_step"] * w - made["coupling_decay"] * coupling - stiffness * (y + T / 2 * w)
+            after = free / (made["resistance"] + stiffness * T / 2)
+            coupling = made["coupling_decay"] * coupling + made["coupling_step"] * (after - w)
+            y, w = y + T / 2 * (w + after), after
+            assert w == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
+def radius(problem, axis, coefficient, hand, *, smoothed=False):
+    """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
+    K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
+    memory = Sampled(real_of(problem.device), OracleHand(*hand), DOUBLES)
+    count = memory.size
+
+    def step(state):
+        body, (v, x, x_e, felt) = state[:count], state[count:]
+        force = float(memory.force(body))
+        felt = felt + coefficient * (force - felt) if smoothed else force
+        after = v + T * (felt - axis.damping * v - axis.stiffness * x) / axis.mass
+        x_e = x_e + T / 2 * (v + after)
+        command = K_v * (after - float(body[1])) + K_p * (x_e - float(memory.position(body)))
+        return np.concatenate([memory.wait(body, command), [after, x + T * after, x_e, felt]])
+
+    matrix = np.array([step(unit) for unit in np.eye(count + 4)]).T
+    values = np.linalg.eigvals(matrix)
+    return max(abs(z) for z in values if abs(z - 1) > 1e-6)
+
+
+def test_what_is_proved_is_stable_as_it_is_stepped(arm):
+    """In random hands of the box, with the filter as it runs in the controller: it is no later than what is proved."""
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.OK and "x: proved" in done.stdout
+    assert "filter_coefficient 0.05 at 1000 Hz is a low-pass of 8.2 Hz" in done.stdout
+    problem, axis = read_problem(arm / "arm.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    rng = np.random.default_rng(1)
+    for share in [*rng.uniform(size=(40, 3)), [0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1]]:
+        hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
+        assert radius(problem, axis, 0.05, hand, smoothed=True) < 1
+
+
+ROTATION = {"selected_axes": "[false, false, false, true, false, false]", "filter_coefficient": "0.9"}
+"""An axis that is too light for a stiff hand, and is no translation."""
+
+
+def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
+    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])  # they are looked for below
+    changed(arm, **ROTATION)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED
+    assert "a rotation" in done.stdout
+    hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
+    told = tuple(float(number.split()[0]) for number in hand)
+    (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
+    problem, axis = read_problem(arm / "late.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    assert radius(problem, axis, 0.9, told) > 1
+
+
+@pytest.mark.slow
+def test_what_would_help_does(arm):
+    changed(arm, **ROTATION)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert "coupling.drag" in done.stdout
+    better = float(done.stdout.split("damping_ratio ")[1].split()[0])
+    changed(arm, **ROTATION, damping_ratio=six(better))
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
+
+
+def test_a_stiffness_of_nothing_is_no_damping_at_all(arm):
+    (arm / "arm.toml").write_text(ARM + "[operator]\ndamping = 60.0\n".replace("60.0", "{ min = 40.0, max = 60.0 }"))
+    changed(arm, stiffness=six(0.0), filter_coefficient="0.9")
+    done = vctune("check", "arm.toml", "ros.yaml", "--format", "json", cwd=arm)
+    warned = strict(done.stdout)[0] if isinstance(strict(done.stdout), list) else strict(done.stdout)
+    assert "stiffness 0 means no damping at all" in str(warned["warnings"])
+    assert warned["coupling"]["drag"] == 0
+
+
+@pytest.mark.parametrize(
+    "values, complaint",
+    [
+        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "needs a mass of more than D T"),
+        ({"stiffness": six(1e5), "damping_ratio": six(0.01)}, "takes S T/2"),
+    ],
+)
+def test_an_explicit_step_that_is_not_passive_fails(arm, values, complaint):
+    changed(arm, **values)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED and complaint in done.stdout
+
+
+@pytest.mark.parametrize(
+    "values, complaint",
+    [
+        (
+            {"mass": "[1.0, 2.0]"},
+            "ros.yaml:10: /**.admittance_controller.ros__parameters.admittance.mass: must be a list",
+        ),
+        ({"mass": six(0.0)}, "of x is 0.0: must be a number of at least 0.0001"),
+        ({"stiffness": "[.nan, 1, 1, 1, 1, 1]"}, "of x is nan"),
+        ({"damping_ratio": "[-1, 1, 1, 1, 1, 1]"}, "of x is -1"),
+        ({"selected_axes": "[1, 0, 0, 0, 0, 0]"}, "must be true or false"),
+        ({"selected_axes": six("false").replace("'", "")}, "selects no axis"),
+        ({"filter_coefficient": "2.0"}, "from 0 to 1"),
+        ({"filter_coefficient": "0"}, "no force ever comes through"),
+        ({"joints": "[unclosed"}, "not valid YAML"),
+        ({"ft_sensor": "3"}, "YAML"),
+    ],
+)
+def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
+    changed(arm, **values)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert complaint in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "text, complaint",
+    [("", "states 0 controllers"), ("[1, 2]", "states 0"), ("a: !!python/object:os.system {}", "YAML")],
+)
+def test_what_is_no_parameter_file_is_refused(arm, text, complaint):
+    (arm / "ros.yaml").write_text(text)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stderr
+
+
+def test_the_device_must_have_a_loop_and_one_filter(arm):
+    (arm / "free.toml").write_text(ARM[: ARM.index("[gains]")])
+    assert "are not fixed" in vctune("check", "free.toml", "ros.yaml", cwd=arm).stderr
+    (arm / "own.toml").write_text(ARM + "[device.force_sensor]\nbandwidth_hz = 100.0\n")
+    assert "leave one of them out" in vctune("check", "own.toml", "ros.yaml", cwd=arm).stderr
+    refused = vctune("check", "arm.toml", "own.toml", "ros.yaml", cwd=arm)
+    assert refused.returncode == ExitCode.BAD_INPUT and "exactly one problem" in refused.stderr
+
+
+def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    refused = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert refused.returncode == ExitCode.BAD_INPUT and 'pip install "vctune[ros]"' in refused.stderr
+
+
+@pytest.mark.slow
+def test_verdicts_hold_on_random_arms(arm, monkeypatch):
+    """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
+    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])
+    outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
+    assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
+
+
+def random_arm(rng, arm):
+    """Check a random arm, and hold the verdict against the loop as it is stepped; return which it is."""
+    mass, gain = 10 ** rng.uniform(0, 1.3), 10 ** rng.uniform(-1.5, -0.6)
+    loop = [gain * mass / T, gain * mass / T * 10 ** rng.uniform(0, 1)]
+    numbers = [mass, rng.uniform(1, 30), rng.uniform(0, 1.5e-3), *loop]
+    table = "[device]\nmass = {}\ndamping = {}\nsample_time = 1e-3\ndelay = {}\n[gains]\nvelocity = {}\nposition = {}\n"
+    text, coefficient = table.format(*numbers), float(rng.uniform(0.05, 0.95))
+    (arm / "arm.toml").write_text(text)
+    (arm / "late.toml").write_text(f"{text}[device.force_sensor]\nbandwidth_hz = {corner_hz(coefficient, T)}\n")
+    changed(
+        arm,
+        filter_coefficient=coefficient,
+        mass=six(float(10 ** rng.uniform(0, 1.2))),
+        damping_ratio=six(float(10 ** rng.uniform(-1.2, 0.6))),
+        stiffness=six(float(10 ** rng.uniform(1, 3))),
+    )
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    bare, late = (read_problem(arm / name).problem for name in ("arm.toml", "late.toml"))
+    axis = read_admittance(arm / "ros.yaml").axes[0]
+    if done.returncode == ExitCode.OK:
+        for share in rng.uniform(size=(20, 3)):
+            hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
+            assert radius(late, axis, coefficient, hand) < 1
+            assert radius(bare, axis, coefficient, hand, smoothed=True) < 1
+        return "proved"
+    if " it grows at " in done.stdout:
+        hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
+        assert radius(late, axis, coefficient, tuple(float(number.split()[0]) for number in hand)) > 1
+        return "grows"
+    return "open"

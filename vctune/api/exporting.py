@@ -1,0 +1,192 @@
+"""`vctune export`, as a function."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from vctune.api.files import claim_folder
+from vctune.design.judge import Status
+from vctune.design.optimum import Progress
+from vctune.document.building import ProblemSource, plain_design
+from vctune.document.building import problem as problem_of
+from vctune.document.design import design_of, read_design
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import Content, folder_name, make_folder, write_together
+from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.record import DesignRecord
+from vctune.firmware.firmware import Firmware, Precision, certified, firmware
+from vctune.model.quantities import Coupling, Gains
+
+Format = Literal["c", "fmu", "json"]
+FOLDER = "firmware"
+"""Of what is exported, in that of the design."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """A design as files.
+
+    Attributes
+    ----------
+    file : the problem
+    firmware : the design as it is exported, `certified` or not
+    files : contents by name
+    """
+
+    file: ProblemFile
+    firmware: Firmware
+    files: Mapping[str, Content]
+
+
+def export(
+    source: ProblemSource | DesignRecord,
+    gains: Gains | str | Path | None = None,
+    coupling: Coupling | None = None,
+    *,
+    to: Format = "c",
+    precision: Precision = "double",
+    unproved: bool = False,
+    progress: Progress = lambda stage: None,
+) -> Exported:
+    """Prove a design again, with the constants that its firmware will have, and make files of it.
+
+    Parameters
+    ----------
+    source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
+    gains : N s/m and N/m, with their coupling; or the path of a gains file; None for those of the design.json, or that
+        the problem fixes
+    coupling : N s/m and kg
+    to : "c" with vectors to replay, "fmu" or "json"
+    precision : of the firmware's numbers
+    unproved : export what is not proved too; every file then says so at its top
+    progress : told the stage of the work
+
+    Returns
+    -------
+    Exported
+
+    Raises
+    ------
+    NotCertifiedError
+        If the design is not certified, and `unproved` was not asked for; an `InputError` as well.
+    InputError
+        If there is no design, or an FMU is asked for where there is no C compiler.
+    """
+    for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
+        if value not in get_args(known):
+            raise InputError(name, [Mistake("", f"is {value!r}; one of {', '.join(get_args(known))}")])
+    file, design = stated_design(source, gains, coupling)
+    progress("proving")
+    made = firmware(file, *design, precision)
+    if not certified(made) and not unproved:
+        raise NotCertifiedError(made)
+    return Exported(file, made, _files(file, made, to, progress))
+
+
+class NotCertifiedError(InputError):
+    """A design is not exported, for it is not certified; `status` is what it is."""
+
+    def __init__(self, made: Firmware) -> None:
+        single = " with the constants rounded to single precision" if made.precision == "single" else ""
+        self.status = Status(made.record.status)
+        message = f"not exported: {self.status.value}{single}: {made.doubt}; --unproved exports it, and says so"
+        super().__init__(made.name, [Mistake("", message)])
+
+
+def write_export(exported: Exported, folder: str | Path) -> Path:
+    """Write what was exported, all of it or nothing.
+
+    Parameters
+    ----------
+    exported : the files
+    folder : of the design, in which a folder is made for them
+
+    Returns
+    -------
+    Path
+        Of the folder of the files.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or holds the design of another problem.
+    """
+    claim_folder(exported.file, Path(folder))
+    place = Path(folder) / FOLDER
+    make_folder(place)
+    write_together({place / name: content for name, content in exported.files.items()})
+    return place
+
+
+def stated_design(
+    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: Coupling | None
+) -> tuple[ProblemFile, tuple[Gains, Coupling]]:
+    """Return the problem and the design that are meant.
+
+    Parameters
+    ----------
+    source, gains, coupling : as of `export`
+
+    Raises
+    ------
+    InputError
+        If there is no problem, or no design, or more than one.
+    """
+    record = _record(source)
+    if record is None:
+        file = problem_of(source)  # type: ignore[arg-type]
+        if gains is not None:
+            return file, plain_design(gains, coupling)
+        if not file.problem.bounds.fixed:
+            message = (
+                "nothing to export: not every gain is fixed; name a gains file, or a design.json of `vctune solve`"
+            )
+            raise InputError(file.source, [Mistake("gains", message)])
+        return file, file.problem.fixed_design
+    named = str(source) if isinstance(source, str | Path) else "design"
+    if gains is not None:
+        raise InputError(named, [Mistake("gains", "is a design of its own; name a problem file with other gains")])
+    if record.design is None:
+        raise InputError(named, [Mistake("gains", f"nothing to export: {record.reason or record.status}")])
+    file = ProblemFile(
+        parse_problem(record.problem.text, named, record.problem.name), record.problem.text, record.problem.name
+    )
+    if file.sha256 != record.problem.sha256:
+        message = "does not belong to the problem's text: one of them was changed; solve the problem again"
+        raise InputError(named, [Mistake("problem.sha256", message)])
+    return file, record.design
+
+
+def _record(source: Any) -> DesignRecord | None:
+    """Return the record of a design, from its file or its object; None for a problem."""
+    if isinstance(source, DesignRecord):
+        return source
+    if isinstance(source, str | Path) and Path(source).suffix == ".json":
+        return read_design(Path(source))
+    if isinstance(source, Mapping) and "schema" in source:
+        return design_of(dict(source), "design")
+    return None
+
+
+def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
+    if to == "json":
+        from vctune.firmware.coefficients import controller_record
+        from vctune.report.controller import controller_page
+
+        record = controller_record(made)
+        page = controller_page(record, made.device, made.gains, made.coupling)
+        return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
+    if to == "fmu":
+        from vctune.firmware.fmu import fmu
+
+        return {f"{folder_name(made.name)}.fmu": fmu(made)}
+    from vctune.firmware.c_source import c_source
+    from vctune.firmware.replay import replay_files
+    from vctune.firmware.vectors import replays
+
+    sources = c_source(made)
+    return {**sources, **replay_files(made, replays(file, made, progress))}

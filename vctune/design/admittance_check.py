@@ -1,0 +1,197 @@
+"""A ROS 2 admittance in the place of the coupling: is it stable in every hand of the box, and what would help?
+
+The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
+mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
+among them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from math import exp, log, pi, sqrt
+from pathlib import Path
+from typing import Any
+
+from vctune.design.check import Checked, CheckVerdict, DesignFinding, check_problem
+from vctune.document.errors import InputError, Mistake
+from vctune.document.reading import ProblemFile, problem_file
+from vctune.document.ros import Admittance, AdmittanceFile
+from vctune.document.toml_text import toml_text
+from vctune.model.experiment import Environment, Experiment, Operator, Sensors
+from vctune.model.quantities import Coupling, Hand
+from vctune.simulation.scene import designed_scene
+from vctune.simulation.stability import Mode, fastest_mode
+
+SLOW = 0.1
+"""A filter whose corner is below this share of the Nyquist frequency is named. Half names none of the usual 0.05 at 500
+Hz and less, twice names some that a hand cannot tell from none."""
+
+
+def check_admittance(problem: ProblemFile, path: Path, given: AdmittanceFile) -> list[Checked]:
+    """Check every selected axis of a parameter file.
+
+    Parameters
+    ----------
+    problem : the device, with its velocity loop: the gains are fixed
+    path : of the parameter file
+    given : what it states
+
+    Raises
+    ------
+    InputError
+        If the problem lacks gains, or has a filter of its own.
+    """
+    document = _device(problem, given)
+    return [_checked(problem, document, path, axis, given.filter_coefficient) for axis in given.axes]
+
+
+def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
+    """Return the problem's tables with the file's filter as force sensor and the criterion of hands."""
+    bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
+    if not (bounds.velocity.fixed and bounds.position.fixed):
+        message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
+        raise InputError(problem.source, [Mistake("gains", message)])
+    if sensor is not None and sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
+        message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
+        raise InputError(problem.source, [Mistake("device.force_sensor.bandwidth_hz", message)])
+    document = {key: value for key, value in problem.document.items() if key not in ("experiment", "uncertainty")}
+    document["stability"] = {**document.get("stability", {}), "criterion": "hands"}
+    document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
+    if given.filter_coefficient < 1:
+        corner = corner_hz(given.filter_coefficient, problem.problem.device.sample_time)
+        stated = document["device"].get("force_sensor", {})
+        document["device"] = {**document["device"], "force_sensor": {**stated, "bandwidth_hz": corner}}
+    return document
+
+
+def corner_hz(coefficient: float, sample_time: float) -> float:
+    """Return the corner of the filter y += coefficient (x - y), Hz.
+
+    Parameters
+    ----------
+    coefficient : in (0, 1)
+    sample_time : T, s
+    """
+    return -log(1 - coefficient) / (2 * pi * sample_time)
+
+
+def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
+    """Return the coupling that is an admittance, its lossless spring apart, as the controller steps it.
+
+    Parameters
+    ----------
+    axis : what is rendered
+    sample_time : T, s
+
+    Returns
+    -------
+    Coupling
+        With mass or drag below 0 where the explicit step is not passive.
+    """
+    mass = axis.mass - axis.damping * sample_time
+    return Coupling(2 * mass / sample_time, mass, axis.damping - axis.stiffness * sample_time / 2)
+
+
+def _checked(
+    problem: ProblemFile, document: dict[str, Any], path: Path, axis: Admittance, coefficient: float
+) -> Checked:
+    T, name = problem.problem.device.sample_time, f"{problem.problem.name} {axis.axis}"
+    coupling = coupling_of_admittance(axis, T)
+    if coupling.mass <= 0 or coupling.drag < 0:
+        return Checked(path, name, CheckVerdict.FAILED, f"{path}: {axis.axis}: {_explicit(axis, T)}", axis.line, None)
+    file = _pasted(document, coupling, problem)
+    checked = check_problem(file)
+    finding = checked.finding
+    assert isinstance(finding, DesignFinding), "a problem whose numbers are fixed is judged"
+    told = [*_traps(axis, coefficient, T), *finding.warnings]
+    parts = [checked.message]
+    if checked.verdict is not CheckVerdict.PASSED:
+        parts += [_with_its_spring(file, axis, finding), *_in_its_words(document, axis, finding, problem)]
+    return replace(
+        checked,
+        source=path,
+        name=name,
+        line=axis.line,
+        message=f"{axis.axis}: {'; '.join(parts)}",
+        finding=replace(finding, warnings=told),
+    )
+
+
+def _pasted(document: dict[str, Any], coupling: Coupling, problem: ProblemFile) -> ProblemFile:
+    numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
+    return problem_file(toml_text({**document, "coupling": numbers}), Path(problem.source))
+
+
+def _explicit(axis: Admittance, T: float) -> str:
+    if axis.damping * T >= axis.mass:
+        return (
+            f"stepped explicitly, a damping of {axis.damping:.4g} N s/m needs a mass of more than D T = "
+            f"{axis.damping * T:.4g} kg, not {axis.mass:.4g}; make it heavier, or damping_ratio or sample time smaller"
+        )
+    least = (axis.stiffness * T / 2 - axis.joint_damping * axis.mass) / (2 * sqrt(axis.mass * axis.stiffness))
+    return (
+        f"stepped explicitly, a stiffness of {axis.stiffness:.4g} N/m takes S T/2 = {axis.stiffness * T / 2:.4g} N s/m "
+        f"from its damping, which is {axis.damping:.4g}; damping_ratio must be at least {least:.3g}"
+    )
+
+
+def _traps(axis: Admittance, coefficient: float, T: float) -> list[str]:
+    """Return what is easily overlooked in such a file."""
+    found = []
+    if axis.stiffness == 0:
+        found.append(
+            f"stiffness 0 means no damping at all: D = 2 damping_ratio sqrt(M S) is 0 whatever damping_ratio "
+            f"({axis.damping_ratio:g}) says"
+        )
+    if coefficient < 1 and (corner := corner_hz(coefficient, T)) < SLOW / (2 * T):
+        found.append(f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz")
+    if axis.axis.startswith("r"):
+        found.append("a rotation: the problem file must be of this axis, in kg m^2 and N m s")
+    return found
+
+
+def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding) -> str:
+    """Return whether it is with the file's own stiffness that it grows."""
+    hands = file.problem.hands_met
+    assert hands is not None, "the criterion is that of hands"
+    held = finding.judgement.in_hand
+    corners = [Hand(*numbers) for numbers in product(*zip(_numbers(hands.low), _numbers(hands.high), strict=True))]
+    tried = [*corners, *([held.hand] if held is not None else [])]
+    hand, worst = max(((hand, _mode(file, axis, finding, hand)) for hand in tried), key=lambda pair: pair[1].radius)
+    if worst.radius < 1:
+        return (
+            f"with its own stiffness of {axis.stiffness:g} N/m alone it does not grow in the corners of the box: "
+            "another passive environment makes it"
+        )
+    return f"with its own stiffness of {axis.stiffness:g} N/m it grows at {worst.hz:.4g} Hz in the hand of {hand}"
+
+
+def _numbers(hand: Hand) -> tuple[float, float, float]:
+    return hand.mass, hand.damping, hand.stiffness
+
+
+def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Hand) -> Mode:
+    spring = Environment(0.0, 0.0, axis.stiffness, 0.0, False, "trapezoid")
+    operator = Operator("sine", 0.0, 0.01, 0.05, 1, *_numbers(hand))
+    experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
+    judged = finding.judgement
+    return fastest_mode(designed_scene(file.problem.device, judged.gains, judged.coupling, experiment))
+
+
+def _in_its_words(
+    document: dict[str, Any], axis: Admittance, finding: DesignFinding, problem: ProblemFile
+) -> list[str]:
+    """Return the repairs that the file itself can make, each proved again as the file would state it."""
+    T, found = problem.problem.device.sample_time, []
+    for repair in finding.repairs or []:
+        if repair.key == "coupling.drag" and repair.new is not None and axis.stiffness > 0:
+            lost = axis.stiffness * T / 2 - axis.joint_damping * axis.mass
+            ratio = float(f"{1.01 * (repair.new + lost) / (2 * sqrt(axis.mass * axis.stiffness)):.4g}")
+            coupling = coupling_of_admittance(replace(axis, damping_ratio=ratio), T)
+            if coupling.mass > 0 and check_problem(_pasted(document, coupling, problem)).verdict is CheckVerdict.PASSED:
+                found.append(f"in the file's words: damping_ratio {ratio:g} instead of {axis.damping_ratio:g}")
+        if repair.key == "device.force_sensor.bandwidth_hz" and repair.new is not None:
+            found.append(f"in the file's words: filter_coefficient {1 - exp(-2 * pi * repair.new * T):.4g}")
+    return found

@@ -1,0 +1,187 @@
+"""The parameter file of a ROS 2 admittance_controller, as far as it is about stability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from math import isfinite, sqrt
+from pathlib import Path
+from typing import Any
+
+from vctune.document import toml
+from vctune.document.errors import InputError, Mistake
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+COEFFICIENT = 0.05
+"""filter_coefficient where the file states none: that of the controller."""
+SUFFIXES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True, slots=True)
+class Admittance:
+    """What the controller renders on one axis.
+
+    Attributes
+    ----------
+    axis : one of `AXES`
+    mass : M, kg; of a rotation kg m^2
+    damping_ratio : zeta
+    stiffness : S, N/m; N m
+    joint_damping : what the joints lose beside it, 1/s; 0 where the file states none
+    line : of the file, with the masses
+    """
+
+    axis: str
+    mass: float
+    damping_ratio: float
+    stiffness: float
+    joint_damping: float
+    line: int
+
+    @property
+    def damping(self) -> float:
+        """D = 2 zeta sqrt(M S), and what the joints lose, N s/m."""
+        return 2 * self.damping_ratio * sqrt(self.mass * self.stiffness) + self.joint_damping * self.mass
+
+
+@dataclass(frozen=True, slots=True)
+class AdmittanceFile:
+    """The selected axes of a parameter file, and the share of each new sample in its filter of the force."""
+
+    axes: tuple[Admittance, ...]
+    filter_coefficient: float
+
+
+def is_admittance(path: Path) -> bool:
+    """Whether a file is named as a parameter file of ROS 2."""
+    return path.suffix.lower() in SUFFIXES
+
+
+def read_admittance(path: Path) -> AdmittanceFile:
+    """Read a parameter file.
+
+    Parameters
+    ----------
+    path : of a YAML file with `NAME: ros__parameters: admittance: ...`
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy; or if there is no PyYAML.
+    """
+    source = str(path)
+    try:
+        import yaml
+    except ImportError:
+        raise InputError(source, [Mistake("", 'reading YAML needs PyYAML: pip install "vctune[ros]"')]) from None
+    text = toml.read_text(path)
+    try:
+        root = yaml.compose(text, yaml.SafeLoader)
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        message = f"not valid YAML: {getattr(error, 'problem', None) or error}"
+        raise InputError(source, [Mistake("", message, None if mark is None else mark.line + 1)]) from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(source, [Mistake("", f"not valid YAML: {error or 'nested too deeply'}")]) from None
+    found = list(_controllers(value, ()))
+    if len(found) != 1:
+        known = ", ".join(".".join(place) for place, _ in found)
+        message = f"states {len(found)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
+        raise InputError(source, [Mistake("", f"{message}; name a file with one")])
+    return _Reader(source, *found[0], root).read()
+
+
+def _controllers(value: Any, place: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Mapping[str, Any]]]:
+    """Yield the parameters of every controller with an admittance, wherever its name puts them."""
+    if not isinstance(value, Mapping) or len(place) > len(AXES):
+        return
+    for key, entry in value.items():
+        if key == "ros__parameters" and isinstance(entry, Mapping) and "admittance" in entry:
+            yield (*place, str(key)), entry
+        else:
+            yield from _controllers(entry, (*place, str(key)))
+
+
+class _Reader:
+    """Reads one controller's parameters, and notes what is wrong with them."""
+
+    def __init__(self, source: str, place: tuple[str, ...], given: Mapping[str, Any], root: Any) -> None:
+        self._source, self._place, self._given, self._root = source, place, given, root
+        self._mistakes: list[Mistake] = []
+
+    def read(self) -> AdmittanceFile:
+        """Return what the file states.
+
+        Raises
+        ------
+        InputError
+            Listing all that is wrong.
+        """
+        selected = self._list("selected_axes", flags=True)
+        masses = self._list("mass", least=1e-4)
+        ratios, stiffnesses = self._list("damping_ratio", least=0.0), self._list("stiffness", least=0.0)
+        joint = self._number("admittance", "joint_damping", 0.0, most=1e6)
+        coefficient = self._number("ft_sensor", "filter_coefficient", COEFFICIENT, most=1.0)
+        if coefficient == 0:
+            self._wrong("ft_sensor.filter_coefficient", "is 0: no force ever comes through; at most 1 is no filter")
+        if not self._mistakes and not any(selected):
+            self._wrong("admittance.selected_axes", "selects no axis: there is nothing to check")
+        if self._mistakes:
+            raise InputError(self._source, self._mistakes)
+        line = self._line("admittance.mass") or 1
+        axes = (
+            Admittance(axis, mass, ratio, stiffness, joint, line)
+            for axis, chosen, mass, ratio, stiffness in zip(AXES, selected, masses, ratios, stiffnesses, strict=True)
+            if chosen
+        )
+        return AdmittanceFile(tuple(axes), coefficient)
+
+    def _list(self, name: str, *, least: float = 0.0, flags: bool = False) -> list[Any]:
+        key, values = f"admittance.{name}", self._table("admittance").get(name)
+        kind = "true or false" if flags else "numbers"
+        if not isinstance(values, list) or len(values) != len(AXES):
+            self._wrong(key, f"must be a list of {len(AXES)} {kind}, of {', '.join(AXES)}; it is {_shown(values)}")
+            return [0.0] * len(AXES)
+        for axis, each in zip(AXES, values, strict=True):
+            if flags and not isinstance(each, bool):
+                self._wrong(key, f"of {axis} is {_shown(each)}: must be true or false")
+            elif not flags and not (_is_number(each) and each >= least):
+                self._wrong(key, f"of {axis} is {_shown(each)}: must be a number of at least {least:g}")
+        return [each if flags or not _is_number(each) else float(each) for each in values]
+
+    def _number(self, table: str, name: str, default: float, most: float) -> float:
+        value = self._table(table).get(name, default)
+        if not (_is_number(value) and 0 <= value <= most):
+            self._wrong(f"{table}.{name}", f"is {_shown(value)}: must be a number from 0 to {most:g}")
+            return default
+        return float(value)
+
+    def _table(self, name: str) -> Mapping[str, Any]:
+        table = self._given.get(name, {})
+        if isinstance(table, Mapping):
+            return table
+        self._wrong(name, f"is {_shown(table)}: must be a table")
+        return {}
+
+    def _wrong(self, key: str, message: str) -> None:
+        self._mistakes.append(Mistake(".".join([*self._place, key]), message, self._line(key)))
+
+    def _line(self, key: str) -> int | None:
+        """Return the line of a key, or of the nearest table above it that is there."""
+        node, line = self._root, None
+        for step in (*self._place, *key.split(".")):
+            pairs = node.value if hasattr(node, "value") and isinstance(node.value, list) else []
+            found = [(name, entry) for name, entry in pairs if str(name.value) == step]
+            if not found:
+                return line
+            line, node = found[0][0].start_mark.line + 1, found[0][1]
+        return line
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _shown(value: Any) -> str:
+    return "missing" if value is None else repr(value)[:60]

@@ -1,0 +1,263 @@
+"""The controller as C99: vctune_controller.h and vctune_controller.c."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+from vctune.firmware.c_text import code, comment, literal, operations
+from vctune.firmware.firmware import Firmware, certified
+from vctune.simulation import equations
+from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
+from vctune.simulation.expression import Symbol
+from vctune.version import __version__
+
+BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
+"""Coefficients of a built-in environment."""
+LIMITING = ("limit", "position_reach")
+"""Coefficients of a limited force."""
+WIDTH = 118
+"""Of a line of C."""
+
+
+def c_source(made: Firmware) -> dict[str, str]:
+    """Return the texts of vctune_controller.h and vctune_controller.c.
+
+    Parameters
+    ----------
+    made : the design as firmware
+    """
+    given = {**names_and_numbers(made), **_code(made)}
+    return {name: rendered_template(name, given) for name in ("vctune_controller.h", "vctune_controller.c")}
+
+
+def rendered_template(name: str, given: dict[str, Any]) -> str:
+    """Return a text of the folder templates/, filled in.
+
+    Parameters
+    ----------
+    name : without .j2
+    given : what its variables are
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    templates = Environment(  # C and XML are no HTML of a page: nothing is escaped here
+        loader=PackageLoader("vctune.firmware"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    return templates.get_template(f"{name}.j2").render(given)
+
+
+def statement(made: Firmware) -> list[str]:
+    """Return what is said at the top of every file: what it is, of which design, and what is proved.
+
+    Parameters
+    ----------
+    made : the design as firmware
+    """
+    doubt = [] if certified(made) else [not_proved(made), ""]
+    proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
+    single = "Proved again with the constants below, rounded to single precision, and with their sample time."
+    return [
+        *doubt,
+        f"Controller of {made.name}, written by vctune {__version__}; {made.precision} precision.",
+        f"problem sha256 {made.problem_sha256}",
+        f"design sha256 {made.design_sha256}",
+        "",
+        proved,
+        *([single] if certified(made) and made.precision == "single" else []),
+        *assumptions(made),
+    ]
+
+
+def not_proved(made: Firmware) -> str:
+    """Return what is said first of a design that is not certified."""
+    return f"NOT PROVED. {made.record.status}: {made.doubt}"
+
+
+def assumptions(made: Firmware) -> list[str]:
+    """Return what the certificate takes for granted, in words."""
+    device = made.device
+    parts = [
+        (device.velocity, "velocity estimate"),
+        (device.actuator, "actuator"),
+        (device.force_sensor, "force sensor"),
+        (device.structure, "structure"),
+    ]
+    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
+    box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
+    built = f"a linear device of {device.mass!r} kg and {device.damping!r} N s/m with {known or 'ideal parts'}{box}"
+    return [
+        f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
+        "sample and is held; the force is sampled just before; environments are passive as they run. Of static "
+        "friction, a limited force, quantisation and the rounding of each operation nothing is proved.",
+    ]
+
+
+def _numbers(part: Any) -> str:
+    return ", ".join(f"{name} {number}" for name, number in asdict(part).items() if number is not None)
+
+
+def names_and_numbers(made: Firmware) -> dict[str, Any]:
+    """Return what the templates need of a design, its equations apart."""
+    double = made.precision == "double"
+    top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
+    gains, coupling, T = made.gains, made.coupling, made.device.sample_time
+    design = [
+        ("VELOCITY_GAIN", made.coefficients["velocity_gain"], "K_v", "N s/m"),
+        ("POSITION_GAIN", made.coefficients["position_gain"], "K_p", "N/m"),
+    ]
+    stated = [
+        ("b_c", coupling.damping, "N s/m"),
+        ("m_c", coupling.mass, "kg"),
+        ("b_0", coupling.drag, "N s/m"),
+        ("K_v", gains.velocity, "N s/m"),
+        ("K_p", gains.position, "N/m"),
+        ("T", T, "s"),
+    ]
+    constants = [
+        (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit)
+        for name, number in made.coefficients.items()
+        if name not in ("velocity_gain", "position_gain") and (name != "smoothing" or made.parts.low_passes)
+    ]
+    return {
+        "top": top,
+        "period": f"{round(T * 1e9)}",
+        "sample_time": repr(T),
+        "double": double,
+        "real": "double" if double else "float",
+        "zero": literal(0.0, made.precision),
+        "one": literal(1.0, made.precision),
+        "two": literal(2.0, made.precision),
+        "problem_sha256": made.problem_sha256,
+        "design_sha256": made.design_sha256,
+        "proved": certified(made),
+        "integrator": made.gains.position > 0,
+        "difference": made.parts.difference,
+        "start_head": _start_head(made),
+        "measured_velocity": not made.parts.difference,
+        "design": [
+            *(f"/* {name} = {number!r} {unit} */" for name, number, unit in stated),
+            *_defined(made, design),
+        ],
+        "constants": _defined(made, constants),
+    }
+
+
+def _start_head(made: Firmware) -> str:
+    """Return the head of vctune_start; only a difference needs to know where the motor was."""
+    first = "vctune_real position, " if made.parts.difference else ""
+    indent = " " * len("vctune_state vctune_start(")
+    rest = f"{indent}vctune_environment_function render, void *environment)"
+    return f"vctune_state vctune_start({first}vctune_real reference, vctune_real limit,\n{rest}"
+
+
+def _defined(made: Firmware, constants: list[tuple[str, float, str, str]]) -> list[str]:
+    rows = [
+        (f"#define VCTUNE_{name} ({literal(number, made.precision)})", told, unit)
+        for name, number, told, unit in constants
+    ]
+    width = max(len(row[0]) for row in rows)
+    return [f"{text:<{width}} /* {told}, {unit} */" for text, told, unit in rows]
+
+
+def _code(made: Firmware) -> dict[str, Any]:
+    parts, step = made.parts, ("estimate", "drive", "law")
+    blocks = {name: list(getattr(equations, name)(parts)) for name in (*step, "environment")}
+    kept = [name for name in state_names(made) if name != "desired"]
+    names = _names(made, blocks)
+    counted = operations(equation for block in blocks.values() for equation in block)
+    return {
+        **{name: _lines(blocks[name], names, made) for name in step},
+        "render": _lines(blocks["environment"], _environment_names(names), made),
+        "counted": ", ".join(
+            f"{counted[kind]} {kind}" for kind in ("additions", "multiplications", "divisions", "comparisons")
+        ),
+        "measurement": _fields({_short(one): one for one in INPUTS if one.name in used(blocks)}),
+        "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}),
+        "state": _fields({name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *LIMITING)}),
+        "start": [f"state.{name} = {_begin(name, made)};" for name in state_names(made)],
+        "remember": [f"state->{name} = {name};" for name in ("desired", *kept)],
+    }
+
+
+def state_names(made: Firmware) -> list[str]:
+    """Return what a firmware remembers, the mass of its environment apart."""
+    return [name for name in equations.remembered(made.parts) if name != "inertia"]
+
+
+def used(blocks: dict[str, list[Equation]]) -> set[str]:
+    """Return the names that occur on the right-hand sides of equations."""
+    found, terms = set(), [equation.right for block in blocks.values() for equation in block]
+    while terms:
+        term = terms.pop()
+        if isinstance(term, Symbol):
+            found.add(term.name)
+        else:
+            terms += getattr(term, "operands", ())
+    return found
+
+
+def _short(quantity: Quantity) -> str:
+    return quantity.name.removeprefix("measured_")
+
+
+def _begin(name: str, made: Firmware) -> str:
+    return {"reference": "reference", "measured": "position"}.get(name, literal(0.0, made.precision))
+
+
+def _fields(quantities: dict[str, Quantity]) -> list[str]:
+    """Return quantities as fields of a struct, their comments below one another."""
+    width = max(len(name) for name in quantities)
+    return [
+        f"vctune_real {name};{' ' * (width - len(name))} /* {one.symbol}, {one.unit}: {one.meaning} */"
+        for name, one in quantities.items()
+    ]
+
+
+def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
+    """Return what symbols are called in vctune_step."""
+    local = {Symbol(equation.quantity.name): equation.quantity.name for block in blocks.values() for equation in block}
+    return {
+        **{Symbol(name): f"VCTUNE_{name.upper()}" for name in made.coefficients},
+        **{Symbol(quantity.name): f"measurement->{_short(quantity)}" for quantity in INPUTS},
+        **{Symbol(name, before=True): f"state->{name}" for name in STATE},
+        **{Symbol(name): f"state->{name}" for name in LIMITING},
+        **local,
+    }
+
+
+def _environment_names(names: dict[Symbol, str]) -> dict[Symbol, str]:
+    """Return what symbols are called in vctune_render."""
+    return {
+        **names,
+        **{Symbol(name): f"built_in->{name}" for name in BUILT_IN},
+        Symbol("inertia", before=True): "built_in->inertia",
+        Symbol("desired", before=True): "velocity_before",
+        Symbol("resistance"): "resistance",
+    }
+
+
+def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) -> list[str]:
+    """Return equations as declarations, each with what it stands for."""
+    lines = []
+    for equation in block:
+        quantity = equation.quantity
+        line = f"const vctune_real {quantity.name} = {code(equation.right, names, made.precision)};"
+        told = f"/* {quantity.symbol}, {quantity.unit}: {quantity.meaning} */"
+        lines += [f"{line} {told}"] if len(line) + len(told) + 5 <= WIDTH else [told, *_wrapped(line)]
+    return lines
+
+
+def _wrapped(line: str) -> list[str]:
+    """Return a long line in two or more, broken before an operator."""
+    if len(line) + 4 <= WIDTH:
+        return [line]
+    places = [at for at in range(WIDTH // 4, WIDTH - 4) if line[at : at + 3] in (" + ", " - ", " ? ", " : ")]
+    at = min(places, key=lambda at: (line[:at].count("(") - line[:at].count(")"), -at))  # not within parentheses
+    return [line[:at], *_wrapped(f"    {line[at + 1 :]}")]

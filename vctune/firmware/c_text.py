@@ -1,0 +1,117 @@
+"""Equations as C: the same operations in the same order."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from math import inf
+
+import numpy as np
+
+from vctune.document.errors import printable
+from vctune.firmware.firmware import Precision
+from vctune.simulation.equations import Equation
+from vctune.simulation.expression import Operation, Symbol, Term
+
+BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
+"""How strongly an operator holds its operands."""
+HOLDING = BINDING | {"choice": 0}
+"""The same of operators that are operands themselves; what is not here is a call."""
+COUNTED = {"+": "additions", "-": "additions", "*": "multiplications", "/": "divisions"}
+
+
+def literal(number: float, precision: Precision) -> str:
+    """Return the shortest C constant of a number that reads as this very number.
+
+    Parameters
+    ----------
+    number : one of the precision
+    precision : of the constant
+    """
+    if number in (inf, -inf):
+        return "VCTUNE_NONE" if number > 0 else "-VCTUNE_NONE"
+    text = repr(number) if precision == "double" else str(np.float32(number))
+    if not set(text) & set(".en"):
+        text += ".0"
+    return text if precision == "double" else f"{text}f"
+
+
+def code(term: Term, names: Mapping[Symbol, str], precision: Precision) -> str:
+    """Return a term as C.
+
+    Parameters
+    ----------
+    term : Term
+    names : what symbols are called in C
+    precision : of constants
+    """
+
+    def called(operator: str, operands: list[str]) -> str:
+        if operator == "choice":
+            above, limit, yes, no = operands
+            return f"({above} > {limit}) ? {yes} : {no}"
+        return f"vctune_{operator}({', '.join(operands)})"
+
+    return _written(term, names.__getitem__, lambda number: literal(number, precision), called)
+
+
+def plain(term: Term) -> str:
+    """Return a term as text that most languages read: names, `before.NAME`, + - * /, minimum, maximum, choice."""
+
+    def name(symbol: Symbol) -> str:
+        return f"before.{symbol.name}" if symbol.before else symbol.name
+
+    return _written(term, name, repr, lambda operator, operands: f"{operator}({', '.join(operands)})")
+
+
+def _written(
+    term: Term,
+    name: Callable[[Symbol], str],
+    number: Callable[[float], str],
+    called: Callable[[str, list[str]], str],
+) -> str:
+    """Return a term as text, in parentheses where an operand is held less strongly than its operator asks."""
+    if isinstance(term, Symbol):
+        return name(term)
+    if not isinstance(term, Operation):
+        assert isinstance(term, float | int), "a symbol, an operation or a number"
+        return number(float(term))
+    operands = [_written(operand, name, number, called) for operand in term.operands]
+    if term.operator not in BINDING:
+        return called(term.operator, operands)
+    own = BINDING[term.operator]
+    if term.operator == "negative":
+        return f"-{_held(operands[0], term.operands[0], own)}"
+    left, right = (_held(operands[side], term.operands[side], own + side) for side in (0, 1))
+    return f"{left} {term.operator} {right}"
+
+
+def operations(equations: Iterable[Equation]) -> Counter[str]:
+    """Return how many operations equations take: additions, multiplications, divisions, comparisons."""
+    counted: Counter[str] = Counter()
+    terms: list[Term] = [equation.right for equation in equations]
+    while terms:
+        term = terms.pop()
+        if isinstance(term, Operation):
+            if term.operator != "negative":
+                counted[COUNTED.get(term.operator, "comparisons")] += 1
+            terms += term.operands
+    return counted
+
+
+def comment(text: str, width: int = 110) -> list[str]:
+    """Return a text as lines that fit into a comment of C, which they cannot end."""
+    lines, line = [], ""
+    plain_text = printable(text).encode("ascii", "replace").decode()
+    for word in plain_text.replace("/", " / ").split() if "*" in text else plain_text.split():
+        if line and len(line) + 1 + len(word) > width:
+            lines.append(line)
+            line = ""
+        line = f"{line} {word}" if line else word
+    return [*lines, line] if line else lines
+
+
+def _held(text: str, term: Term, binding: int) -> str:
+    """Return an operand, in parentheses where it is held less strongly than the operator around it asks."""
+    own = HOLDING.get(term.operator, 9) if isinstance(term, Operation) else 9
+    return f"({text})" if own < binding else text

@@ -1,0 +1,73 @@
+"""Every difference equation with its coefficients, for other languages: the object of controller.json."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from vctune.firmware.c_source import BUILT_IN, LIMITING, assumptions, not_proved, state_names
+from vctune.firmware.c_text import plain
+from vctune.firmware.firmware import Firmware, certified
+from vctune.simulation import equations
+from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Quantity
+from vctune.version import __version__
+
+SCHEMA = "vctune/controller/1"
+FORMULAS = {
+    "inertance": "mass / sample_time; by the trapezoidal rule 2 * mass / sample_time",
+    "inertia_carry": "0; by the trapezoidal rule 1",
+    "stiffness": "stiffness",
+    "zero": "zero",
+    "slope": "damping + sample_time * stiffness; by the trapezoidal rule damping + half_sample_time * stiffness",
+    "least_contact": "0 at a wall, else minus infinity",
+    "limit": "the greatest force, infinity for none",
+    "position_reach": "limit / position_gain, infinity for none",
+}
+"""How what is set at run time gives the coefficients that are no constants of the design."""
+
+
+def controller_record(made: Firmware) -> dict[str, Any]:
+    """Return the object of controller.json.
+
+    Parameters
+    ----------
+    made : the design as firmware
+
+    Returns
+    -------
+    dict
+        Each quantity with symbol, unit and meaning. The equations are to be evaluated from the first to the last;
+        `before.NAME` is the value that the sample before left NAME with, `choice(a, b, c, d)` is c if a > b, else d.
+    """
+    coefficients = {name: {**_told(COEFFICIENTS[name]), "value": number} for name, number in made.coefficients.items()}
+    settings = {name: {**_told(COEFFICIENTS[name]), "formula": FORMULAS[name]} for name in (*BUILT_IN, *LIMITING)}
+    blocks = ("estimate", "drive", "environment", "law")
+    assert all(isfinite(number) for number in made.coefficients.values())
+    return {
+        **({} if certified(made) else {"not_proved": not_proved(made)}),
+        "schema": SCHEMA,
+        "name": made.name,
+        "problem_sha256": made.problem_sha256,
+        "design_sha256": made.design_sha256,
+        "status": made.record.status,
+        "proved": made.record.promise,
+        "assumed": assumptions(made),
+        "precision": made.precision,
+        "gains": {"velocity": made.gains.velocity, "position": made.gains.position},
+        "coupling": {"damping": made.coupling.damping, "mass": made.coupling.mass, "drag": made.coupling.drag},
+        "inputs": {one.name: _told(one) for one in INPUTS},
+        "coefficients": coefficients,
+        "settings": settings,
+        "state": {name: _told(STATE[name]) for name in (*state_names(made), "inertia")},
+        "equations": [
+            {"block": block, "name": one.quantity.name, **_told(one.quantity), "is": plain(one.right)}
+            for block in blocks
+            for one in getattr(equations, block)(made.parts)
+        ],
+        "output": "command",
+        "versions": {"vctune": __version__},
+    }
+
+
+def _told(quantity: Quantity) -> dict[str, str]:
+    return {"symbol": quantity.symbol, "unit": quantity.unit, "meaning": quantity.meaning}

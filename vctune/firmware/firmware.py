@@ -1,0 +1,150 @@
+"""What is exported: a design with what is proved of it, and the coefficients as the firmware will have them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from math import log, pi
+from typing import Literal
+
+import numpy as np
+
+from vctune.design.judge import Judgement, Status, judge_all
+from vctune.design.record import record_of
+from vctune.design.result import Solved
+from vctune.document.digest import digest
+from vctune.document.reading import ProblemFile
+from vctune.document.record import DesignRecord
+from vctune.model.experiment import Environment
+from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling, Device, Gains
+from vctune.simulation.coefficients import coupling_of
+from vctune.simulation.controller import coefficients_of, parts_of
+from vctune.simulation.equations import Parts
+from vctune.simulation.scene import designed_law
+
+Precision = Literal["double", "single"]
+NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
+
+
+@dataclass(frozen=True, slots=True)
+class Firmware:
+    """A design as firmware.
+
+    Attributes
+    ----------
+    record : of the design as it is exported: in single precision that of the rounded constants
+    device : what the certificate is about
+    gains, coupling : the decimals of the design
+    parts : what the firmware consists of, with every built-in environment and a limit
+    precision : of its numbers
+    coefficients : of the controller by their names in `vctune.simulation.equations`, as the firmware has them
+    problem_sha256, design_sha256 : digests of the problem, and of problem, gains and coupling
+    """
+
+    record: DesignRecord
+    device: Device
+    gains: Gains
+    coupling: Coupling
+    parts: Parts
+    precision: Precision
+    coefficients: dict[str, float]
+    problem_sha256: str
+    design_sha256: str
+
+    @property
+    def name(self) -> str:
+        """The problem's name."""
+        return self.record.problem.name
+
+    @property
+    def doubt(self) -> str:
+        """What is not proved of it; nothing if it is certified."""
+        if self.record.status == "certified" or self.record.certificate is None:
+            return ""
+        claims = self.record.certificate.claims
+        return "; ".join(
+            f"{claim.verdict}{_place(claim.witness_hz)}: {claim.claim}" for claim in claims if claim.verdict != "proved"
+        )
+
+
+def firmware(file: ProblemFile, gains: Gains, coupling: Coupling, precision: Precision) -> Firmware:
+    """Return a design as firmware, proved with the constants that the firmware will have.
+
+    Parameters
+    ----------
+    file : the problem
+    gains, coupling : the design
+    precision : of the firmware; single rounds every coefficient, and it is the rounded ones that are proved
+    """
+    device = file.problem.device
+    law = designed_law(device, gains, coupling, NOTHING)
+    coefficients = controller_coefficients(coefficients_of(law))
+    problem, design = file.problem, (gains, coupling)
+    if precision == "single":
+        coefficients = {name: float(np.float32(number)) for name, number in coefficients.items()}
+        problem, design = rounded(file.problem, coefficients)
+    judgement = judged(problem, design)
+    record = record_of(file, Solved(problem=problem, judgement=judgement))
+    parts = parts_of(law)
+    return Firmware(
+        record=record,
+        device=device,
+        gains=gains,
+        coupling=coupling,
+        parts=replace(Parts(), difference=parts.difference, low_passes=parts.low_passes),
+        precision=precision,
+        coefficients=coefficients,
+        problem_sha256=file.sha256,
+        design_sha256=digest([file.sha256, asdict(gains), asdict(coupling)]),
+    )
+
+
+@np.errstate(all="ignore")
+def judged(problem: Problem, design: tuple[Gains, Coupling]) -> Judgement:
+    """Return what is proved of a design, as `vctune check` proves it."""
+    return judge_all(problem, [design])[0]
+
+
+def controller_coefficients(coefficients: dict[str, float]) -> dict[str, float]:
+    """Return the coefficients that a firmware has as constants: not those of environment and limit."""
+    constant = (
+        "sample_time",
+        "half_sample_time",
+        "velocity_gain",
+        "position_gain",
+        "coupling_step",
+        "coupling_decay",
+        "resistance",
+        "smoothing",
+    )
+    return {name: coefficients[name] for name in constant}
+
+
+def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, Coupling]]:
+    """Return the problem and the design of which rounded coefficients are the exact ones.
+
+    The sample time is then the rounded one too: it is that of the firmware's integrators.
+
+    Parameters
+    ----------
+    problem : Problem
+    coefficients : as of `controller_coefficients`
+    """
+    T, device, stability = coefficients["sample_time"], problem.device, problem.stability
+    estimate = device.velocity
+    if estimate is not None and estimate.filter_hz is not None:
+        estimate = replace(estimate, filter_hz=-log(1 - coefficients["smoothing"]) / (2 * pi * T))
+    if stability.band.max <= pi / device.sample_time:
+        stability = replace(stability, band=replace(stability.band, max=min(stability.band.max, pi / T)))
+    gains = Gains(coefficients["velocity_gain"], coefficients["position_gain"])
+    again = replace(problem, device=replace(device, sample_time=T, velocity=estimate), stability=stability)
+    return again, (gains, coupling_of(coefficients, T))
+
+
+def certified(made: Firmware) -> bool:
+    """Whether everything is proved of a firmware."""
+    return made.record.status == Status.CERTIFIED.value
+
+
+def _place(hz: float | None) -> str:
+    return "" if hz is None else f" at {hz:.6g} Hz"

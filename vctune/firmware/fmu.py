@@ -1,0 +1,171 @@
+"""The controller as an FMU: FMI 2.0 for co-simulation, with its sources and a binary for 64-bit Linux."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+import subprocess
+import tempfile
+from hashlib import sha256
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from uuid import UUID
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+from vctune.document.errors import InputError, Mistake, printable
+from vctune.firmware.c_source import c_source, names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.firmware import Firmware, certified
+from vctune.version import __version__
+
+COMPILERS = ("cc", "gcc", "clang")
+OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""When every file of the archive was made, so that the same design makes the same bytes."""
+REALS = (
+    ("position", "m", "input", "position of the motor"),
+    ("velocity", "m/s", "input", "velocity of the motor"),
+    ("force", "N", "input", "sensed force of the hand"),
+    ("command", "N", "output", "force that the motor is commanded"),
+    ("environment_force", "N", "output", "force of the environment"),
+    ("limit", "N", "parameter", "greatest force; 0 for none"),
+    ("environment_mass", "kg", "parameter", "mass of the environment"),
+    ("environment_damping", "N.s/m", "parameter", "damping of the environment"),
+    ("environment_stiffness", "N/m", "parameter", "stiffness of the environment"),
+    ("environment_zero", "m", "parameter", "where the environment's spring is without force"),
+    ("start_position", "m", "parameter", "where the motor starts"),
+    ("start_reference", "m", "parameter", "where the environment starts"),
+)
+BOOLEANS = (
+    ("wall", "whether damping and stiffness only push, towards negative positions"),
+    ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
+)
+ABSENT = {
+    "fmi2GetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, fmi2Integer value[]",
+    "fmi2SetInteger": "fmi2Component c, const fmi2ValueReference at[], size_t count, const fmi2Integer value[]",
+    "fmi2GetString": "fmi2Component c, const fmi2ValueReference at[], size_t count, fmi2String value[]",
+    "fmi2SetString": "fmi2Component c, const fmi2ValueReference at[], size_t count, const fmi2String value[]",
+    "fmi2GetFMUstate": "fmi2Component c, fmi2FMUstate *state",
+    "fmi2SetFMUstate": "fmi2Component c, fmi2FMUstate state",
+    "fmi2FreeFMUstate": "fmi2Component c, fmi2FMUstate *state",
+    "fmi2SerializedFMUstateSize": "fmi2Component c, fmi2FMUstate state, size_t *size",
+    "fmi2SerializeFMUstate": "fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size",
+    "fmi2DeSerializeFMUstate": "fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state",
+    "fmi2GetDirectionalDerivative": "fmi2Component c, const fmi2ValueReference unknown[], size_t unknowns, "
+    "const fmi2ValueReference known[], size_t knowns, const fmi2Real seed[], fmi2Real derivative[]",
+    "fmi2SetRealInputDerivatives": "fmi2Component c, const fmi2ValueReference at[], size_t count, "
+    "const fmi2Integer order[], const fmi2Real value[]",
+    "fmi2GetRealOutputDerivatives": "fmi2Component c, const fmi2ValueReference at[], size_t count, "
+    "const fmi2Integer order[], fmi2Real value[]",
+    "fmi2CancelStep": "fmi2Component c",
+    "fmi2GetStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Status *value",
+    "fmi2GetRealStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Real *value",
+    "fmi2GetIntegerStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Integer *value",
+    "fmi2GetBooleanStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2Boolean *value",
+    "fmi2GetStringStatus": "fmi2Component c, const fmi2StatusKind kind, fmi2String *value",
+}
+"""Functions that the standard asks for and a controller has no use for, and what they take."""
+
+
+def fmu(made: Firmware) -> bytes:
+    """Return the FMU of a design: a zip archive, the same bytes for the same design and compiler.
+
+    Parameters
+    ----------
+    made : the design as firmware
+
+    Raises
+    ------
+    InputError
+        If there is no C compiler, or this is not 64-bit Linux.
+    """
+    sources = {**c_source(made), "vctune_fmu.c": rendered_template("vctune_fmu.c", _given(made))}
+    packed: dict[str, str | bytes] = {
+        "modelDescription.xml": rendered_template("modelDescription.xml", _described(made)),
+        **{f"sources/{name}": text for name, text in sources.items()},
+        "binaries/linux64/vctune_fmu.so": _compiled(sources),
+    }
+    archive = BytesIO()
+    with ZipFile(archive, "w", ZIP_DEFLATED) as packing:
+        for name, content in packed.items():
+            entry = ZipInfo(name, EPOCH)
+            entry.external_attr = 0o755 << 16  # a library that may be loaded, files that may be read
+            packing.writestr(entry, content, ZIP_DEFLATED)
+    return archive.getvalue()
+
+
+def _guid(made: Firmware) -> str:
+    """Return an identifier that follows from design, precision and version."""
+    known = f"{made.design_sha256} {made.precision} {__version__}"
+    return f"{{{UUID(bytes=sha256(known.encode()).digest()[:16])}}}"
+
+
+def _given(made: Firmware) -> dict[str, Any]:
+    absent = [
+        {
+            "name": name,
+            "takes": takes,
+            "unused": [word.split()[-1].strip("*[]") for word in takes.split(",")],
+            "answer": "fmi2Discard" if name.endswith("Status") else "fmi2Error",
+        }
+        for name, takes in ABSENT.items()
+    ]
+    return {
+        **names_and_numbers(made),
+        "reals": [name.upper() for name, *_ in REALS],
+        "guid": _guid(made),
+        "absent": absent,
+    }
+
+
+def _described(made: Firmware) -> dict[str, Any]:
+    variables = [
+        {
+            "name": name,
+            "reference": reference,
+            "causality": causality,
+            "variability": "fixed" if causality == "parameter" else "discrete",
+            "meaning": meaning,
+            "type": f'<Real unit="{unit}" start="0"/>',
+        }
+        for reference, (name, unit, causality, meaning) in enumerate(REALS)
+    ]
+    outputs = [number for number, one in enumerate(variables, 1) if one["causality"] == "output"]
+    variables += [
+        {
+            "name": name,
+            "reference": reference,
+            "causality": "parameter",
+            "variability": "fixed",
+            "meaning": meaning,
+            "type": '<Boolean start="false"/>',
+        }
+        for reference, (name, meaning) in enumerate(BOOLEANS)
+    ]
+    return {
+        "name": printable(made.name),
+        "guid": _guid(made),
+        "version": __version__,
+        "description": printable(" ".join(line for line in statement(made) if line)),
+        "doubt": "" if certified(made) else printable(not_proved(made)).replace("--", "- -"),
+        "sample_time": repr(made.device.sample_time),
+        "variables": variables,
+        "outputs": outputs,
+    }
+
+
+def _compiled(sources: dict[str, str]) -> bytes:
+    """Return the shared library of sources."""
+    compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
+    if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
+        message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"
+        raise InputError("fmu", [Mistake("", message)])
+    with tempfile.TemporaryDirectory() as place:
+        for name, text in sources.items():
+            (Path(place) / name).write_text(text)
+        command = [compiler, *OPTIONS, "-o", "out.so", "vctune_fmu.c", "-lm"]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            complaint = (done.stderr.strip().splitlines() or ["says nothing"])[0]
+            raise InputError("fmu", [Mistake("", f"{compiler} cannot compile it: {complaint}; take another compiler")])
+        return (Path(place) / "out.so").read_bytes()

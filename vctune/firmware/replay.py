@@ -1,0 +1,40 @@
+"""What stands beside the controller: vectors.csv and replay.c, a Makefile, the bridge to the simulation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vctune.firmware.c_source import names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_text import comment
+from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
+
+ALLOWED_ULP = 0
+"""Every operation is rounded as it was simulated: no digit differs."""
+
+
+def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
+    """Return the texts of vectors.csv, replay.c, vctune_bridge.c and Makefile.
+
+    Parameters
+    ----------
+    made : the design as firmware
+    simulated : what it is to replay
+    """
+    given: dict[str, Any] = {
+        **names_and_numbers(made),
+        "experiments": [experiment_line(one, difference=made.parts.difference) for one in simulated],
+        "ulp": ALLOWED_ULP,
+        "hash_top": commented(statement(made)),
+    }
+    if made.precision == "single":
+        measured = greatest_difference(made, simulated)
+        given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
+    written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
+    doubt = "" if certified(made) else commented([not_proved(made)]) + "\n"
+    return {"vectors.csv": doubt + vectors_text(simulated), **written}
+
+
+def commented(texts: list[str]) -> str:
+    """Return texts as lines that begin with #."""
+    return "\n".join(f"# {line}".rstrip() for text in texts for line in comment(text) or [""])

@@ -1,0 +1,146 @@
+"""What the simulated controller measured and commanded in every experiment, to be replayed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from math import inf
+from pathlib import Path
+
+import numpy as np
+
+from vctune.document.reading import ProblemFile, problem_file
+from vctune.firmware.firmware import Firmware
+from vctune.model.arithmetic import Number
+from vctune.model.experiment import Experiment
+from vctune.simulation import equations
+from vctune.simulation.arithmetic import FLOATS
+from vctune.simulation.coefficients import environment_coefficients, limit_coefficients
+from vctune.simulation.controller import encoded
+from vctune.simulation.equations import STATE
+from vctune.simulation.expression import Symbol, value
+from vctune.simulation.motion import Floats
+from vctune.simulation.run import run
+from vctune.simulation.scene import designed_scene, equilibrium
+
+COLUMNS = ("experiment", "position_m", "velocity_m_per_s", "force_n", "command_n")
+USUAL = """
+[[experiment]]
+name = "spring"
+environment = { stiffness = 200.0 }
+operator = { to = 0.01, cycles = 1 }
+[[experiment]]
+name = "wall"
+environment = { mass = 0.1, damping = 5.0, stiffness = 20000.0, zero = 0.005, wall = true }
+operator = { to = 0.01, cycles = 1, mass = 0.1 }
+actuator = { limit = 3.0 }
+"""
+"""What is replayed where the problem has no experiment of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """An experiment as the firmware met it; all arrays have the same length.
+
+    Attributes
+    ----------
+    experiment : its description
+    position, reference : of the motor, and x_e, where it starts, m
+    measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
+    command : u, N
+    """
+
+    experiment: Experiment
+    position: float
+    reference: float
+    measured: Floats
+    command: Floats
+
+
+def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] = lambda stage: None) -> list[Replay]:
+    """Simulate a design in the experiments of its problem, or in the usual ones where it has none.
+
+    Parameters
+    ----------
+    file : the problem
+    made : the design as firmware, whose decimals are simulated in double precision
+    progress : told the stage of the work
+    """
+    if not file.problem.experiments:
+        file = problem_file(file.text + USUAL, Path(file.source))
+    return [_replay(made, experiment, progress) for experiment in file.problem.experiments]
+
+
+def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
+    scene = designed_scene(made.device, made.gains, made.coupling, experiment)
+    traces = run(scene, lambda share: progress(f"{experiment.name} {share:.0%}"))
+    begin = equilibrium(scene)
+    position = traces.position if traces.motor_position is None else traces.motor_position
+    velocity = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
+    read = [encoded(scene.law, float(each), FLOATS) for each in position]
+    measured = np.column_stack([read, velocity, traces.sensed])
+    return Replay(experiment, encoded(scene.law, begin.position, FLOATS), begin.reference, measured, traces.motor)
+
+
+def vectors_text(made: list[Replay]) -> str:
+    """Return the text of vectors.csv: every number in the shortest decimals that read as itself."""
+    lines = [",".join(COLUMNS)]
+    for number, one in enumerate(made):
+        rows = np.column_stack([one.measured, one.command]).tolist()
+        lines += [f"{number},{','.join(map(repr, row))}" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
+    """Return by how much a firmware's commands differ from the simulated ones, N: in its own precision, unfused.
+
+    Parameters
+    ----------
+    firmware : in single precision
+    made : what it is to replay
+    """
+    return max(float(np.abs(np.array(list(commands(firmware, one, np.float32))) - one.command).max()) for one in made)
+
+
+def commands(firmware: Firmware, one: Replay, number: Callable[[float], Number]) -> Iterator[float]:
+    """Yield what a firmware commands to an experiment's measurements.
+
+    Parameters
+    ----------
+    firmware : with its coefficients
+    one : what it is to replay
+    number : makes a float one of the arithmetic, in which everything is calculated
+    """
+    parts, experiment, T = firmware.parts, one.experiment, firmware.coefficients["sample_time"]
+    blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
+    written = [equation for block in blocks for equation in block(parts)]
+    rendered = experiment.environment
+    held = replace(
+        rendered, **{name: number(getattr(rendered, name)) for name in ("mass", "damping", "stiffness", "zero")}
+    )
+    position_gain = number(firmware.coefficients["position_gain"])
+    limit = limit_coefficients(number(experiment.limit or inf), position_gain, 0.0)
+    given = firmware.coefficients | environment_coefficients(held, number(T)) | limit
+    known = {Symbol(name): number(constant) for name, constant in given.items()}
+    known |= {Symbol(name, before=True): number(0.0) for name in STATE}
+    known[Symbol("reference", before=True)] = number(one.reference)
+    known[Symbol("measured", before=True)] = number(one.position)
+    for row in one.measured.tolist():
+        for name, read in zip(("position", "velocity", "force"), row, strict=True):
+            known[Symbol(f"measured_{name}")] = number(read)
+        for equation in written:
+            known[Symbol(equation.quantity.name)] = value(equation.right, known, FLOATS)
+        for name in STATE:
+            if Symbol(name) in known:
+                known[Symbol(name, before=True)] = known[Symbol(name)]
+        yield float(known[Symbol("command")])
+
+
+def experiment_line(one: Replay, *, difference: bool) -> str:
+    """Return an experiment as an element of the table in replay.c, with the position at the start for a difference."""
+    rendered = one.experiment.environment
+    numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
+    flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
+    begin = [*([one.position] if difference else []), one.reference, one.experiment.limit or 0.0]
+    fields = [f'"{one.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))]
+    return f"{{{', '.join(fields)}}},"

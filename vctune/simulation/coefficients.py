@@ -1,0 +1,91 @@
+"""The values of the coefficients of a firmware: worked out in exact fractions of its decimals, and rounded once."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import inf
+
+from vctune.model.experiment import Environment
+from vctune.model.quantities import Coupling
+
+
+def exact(decimal: float) -> Fraction:
+    """Return the number that a float prints as."""
+    return Fraction(repr(float(decimal)))
+
+
+def coupling_coefficients(coupling: Coupling | None, sample_time: float) -> dict[str, float]:
+    """Return the coefficients of a coupling by the trapezoidal rule; `coupling_of` goes back.
+
+    Parameters
+    ----------
+    coupling : damping b_c and mass m_c in series, drag b_0 beside them; None for none
+    sample_time : T, s
+
+    Returns
+    -------
+    dict
+        coupling_step and resistance, N s/m, and coupling_decay.
+    """
+    if coupling is None:
+        return {"resistance": 0.0}
+    a = exact(sample_time) * exact(coupling.damping) / (2 * exact(coupling.mass))
+    step = exact(coupling.damping) / (1 + a)
+    return {
+        "coupling_step": float(step),
+        "coupling_decay": float((1 - a) / (1 + a)),
+        "resistance": float(step + exact(coupling.drag)),
+    }
+
+
+def coupling_of(coefficients: dict[str, float], sample_time: float) -> Coupling:
+    """Return the coupling whose coefficients are the given ones, to the rounding of its three numbers.
+
+    Parameters
+    ----------
+    coefficients : as of `coupling_coefficients`, perhaps rounded
+    sample_time : T, s
+    """
+    step, decay = Fraction(coefficients["coupling_step"]), Fraction(coefficients["coupling_decay"])
+    return Coupling(
+        damping=float(2 * step / (1 + decay)),
+        mass=float(Fraction(sample_time) * step / (1 - decay)),
+        drag=float(Fraction(coefficients["resistance"]) - step),
+    )
+
+
+def environment_coefficients(environment: Environment, sample_time: float) -> dict[str, float]:
+    """Return the coefficients of a built-in environment.
+
+    Parameters
+    ----------
+    environment : what is rendered
+    sample_time : T, s
+    """
+    lossless = environment.rule == "trapezoid"
+    reach = sample_time / 2 if lossless else sample_time
+    return {
+        "inertance": (2 * environment.mass if lossless else environment.mass) / sample_time,
+        "inertia_carry": 1.0 if lossless else 0.0,
+        "stiffness": environment.stiffness,
+        "zero": environment.zero,
+        "slope": environment.damping + reach * environment.stiffness,
+        "least_contact": 0.0 if environment.wall else -inf,
+    }
+
+
+def limit_coefficients(limit: float | None, position: float, integral: float) -> dict[str, float]:
+    """Return the coefficients of a limited force.
+
+    Parameters
+    ----------
+    limit : greatest force, N; None for none
+    position, integral : K_p and K_i, N/m, N/(m s)
+    """
+    if limit is None:
+        return {}
+    return {
+        "limit": limit,
+        "position_reach": limit / position if position > 0 else inf,
+        "integral_reach": limit / integral if integral > 0 else inf,
+    }

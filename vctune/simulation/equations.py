@@ -1,0 +1,241 @@
+"""The firmware as difference equations with named coefficients, in the order in which they are executed.
+
+From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
+(`vctune/firmware/`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from vctune.simulation.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a name stands for: the symbol that formulas have for it, its unit ("1" for none) and its meaning."""
+
+    name: str
+    symbol: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """A quantity and what gives it its value, of quantities before it, coefficients and inputs."""
+
+    quantity: Quantity
+    right: Term
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a firmware consists of.
+
+    Attributes
+    ----------
+    quantised : whether the encoder's position is rounded here; it comes rounded from a real one
+    difference : whether the velocity is the backward difference of the position; measured itself if not
+    low_passes : how many the velocity goes through, 0 to 2
+    coupling : whether there is a virtual coupling
+    virtual : whether a virtual mass and damping stand beside the environment
+    mass, trapezoid : whether the environment has a mass, and whether it may be one of the trapezoidal rule
+    contact : whether the environment has stiffness or damping
+    wall : whether these may be one-sided
+    integral : whether the position error is integrated once more
+    limit : whether the force is limited, and with it the integral parts of the law
+    """
+
+    quantised: bool = False
+    difference: bool = False
+    low_passes: int = 0
+    coupling: bool = True
+    virtual: bool = False
+    mass: bool = True
+    trapezoid: bool = True
+    contact: bool = True
+    wall: bool = True
+    integral: bool = False
+    limit: bool = True
+
+
+INPUTS = (
+    Quantity("measured_position", "x", "m", "position of the motor, as the encoder has it"),
+    Quantity("measured_velocity", "v", "m/s", "velocity of the motor, where it is measured"),
+    Quantity("measured_force", "f_s", "N", "force of the hand, as the sensor has it just before the command acts"),
+)
+COEFFICIENTS = {
+    name: Quantity(name, *told)
+    for name, told in {
+        "sample_time": ("T", "s", "sample time"),
+        "half_sample_time": ("T/2", "s", "half the sample time"),
+        "velocity_gain": ("K_v", "N s/m", "velocity gain"),
+        "position_gain": ("K_p", "N/m", "position gain"),
+        "integral_gain": ("K_i", "N/(m s)", "gain of the integrated position error"),
+        "coupling_step": ("b_c/(1 + a)", "N s/m", "force of the coupling per step of v_e, a = T b_c/(2 m_c)"),
+        "coupling_decay": ("(1 - a)/(1 + a)", "1", "what a sample leaves of the coupling's force"),
+        "resistance": ("b_c/(1 + a) + b_0", "N s/m", "force per v_e, of all but the environment"),
+        "virtual_inertance": ("M_0/T", "N s/m", "of the virtual mass"),
+        "smoothing": ("a_f", "1", "of the velocity's low-pass, 1 - exp(-2 pi f T)"),
+        "resolution": ("q", "m", "of the encoder"),
+        "limit": ("u_max", "N", "greatest force"),
+        "position_reach": ("u_max/K_p", "m", "position error whose force is the limit"),
+        "integral_reach": ("u_max/K_i", "m s", "integrated position error whose force is the limit"),
+        "inertance": ("M/T", "N s/m", "of the environment's mass; twice that by the trapezoidal rule"),
+        "inertia_carry": ("c", "1", "0 by backward Euler, 1 by the trapezoidal rule"),
+        "stiffness": ("k", "N/m", "of the environment's spring"),
+        "zero": ("x_0", "m", "where the spring is without force"),
+        "slope": ("b + k h", "N s/m", "of damper and spring per v_e; h is T, by the trapezoidal rule T/2"),
+        "least_contact": ("f_min", "N", "least force of spring and damper: 0 at a wall, else none"),
+    }.items()
+}
+STATE = {
+    name: Quantity(name, *told)
+    for name, told in {
+        "reference": ("x_e", "m", "position of the environment"),
+        "desired": ("v_e", "m/s", "velocity of the environment"),
+        "coupling": ("f_c", "N", "force of the coupling's damper and mass"),
+        "integral": ("i", "m s", "integrated position error"),
+        "measured": ("x", "m", "position of the motor"),
+        "filtered": ("v_1", "m/s", "velocity behind the first low-pass"),
+        "twice_filtered": ("v_2", "m/s", "velocity behind the second low-pass"),
+        "inertia": ("f_m", "N", "force of the environment's mass"),
+    }.items()
+}
+"""What a firmware can have to remember."""
+
+
+def remembered(parts: Parts) -> tuple[str, ...]:
+    """Return what of `STATE` a firmware needs at its next sample."""
+    needed = {
+        "coupling": parts.coupling,
+        "integral": parts.integral,
+        "measured": parts.difference,
+        "filtered": parts.low_passes > 0,
+        "twice_filtered": parts.low_passes > 1,
+        "inertia": parts.mass and parts.trapezoid,
+    }
+    return tuple(name for name in STATE if needed.get(name, True))
+
+
+def _new(name: str, symbol: str, unit: str, meaning: str, right: Term) -> Equation:
+    return Equation(Quantity(name, symbol, unit, meaning), right)
+
+
+def _kept(name: str, right: Term) -> Equation:
+    return Equation(STATE[name], right)
+
+
+def _now(name: str) -> Symbol:
+    return Symbol(name)
+
+
+def _was(name: str) -> Symbol:
+    return Symbol(name, before=True)
+
+
+def estimate(parts: Parts) -> Iterator[Equation]:
+    """Yield what the firmware knows of the motion: position, and the velocity that the law acts on."""
+    position: Term = _now("measured_position")
+    if parts.quantised:
+        position = _now("resolution") * floor(position / _now("resolution") + 0.5)
+    yield _kept("measured", position)
+    velocity: Term = _now("measured_velocity")
+    if parts.difference:
+        velocity = (_now("measured") - _was("measured")) / _now("sample_time")
+    yield _new("raw_velocity", "v'", "m/s", "velocity before the low-passes", velocity)
+    source = "raw_velocity"
+    for name in ("filtered", "twice_filtered")[: parts.low_passes]:
+        yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
+        source = name
+    yield _new("velocity", "v_hat", "m/s", "velocity that the law acts on", _now(source))
+
+
+def drive(parts: Parts) -> Iterator[Equation]:
+    """Yield what drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample."""
+    force: Expression = _now("measured_force")
+    if parts.coupling:
+        force = force + _now("coupling_step") * _was("desired") - _now("coupling_decay") * _was("coupling")
+    if parts.virtual:
+        force = force + _now("virtual_inertance") * _was("desired")
+    yield _new("drive", "f", "N", "force that is left to drive v_e", force)
+    middle = _was("reference") + _now("half_sample_time") * _was("desired")
+    yield _new("middle", "x_m", "m", "x_e without the share of the new v_e", middle)
+
+
+def environment(parts: Parts) -> Iterator[Equation]:
+    """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
+
+    Mass and spring by backward Euler, which stays passive and damps what it cannot resolve, so that a wall may be as
+    stiff as one likes; or by the trapezoidal rule, lossless.
+    """
+    total: Term = _now("resistance")
+    pushed: Term = _now("drive")
+    if parts.mass:
+        total = total + _now("inertance")
+        pushed = pushed + _now("inertance") * _was("desired")
+        if parts.trapezoid:
+            pushed = pushed + _now("inertia_carry") * _was("inertia")
+    yield _new("pushed", "f_p", "N", "drive with what the mass brings along", pushed)
+    yield _new("total", "r", "N s/m", "force per v_e without spring and damper", total)
+    yield _new("free", "v_f", "m/s", "v_e without spring and damper", _now("pushed") / _now("total"))
+    contact: Term = 0.0
+    if parts.contact:
+        offset = _now("stiffness") * (_now("middle") - _now("zero"))
+        yield _new("offset", "f_0", "N", "force of the spring without a step", offset)
+        met: Term = (_now("pushed") - _now("offset")) / (_now("total") + _now("slope"))
+        if parts.wall:
+            met = choice(_now("offset") + _now("slope") * _now("free"), _now("least_contact"), met, _now("free"))
+        yield _kept("desired", met)
+        contact = _now("offset") + _now("slope") * _now("desired")
+        if parts.wall:
+            contact = maximum(_now("least_contact"), contact)
+    else:
+        yield _kept("desired", _now("free"))
+    if parts.mass:
+        inertia = _now("inertance") * (_now("desired") - _was("desired"))
+        yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia") if parts.trapezoid else inertia)
+        contact = contact + _now("inertia")
+    yield _new("environment_force", "f_e", "N", "force of the environment", contact)
+
+
+def law(parts: Parts) -> Iterator[Equation]:
+    """Yield coupling, reference and the law K_v + K_p/s on the velocity error, limited.
+
+    x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at
+    (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
+    as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
+    """
+    if parts.coupling:
+        step = _now("coupling_step") * (_now("desired") - _was("desired"))
+        yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
+    reference = _now("middle") + _now("half_sample_time") * _now("desired")
+    yield _new("led", "x_e'", "m", "x_e, unless the limit acts", reference)
+    yield _new("error", "e", "m", "position error", _now("led") - _now("measured"))
+    force = _now("velocity_gain") * (_now("desired") - _now("velocity")) + _now("position_gain") * _now("error")
+    if parts.integral:
+        integral = _was("integral") + _now("sample_time") * _now("error")
+        yield _new("summed", "i'", "m s", "integrated position error, unless the limit acts", integral)
+        force = force + _now("integral_gain") * _now("summed")
+    yield _new("asked", "u'", "N", "force before it is limited", force)
+    if not parts.limit:
+        yield _kept("reference", _now("led"))
+        if parts.integral:
+            yield _kept("integral", _now("summed"))
+        yield _new("command", "u", "N", "force that the motor is commanded", _now("asked"))
+        return
+    yield _new("size", "|u'|", "N", "its size", maximum(-_now("asked"), _now("asked")))
+    slip = choice(_now("size"), _now("limit"), _now("error") - _within("position_reach", _now("error")), 0.0)
+    yield _new("slip", "d", "m", "by how much x_e goes back to the handle where the limit acts", slip)
+    yield _kept("reference", _now("led") - _now("slip"))
+    if parts.integral:
+        held = _within("integral_reach", _now("summed"))
+        yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
+    yield _new("command", "u", "N", "force that the motor is commanded", _within("limit", _now("asked")))
+
+
+def _within(bound: str, term: Symbol) -> Expression:
+    """Return a term that is kept from minus a bound to the bound."""
+    return maximum(-_now(bound), minimum(_now(bound), term))
