@@ -112,6 +112,7 @@ def certified(text: str) -> bool:
 
 def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) -> list[dict]:
     """Write every repair into the file as printed and solve; then nine tenths of it."""
+    text = for_passive_hands(text)
     file = ProblemFile(parsed(text), text)
     solved = with_repairs(file, solve(file.problem))
     record = json.loads(json.dumps(design_record(file, solved), allow_nan=False))
@@ -395,7 +396,7 @@ def test_ctrl_c_while_looking_for_repairs_leaves_nothing_behind(seconds, tmp_pat
 
 @pytest.mark.parametrize("band", ["[0.0, 1e-9]", "[499.0, 500.0]", "[400.0, inf]", "[1.0, 1.5]"])
 def test_odd_bands_have_valid_levers(band):
-    text = LAG.format(2.0) + f"[stability]\nband_hz = {band}\n"
+    text = for_passive_hands(LAG.format(2.0) + f"[stability]\nband_hz = {band}\n")
     for change in parameter_changes(tomllib.loads(text), parsed(text)):
         for relative in change.relative_changes():
             new = change.value(relative)

@@ -51,7 +51,8 @@ def document(seed):
             "damping_ratio": ratio,
         }
     operator = {"operator": {"damping": damping * rng.uniform(0.1, 3)}} if damping > 0 and rng.random() < 0.3 else {}
-    return {"device": device, **operator, "coupling": {"drag": {"min": 0.0, "max": mass / T}}}
+    tables = {"coupling": {"drag": {"min": 0.0, "max": mass / T}}, "stability": {"criterion": "passive"}}
+    return {"device": device, **operator, **tables}
 
 
 def posed(tables):

@@ -1,4 +1,7 @@
-"""The reference problems, for any passive hand on a band: between them free and fixed loops, both holds, delays, K_p = 0, active bounds, two basins."""
+"""The reference problems, for any passive hand on a band.
+
+Between them free and fixed loops, both holds, delays, K_p = 0, active bounds, two basins.
+"""
 
 from __future__ import annotations
 
