@@ -1,0 +1,263 @@
+"""A response fitted by physics: weighted least squares with a model-error floor, order by chi2 (README, section 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+from vctune.identification.covariance import robust_covariance
+from vctune.identification.physics import SCALED, Candidate, compliances, device_of, late
+from vctune.identification.response import Complex, Lines, Response
+from vctune.model.quantities import Actuator, Device
+
+FLOOR = (1e-5, 10.0)
+"""Range of the model-error floor, a share of the response."""
+START_FLOOR = 0.1
+"""Model error with which the search starts: half and twice it lead to the same fits."""
+ROUNDS = 20
+DECADES = 5.0
+"""How far a number that cannot be 0 may go in one search, as a logarithm."""
+Ints = NDArray[np.int64]
+OUTLYING = 1.0
+"""Greatest relative spread of a line that is used; beyond it the line is noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseFit:
+    """A candidate fitted.
+
+    Attributes
+    ----------
+    candidate : its structure
+    numbers : by name, SI units
+    names : of the free numbers in the order of `covariance`
+    covariance : of correlated residuals, shape (p, p)
+    floors : model error of position and of handle as shares of the response, with which chi2/dof is 1; 0 where noise
+        alone explains the residual
+    chi2 : with the noise alone, over degrees of freedom
+    lines : how many, of all outputs
+    device : what the numbers make
+    position, handle : of the model at the lines, m/N
+    """
+
+    candidate: Candidate
+    numbers: Mapping[str, float]
+    names: tuple[str, ...]
+    covariance: Floats
+    floors: Floats
+    chi2: float
+    lines: int
+    device: Device
+    position: Complex
+    handle: Complex | None
+
+    def sigma(self, name: str) -> float:
+        """Return the standard deviation of a number."""
+        at = self.names.index(name)
+        return sqrt(max(float(self.covariance[at, at]), 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """A response and a candidate: the residuals of any numbers."""
+
+    measured: Response
+    candidate: Candidate
+    actuator: Actuator | None
+
+    def numbers(self, at: Floats) -> dict[str, float]:
+        """Return the numbers of a point of the search."""
+        named = zip(self.candidate.names, at, strict=True)
+        return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
+
+    def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
+        """Return the device of a point, and what it says of position and handle, m/N."""
+        numbers, measured = self.numbers(at), self.measured
+        omega = measured.position.omega
+        device = device_of(numbers, measured.sample_time, self.actuator)
+        pushed = late(device, omega, held=measured.input == "command") - numbers["coulomb"] * measured.friction
+        motor, handle = compliances(device, omega)
+        return device, motor * pushed, handle * pushed
+
+    def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
+        """Return relative errors of the used lines of all outputs, their relative spreads, and whose they are."""
+        _, motor, handle = self.outputs(at)
+        pairs: list[tuple[Complex, Lines]] = [(motor, self.measured.position)]
+        if self.measured.handle is not None:
+            pairs.append((handle, self.measured.handle))
+        used = [lines.spread < OUTLYING for _, lines in pairs]
+        errors = [(model / lines.ratio - 1)[mask] for (model, lines), mask in zip(pairs, used, strict=True)]
+        spreads = [lines.spread[mask] for (_, lines), mask in zip(pairs, used, strict=True)]
+        owners = [np.full(mask.sum(), i) for i, mask in enumerate(used)]
+        return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
+
+    def residuals(self, at: Floats, floors: Floats) -> Floats:
+        """Return them over their standard deviation, real parts and imaginary parts one after the other."""
+        errors, spread, owners = self.errors(at)
+        weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(floors, FLOOR[0])[owners])
+        return np.concatenate([weighed.real, weighed.imag])
+
+
+def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[ResponseFit, list[ResponseFit]]:
+    """Return the simplest candidate that explains a response as well as the best, and all candidates.
+
+    Parameters
+    ----------
+    measured : Response
+    actuator : between command and motor, where it is known
+    """
+    lags = (False, True) if measured.input == "command" and actuator is None else (False,)
+    shapes = ((1, False), (2, False), (2, True))
+    candidates = [Candidate(masses, lag, load) for masses, load in shapes for lag in lags]
+    fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
+    reference = np.min([fit.floors for fit in fits], axis=0)
+    return min(fits, key=lambda fit: _criterion(measured, fit, actuator, reference)), fits
+
+
+def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, floors: Floats) -> float:
+    """Return chi2 with the best candidate's model error, and the price of the numbers (Bayes's criterion)."""
+    task = _Task(measured, fit.candidate, actuator)
+    residuals = task.residuals(_point(fit.numbers, fit.candidate), floors)
+    return float(residuals @ residuals) + len(fit.names) * log(residuals.size)
+
+
+def _point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
+    return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
+
+
+def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None) -> ResponseFit | None:
+    task = _Task(measured, candidate, actuator)
+    starts = [_point(start, candidate) for start in _starts(measured, candidate)]
+    if not starts or task.residuals(starts[0], np.zeros(2)).size <= starts[0].size:
+        return None
+    floors = np.full(2, START_FLOOR)
+    found = [_solved(task, start, floors) for start in starts]
+    at = min(found, key=lambda each: float(np.sum(task.residuals(each, floors) ** 2)))
+    nearest = _solved(task, at, np.zeros(2))
+    chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, floors).size - at.size)
+    for _ in range(ROUNDS):
+        before, floors = floors, _floors(task, at)
+        at = _solved(task, at, floors)
+        if np.allclose(before, floors, rtol=1e-3):
+            break
+    return _result(task, at, floors, chi2)
+
+
+def _floors(task: _Task, at: Floats) -> Floats:
+    """Return the model error of each output with which its chi2 is its share of the degrees of freedom."""
+    errors, spread, owners = task.errors(at)
+    floors = np.zeros(2)
+    for owner in range(2):
+        mine = owners == owner
+        if not mine.any():
+            continue
+        power, noise = 2 * np.abs(errors[mine]) ** 2, spread[mine] ** 2
+        dof = 2 * mine.sum() - at.size * mine.mean()
+        low, high = FLOOR
+        if float(np.sum(power / (noise + low**2))) <= dof:
+            continue
+        for _ in range(40):
+            middle = sqrt(low * high)
+            low, high = (middle, high) if float(np.sum(power / (noise + middle**2))) > dof else (low, middle)
+        floors[owner] = high
+    return floors
+
+
+def _solved(task: _Task, start: Floats, floors: Floats) -> Floats:
+    from scipy.optimize import least_squares
+
+    names, T = task.candidate.names, task.measured.sample_time
+    scale = _scale(start, names, task.measured)
+    lower = np.array([-2 * T if name == "delay" else 0.0 for name in names])
+    upper = np.full(start.size, np.inf)
+    logs = np.array([name in SCALED for name in names])
+    lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
+    inside = np.maximum(start, lower + 1e-9 * scale)
+    solved = least_squares(task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale)
+    return np.asarray(solved.x)
+
+
+def _scale(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
+    """Return how large a change of each number is: the search's own units."""
+    numbers = dict(zip(names, at, strict=True))
+    drag = np.exp(numbers["mass"]) * float(measured.position.omega[0])
+    pushed = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)
+    sizes = {"damping": drag, "handle_damping": drag, "coulomb": pushed, "delay": measured.sample_time}
+    return np.array([0.1 if name in SCALED else 0.01 if name == "damping_ratio" else sizes[name] for name in names])
+
+
+def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
+    """Return where the search starts: the mass of the lowest lines, the spring at each peak of |omega^2 G|."""
+    lines = measured.position
+    inertia = 1 / np.abs(lines.omega**2 * lines.ratio)
+    few = max(3, inertia.size // 10)
+    rest = {"damping": 0.0, "coulomb": 0.0, "delay": 0.0, "lag": measured.sample_time, "handle_damping": 0.0}
+    if candidate.masses == 1:
+        return [rest | {"mass": float(np.median(inertia))}]
+    whole = float(np.median(inertia[:few]))
+    hertz = lines.omega / (2 * np.pi)
+    peaks = [i for i in range(1, inertia.size - 1) if inertia[i] == inertia[max(0, i - 3) : i + 4].min()]
+    peaks = sorted(peaks, key=lambda i: inertia[i])[:3]
+    light = {"mass": whole, "damping_ratio": 0.02}
+    return [
+        rest | light | {"handle_mass": share * whole, "frequency_hz": float(hertz[i])}
+        for i in peaks
+        for share in (0.1, 0.5)
+    ]
+
+
+def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit:
+    numbers = task.numbers(at)
+    device, motor, handle = task.outputs(at)
+    natural = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])
+    sensitivity = _sensitivity(task, at, floors) * natural
+    residuals = task.residuals(at, floors)
+    free = _free(task, at, sensitivity)
+    sensitivity = sensitivity[:, free]
+    scaled = sensitivity / (norms := np.linalg.norm(sensitivity, axis=0))
+    half = residuals.size // 2
+    scores = (scaled[:half] * residuals[:half, None]) + (scaled[half:] * residuals[half:, None])
+    information = scaled.T @ scaled
+    independent = np.linalg.inv(information)
+    correlated = robust_covariance(scores, information, round(sqrt(half)))
+    larger = np.sqrt(np.maximum(np.diag(correlated), np.diag(independent)) / np.diag(correlated))
+    covariance = np.full((at.size, at.size), 0.0)
+    covariance[np.ix_(free, free)] = correlated * np.outer(larger, larger) / np.outer(norms, norms)
+    return ResponseFit(
+        task.candidate,
+        numbers,
+        task.candidate.names,
+        covariance,
+        floors,
+        chi2,
+        half,
+        device,
+        motor,
+        handle if task.measured.handle is not None else None,
+    )
+
+
+def _free(task: _Task, at: Floats, sensitivity: Floats) -> Floats:
+    """Return which numbers are off their bound and do something."""
+    names = task.candidate.names
+    off = [name in SCALED or name == "delay" or value > 1e-12 for name, value in zip(names, at, strict=True)]
+    return np.flatnonzero(np.array(off) & (np.linalg.norm(sensitivity, axis=0) > 0))
+
+
+def _sensitivity(task: _Task, at: Floats, floors: Floats) -> Floats:
+    steps = 1e-5 * _scale(at, task.candidate.names, task.measured)
+    columns = []
+    for i, step in enumerate(steps):
+        moved = np.zeros(at.size)
+        moved[i] = step
+        up = task.residuals(at + moved, floors)
+        if task.candidate.names[i] in SCALED or at[i] > step or task.candidate.names[i] == "delay":
+            columns.append((up - task.residuals(at - moved, floors)) / (2 * step))
+        else:
+            columns.append((up - task.residuals(at, floors)) / step)
+    return np.column_stack(columns)

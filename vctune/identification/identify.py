@@ -1,0 +1,303 @@
+"""From recordings to a device, its box, and what is known of each number: the way through this package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import pi, sqrt
+
+import numpy as np
+
+from vctune.document.errors import InputError, Mistake
+from vctune.document.log import LogMap
+from vctune.document.recording import Recording
+from vctune.identification.box import DELAY_FLOOR, Bounded, Estimate, box
+from vctune.identification.checks import check, remarks
+from vctune.identification.drive_fit import DriveFit, fit_drive
+from vctune.identification.fit import ResponseFit, fit_response
+from vctune.identification.motion_study import MotionStudy, motion_study
+from vctune.identification.response import Response, response
+from vctune.identification.unmodelled import distances, envelope
+from vctune.model.quantities import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicStudy:
+    """What a periodic recording says.
+
+    Attributes
+    ----------
+    measured : the averaged response
+    fit, candidates : the structure that was chosen, and all of them
+    drive : from command to force; None where only one of them was recorded
+    """
+
+    measured: Response
+    fit: ResponseFit
+    candidates: tuple[ResponseFit, ...]
+    drive: DriveFit | None
+
+
+@dataclass(frozen=True, slots=True)
+class RecordStudy:
+    """A recording and what came of it: one of the two studies.
+
+    Attributes
+    ----------
+    recording : as it was read
+    sample_time : s
+    motion, periodic : of any motion, or of a periodic excitation; None for the other
+    remarks : what to know of the recording
+    """
+
+    recording: Recording
+    sample_time: float
+    motion: MotionStudy | None
+    periodic: PeriodicStudy | None
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """A device and how well it is known.
+
+    Attributes
+    ----------
+    name : of the device
+    device : in the middle of the box
+    bounds : the box
+    unmodelled : (Hz, radius) of what no device of the box has; none without a periodic recording
+    distances : relative, of each line to the nearest device of the box, for each periodic record in their order
+    coulomb : friction, N; 0 where none was found
+    force_noise : of a sample of the sensed force, N; None where none was recorded
+    records : one for each recording
+    remarks : what the recordings do not tell, and what was done about it
+    """
+
+    name: str
+    device: Device
+    bounds: tuple[Bounded, ...]
+    unmodelled: tuple[tuple[float, float], ...]
+    distances: tuple[np.ndarray, ...]
+    coulomb: float
+    force_noise: float | None
+    records: tuple[RecordStudy, ...]
+    remarks: tuple[str, ...]
+
+    def bounded(self, key: str) -> Bounded | None:
+        """Return a number of the device with its interval, by its key; None where nothing was found of it."""
+        return next((each for each in self.bounds if each.key == key), None)
+
+
+def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress: Progress) -> Identified:
+    """Identify a device.
+
+    Parameters
+    ----------
+    recordings : at least one, all of the same device
+    known : what the user says of them
+    name : of the device
+    progress : told the stage of the work
+
+    Raises
+    ------
+    InputError
+        If a recording cannot be used, says nothing, or the sample times differ.
+    """
+    times = [check(recording, known.document.sample_time) for recording in recordings]
+    _same_sample_time(recordings, times)
+    actuator = _actuator(known)
+    studies = []
+    for recording, T in zip(recordings, times, strict=True):
+        progress(f"fitting {recording.source}")
+        studies.append(_study(recording, T, actuator, known))
+    estimates = [estimate for study in studies for estimate in _estimates(study, times[0])]
+    estimates, said = _with_known(estimates, known, times[0], recordings)
+    bounds = box(estimates, times[0])
+    _check_delay(bounds, recordings[0])
+    device = _device(bounds, known, times[0])
+    progress("comparing lines with the box")
+    found = [_line_distances(study, device, bounds) for study in studies if study.periodic is not None]
+    return Identified(
+        name=name,
+        device=device,
+        bounds=bounds,
+        unmodelled=_unmodelled(studies, found),
+        distances=tuple(found),
+        coulomb=max((_coulomb(study) for study in studies), default=0.0),
+        force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
+        records=tuple(studies),
+        remarks=(*said, *_remarks(studies, bounds)),
+    )
+
+
+def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -> None:
+    for recording, T in zip(recordings, times, strict=True):
+        if abs(T / times[0] - 1) > 1e-3:
+            message = f"was sampled every {T:g} s, and {recordings[0].source} every {times[0]:g} s; identify them apart"
+            raise InputError(recording.source, [Mistake("", message)])
+
+
+def _actuator(known: LogMap) -> Actuator | None:
+    stated = known.document.device.actuator
+    return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
+
+
+def _study(recording: Recording, T: float, actuator: Actuator | None, known: LogMap) -> RecordStudy:
+    said = tuple(remarks(recording, T))
+    measured = None if "hand" in recording.channels else response(recording, T)
+    if measured is None:
+        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, said)
+    fit, candidates = fit_response(measured, actuator)
+    drive = None if measured.drive is None else fit_drive(measured.drive, T)
+    return RecordStudy(recording, T, None, PeriodicStudy(measured, fit, tuple(candidates), drive), said)
+
+
+def _estimates(study: RecordStudy, T: float) -> list[Estimate]:
+    source = study.recording.source
+    if study.motion is not None:
+        return study.motion.estimates(source)
+    assert study.periodic is not None
+    return _periodic_estimates(study.periodic, source, T)
+
+
+def _periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
+    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping."""
+    fit, found = study.fit, []
+    numbers, text = fit.numbers, f"{source}: response"
+
+    def add(key: str, value: float, sigma: float, how: str = "") -> None:
+        found.append(Estimate(key, value, sigma, text + how))
+
+    add("mass", numbers["mass"], fit.sigma("mass"))
+    late, sigma = numbers["delay"], fit.sigma("delay")
+    if study.drive is not None:
+        late, sigma = late + study.drive.delay - T / 2, sqrt(sigma**2 + study.drive.delay_sigma**2)
+        add("actuator.bandwidth_hz", *_bandwidth(study.drive.lag, study.drive.lag_sigma))
+    elif "lag" in numbers:
+        add("actuator.bandwidth_hz", *_bandwidth(numbers["lag"], fit.sigma("lag")))
+    add("delay", late, sigma)
+    alike = [fit]
+    if fit.candidate.load:
+        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, load=False)]
+    for each in alike:
+        how = f", {each.candidate}" if len(alike) > 1 else ""
+        extra = each.numbers.get("handle_damping", 0.0)
+        variance = each.sigma("damping") ** 2 + (each.sigma("handle_damping") ** 2 if each.candidate.load else 0.0)
+        add("damping", each.numbers["damping"] + extra, sqrt(variance), how)
+        if "damping_ratio" in each.numbers:
+            add("structure.damping_ratio", each.numbers["damping_ratio"], each.sigma("damping_ratio"), how)
+    if "handle_mass" in numbers:
+        add("structure.handle_mass", numbers["handle_mass"], fit.sigma("handle_mass"))
+        add("structure.frequency_hz", numbers["frequency_hz"], fit.sigma("frequency_hz"))
+    return found
+
+
+def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
+    return 1 / (2 * pi * lag), sigma / (2 * pi * lag * lag)
+
+
+def _with_known(
+    estimates: list[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
+) -> tuple[list[Estimate], list[str]]:
+    """Return the estimates with a delay that the user knows in place of what was found of it."""
+    stated, said = known.document.device, []
+    if stated.delay is not None:
+        others = [each for each in estimates if each.key != "delay"]
+        half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
+        said.append(f"the delay is the stated one, {stated.delay:g} s, within {half:g} s")
+        return [*others, Estimate("delay", stated.delay, 0.0, known.source, (half, half))], said
+    if not any(each.key == "delay" for each in estimates):
+        message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
+        raise InputError(recordings[0].source, [Mistake("device.delay", message)])
+    return estimates, said
+
+
+def _check_delay(bounds: Sequence[Bounded], recording: Recording) -> None:
+    delay = next(each for each in bounds if each.key == "delay")
+    latest = max(each.value for each in delay.estimates)
+    widest = max(each.sigma for each in delay.estimates) * 4 + max(each.excess[1] for each in delay.estimates)
+    if latest + widest < 0:
+        message = (
+            f"the position is {-latest:.3g} s ahead of the force: the columns were not sampled together; shift the "
+            "force's column, or log both in the same interrupt"
+        )
+        raise InputError(recording.source, [Mistake("", message)])
+
+
+def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
+    stated = known.document.device
+    value = {each.key: each.value for each in bounds}
+    actuator = _actuator(known)
+    if "actuator.bandwidth_hz" in value:
+        actuator = Actuator(value["actuator.bandwidth_hz"])
+    structure = None
+    if "structure.handle_mass" in value:
+        structure = Structure(*(value[f"structure.{name}"] for name in ("handle_mass", "frequency_hz", "damping_ratio")))
+    sensor, estimate = stated.force_sensor, stated.velocity
+    found = None
+    if sensor is not None:
+        found = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay)
+    elif "force_sensor.delay" in value:
+        found = ForceSensor(delay=value["force_sensor.delay"])
+    velocity = None
+    if estimate is not None:
+        velocity = VelocityEstimate(estimate.source, estimate.filter_hz, estimate.filter_order)
+    return Device(
+        value["mass"], value["damping"], T, value["delay"], velocity=velocity, actuator=actuator,
+        force_sensor=found, structure=structure,
+    )  # fmt: skip
+
+
+def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:
+    assert study.periodic is not None
+    fit, measured = study.periodic.fit, study.periodic.measured
+    if measured.input == "force":
+        own = [each for each in _periodic_estimates(replace(study.periodic, drive=None), "", study.sample_time)]
+        delay = box([each for each in own if each.key == "delay"], study.sample_time)[0]
+        others = [each for each in bounds if each.key != "delay"]
+        device, bounds = replace(device, delay=delay.value, actuator=None), [*others, delay]
+    return distances(device, bounds, measured, fit.numbers["coulomb"])
+
+
+def _unmodelled(studies: Sequence[RecordStudy], found: Sequence[np.ndarray]) -> tuple[tuple[float, float], ...]:
+    measured = [study.periodic.measured for study in studies if study.periodic is not None]
+    if not measured:
+        return ()
+    hertz = np.concatenate([each.position.omega / (2 * pi) for each in measured])
+    needed = np.concatenate(list(found))
+    order = np.argsort(hertz, kind="stable")
+    return envelope(hertz[order], needed[order])
+
+
+def _coulomb(study: RecordStudy) -> float:
+    if study.motion is not None:
+        return max(study.motion.symmetric.value("coulomb"), 0.0)
+    return study.periodic.fit.numbers["coulomb"] if study.periodic is not None else 0.0
+
+
+def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[str]:
+    said = [f"{study.recording.source}: {remark}" for study in studies for remark in study.remarks]
+    keys = {each.key for each in bounds}
+    if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys:
+        said.append("a log of motion does not tell the actuator's lag from a delay: the delay holds both")
+    if "structure.handle_mass" not in keys and all(study.periodic is None for study in studies):
+        said.append(
+            "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled: record a "
+            "multisine (vctune identify --excitation)"
+        )
+    for study in studies:
+        if study.periodic is not None:
+            top = study.periodic.measured.position.omega[-1] / (2 * pi)
+            said.append(
+                f"{study.recording.source}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
+            )
+            if study.periodic.fit.candidate.load:
+                said.append(
+                    f"{study.recording.source}: the handle has a damping of its own, "
+                    f"{study.periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the "
+                    "intervals of both dampings hold it and the fit without it, unmodelled the rest"
+                )
+    return said
