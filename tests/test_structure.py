@@ -18,6 +18,7 @@ FLOORS = [
     "analysis",
     "document",
     "simulation",
+    "identification",
     "design",
     "study",
     "report",
@@ -88,7 +89,7 @@ def test_heavy_libraries_stay_in_their_rooms():
         "matplotlib": "report",
         "distributed": "study/executors.py",
         "pyarrow": "study/table.py",
-        "scipy": "bench",
+        "scipy": ("bench", "identification"),
         "mpmath": "bench",
     }
     for library, home in homes.items():

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from vctune.api.experiments import simulate as simulate
     from vctune.api.files import write_design as write_design
     from vctune.api.files import write_report as write_report
+    from vctune.api.identifying import identify as identify
+    from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
     from vctune.api.solving import solve as solve
     from vctune.api.studies import front as front
@@ -70,6 +72,7 @@ _HOME = {
     "check_region": "api.checking",
     "design_record": "design.record",
     "front": "api.studies",
+    "identify": "api.identifying",
     "judge": "design.judge",
     "problem": "document.building",
     "read_problem": "document.reading",
@@ -78,6 +81,7 @@ _HOME = {
     "solve": "api.solving",
     "sweep": "api.studies",
     "write_design": "api.files",
+    "write_identification": "api.identifying",
     "write_report": "api.files",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""

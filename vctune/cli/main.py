@@ -10,6 +10,7 @@ from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
 from vctune.cli.front import front
+from vctune.cli.identify import identify
 from vctune.cli.region import region
 from vctune.cli.report import report
 from vctune.cli.schema import schema
@@ -55,6 +56,7 @@ main.add_command(check)
 main.add_command(sweep)
 main.add_command(front)
 main.add_command(simulate)
+main.add_command(identify)
 main.add_command(report)
 main.add_command(region)
 main.add_command(bound)

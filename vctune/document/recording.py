@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,11 @@ class Recording:
     channels: Mapping[str, Channel]
     ignored: tuple[str, ...]
     rotary: bool
+
+    @property
+    def name(self) -> str:
+        """The file's name, without its folder."""
+        return Path(self.source).name
 
     def __len__(self) -> int:
         return next((channel.values.size for channel in self.channels.values()), 0)

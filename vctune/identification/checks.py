@@ -101,7 +101,7 @@ def _sample_time(recording: Recording, stated: float | None) -> tuple[float, lis
         row = int(np.argmax(np.abs(steps - T)))
         message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
         return T, [Mistake(time.header, message, first + row)]
-    return float(np.mean(steps)) if stated is None else stated, []
+    return float(f"{np.mean(steps):.9g}") if stated is None else stated, []
 
 
 def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:

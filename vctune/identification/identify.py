@@ -15,6 +15,7 @@ from vctune.identification.box import DELAY_FLOOR, Bounded, Estimate, box
 from vctune.identification.checks import check, remarks
 from vctune.identification.drive_fit import DriveFit, fit_drive
 from vctune.identification.fit import ResponseFit, fit_response
+from vctune.identification.friction import FrictionFound
 from vctune.identification.motion_study import MotionStudy, motion_study
 from vctune.identification.response import Response, response
 from vctune.identification.unmodelled import distances, envelope
@@ -70,7 +71,7 @@ class Identified:
     bounds : the box
     unmodelled : (Hz, radius) of what no device of the box has; none without a periodic recording
     distances : relative, of each line to the nearest device of the box, for each periodic record in their order
-    coulomb : friction, N; 0 where none was found
+    friction : for the simulation; None where none was found
     force_noise : of a sample of the sensed force, N; None where none was recorded
     records : one for each recording
     remarks : what the recordings do not tell, and what was done about it
@@ -81,7 +82,7 @@ class Identified:
     bounds: tuple[Bounded, ...]
     unmodelled: tuple[tuple[float, float], ...]
     distances: tuple[np.ndarray, ...]
-    coulomb: float
+    friction: FrictionFound | None
     force_noise: float | None
     records: tuple[RecordStudy, ...]
     remarks: tuple[str, ...]
@@ -126,7 +127,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         bounds=bounds,
         unmodelled=_unmodelled(studies, found),
         distances=tuple(found),
-        coulomb=max((_coulomb(study) for study in studies), default=0.0),
+        friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
         remarks=(*said, *_remarks(studies, bounds)),
@@ -156,7 +157,7 @@ def _study(recording: Recording, T: float, actuator: Actuator | None, known: Log
 
 
 def _estimates(study: RecordStudy, T: float) -> list[Estimate]:
-    source = study.recording.source
+    source = study.recording.name
     if study.motion is not None:
         return study.motion.estimates(source)
     assert study.periodic is not None
@@ -272,14 +273,19 @@ def _unmodelled(studies: Sequence[RecordStudy], found: Sequence[np.ndarray]) -> 
     return envelope(hertz[order], needed[order])
 
 
-def _coulomb(study: RecordStudy) -> float:
-    if study.motion is not None:
-        return max(study.motion.symmetric.value("coulomb"), 0.0)
-    return study.periodic.fit.numbers["coulomb"] if study.periodic is not None else 0.0
+def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
+    """Return the friction of the recording that has the most."""
+    found = [study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None]
+    for study in studies:
+        if study.periodic is not None:
+            fit = study.periodic.fit
+            if fit.numbers["coulomb"] > 2 * fit.sigma("coulomb") > 0:
+                found.append(FrictionFound(fit.numbers["coulomb"]))
+    return max(found, key=lambda each: each.coulomb, default=None)
 
 
 def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[str]:
-    said = [f"{study.recording.source}: {remark}" for study in studies for remark in study.remarks]
+    said = [f"{study.recording.name}: {remark}" for study in studies for remark in study.remarks]
     keys = {each.key for each in bounds}
     if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys:
         said.append("a log of motion does not tell the actuator's lag from a delay: the delay holds both")
@@ -292,11 +298,11 @@ def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[
         if study.periodic is not None:
             top = study.periodic.measured.position.omega[-1] / (2 * pi)
             said.append(
-                f"{study.recording.source}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
+                f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
             )
             if study.periodic.fit.candidate.load:
                 said.append(
-                    f"{study.recording.source}: the handle has a damping of its own, "
+                    f"{study.recording.name}: the handle has a damping of its own, "
                     f"{study.periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the "
                     "intervals of both dampings hold it and the fit without it, unmodelled the rest"
                 )

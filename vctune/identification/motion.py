@@ -71,7 +71,7 @@ class MotionFit:
     samples : how many were used, and of the log's samples how many there are
     residual, force : root mean squares, N
     time, measured, fitted : of the samples that were used, s and N
-    information : Z'Z of the sensitivities, shape (p, p)
+    sensitivity : of the fitted force to each number, shape (samples, p)
     """
 
     names: tuple[str, ...]
@@ -84,7 +84,7 @@ class MotionFit:
     time: Floats
     measured: Floats
     fitted: Floats
-    information: Floats
+    sensitivity: Floats
 
     def value(self, name: str) -> float:
         """Return a number by its name."""
@@ -109,7 +109,9 @@ class _Filtered:
 NDArrayBool = np.ndarray
 
 
-def motion_fit(signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float]) -> MotionFit:
+def motion_fit(
+    signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
+) -> MotionFit:
     """Fit a recording.
 
     Parameters
@@ -118,6 +120,7 @@ def motion_fit(signals: Signals, cutoff_hz: float, names: Sequence[str], known: 
     cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
     names : `DIRECTIONAL` or `SYMMETRIC`
     known : delays that are not to be found, by "delay" and "sensor_delay", s
+    slow : share of the peak speed below which samples are not used
 
     Returns
     -------
@@ -126,7 +129,7 @@ def motion_fit(signals: Signals, cutoff_hz: float, names: Sequence[str], known: 
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]
-    regressors, kept = _regressors(signals, cutoff_hz, names)
+    regressors, kept = _regressors(signals, cutoff_hz, names, slow)
     step = signals.sample_time
     for _ in range(STEPS):
         at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
@@ -160,7 +163,7 @@ def motion_fit(signals: Signals, cutoff_hz: float, names: Sequence[str], known: 
         time=time,
         measured=at.force,
         fitted=at.regressors @ theta,
-        information=information,
+        sensitivity=sensitivity,
     )
 
 
@@ -211,7 +214,7 @@ def _sides(
     return _Filtered(force[kept], np.column_stack(columns) if columns else np.empty((kept.sum(), 0)), regressors, kept)
 
 
-def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str]) -> tuple[Floats, NDArrayBool]:
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, NDArrayBool]:
     """Return a column for each name, and which samples count: neither at an end nor at a turn."""
     T = signals.sample_time
     a, v = derivatives(signals.position, cutoff_hz, T)
@@ -219,7 +222,7 @@ def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str]) -> tup
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
     kept[:margin] = kept[-margin:] = False
-    slow = (np.abs(v) < SLOW * np.abs(v[kept]).max(initial=0.0)).astype(float)
+    slow = (np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)).astype(float)
     near = 1 + 2 * int(0.25 / cutoff_hz / T)
     away = kept & (np.convolve(slow, np.ones(near), "same") < 0.5)
     if away.sum() >= LEAST_KEPT * kept.sum():
@@ -266,11 +269,15 @@ def cutoffs(signals: Signals) -> list[float]:
             break
         margin = edge(cutoff, 0.0, T)
         a = derivatives(signals.position, cutoff, T)[0][margin:-margin]
-        omega = np.linspace(0, np.pi / T, 4096)
-        noise = signals.noise**2 * float(np.mean((omega**2 * smooth(omega, cutoff)) ** 2))
-        if noise < ATTENUATION * float(np.mean(a**2)):
+        if acceleration_noise(signals, cutoff) ** 2 < ATTENUATION * float(np.mean(a**2)):
             found.append(cutoff)
     return found
+
+
+def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
+    """Return the standard deviation of an acceleration behind the low-pass, of the encoder alone, m/s2."""
+    omega = np.linspace(0, np.pi / signals.sample_time, 4096)
+    return signals.noise * sqrt(float(np.mean((omega**2 * smooth(omega, cutoff_hz)) ** 2)))
 
 
 def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:

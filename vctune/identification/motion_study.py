@@ -11,16 +11,19 @@ import numpy as np
 from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
+from vctune.identification.box import Estimate
+from vctune.identification.friction import FrictionFound, friction_of
 from vctune.identification.motion import (
     DIRECTIONAL,
     SYMMETRIC,
     MotionFit,
     Signals,
+    acceleration_noise,
     cutoffs,
     motion_fit,
     signals_of,
 )
-from vctune.identification.box import Estimate
+from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
 from vctune.model.quantities import Actuator
 
 UNEXPLAINED = 0.6
@@ -40,12 +43,20 @@ class MotionStudy:
     directional, symmetric : fits with friction each way, and the same both ways
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
+    checks : other ways to the mass
+    classical : the classical inverse model, where it was asked for
+    friction : for the simulation; None for none
+    chi2 : power of the residual over that of the encoder's noise in it
     """
 
     directional: MotionFit
     symmetric: MotionFit
     others: tuple[MotionFit, ...]
     force_noise: float | None
+    checks: tuple[Check, ...]
+    classical: Classical | None
+    friction: FrictionFound | None
+    chi2: float
 
     def estimates(self, source: str) -> list[Estimate]:
         """Return what it says of the numbers of a problem file."""
@@ -105,12 +116,18 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, known_delays) for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
     _check_explained(recording, signals, fits[best], known_delays)
-    hand = recording.values("hand")
+    hand, recipe = recording.values("hand"), known.document.classical
+    symmetric = motion_fit(signals, best, SYMMETRIC, known_delays)
+    noise = abs(fits[best].value("mass")) * acceleration_noise(signals, best)
     return MotionStudy(
         directional=fits[best],
-        symmetric=motion_fit(signals, best, SYMMETRIC, known_delays),
+        symmetric=symmetric,
         others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
         force_noise=None if hand is None else force_noise(hand),
+        checks=tuple(each for each in (bootstrap(fits[best]), instrumental(signals, fits[best])) if each is not None),
+        classical=None if recipe is None else classical(recording, sample_time, recipe),
+        friction=friction_of(signals, symmetric, known_delays),
+        chi2=(fits[best].residual / noise) ** 2,
     )
 
 
