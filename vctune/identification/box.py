@@ -13,7 +13,17 @@ DELAY_FLOOR = 0.1
 """Least half-width of a delay, sample times."""
 WIDEST = 0.99
 """Half-width where an interval reaches down to 0, as a share of its middle."""
-FLOORS = {"mass": MASS_FLOOR, "structure.handle_mass": MASS_FLOOR}
+FLOORS = {
+    "mass": MASS_FLOOR,
+    "structure.handle_mass": MASS_FLOOR,
+    "damping": MASS_FLOOR,
+    "actuator.bandwidth_hz": MASS_FLOOR,
+    "structure.damping_ratio": MASS_FLOOR,
+    "structure.frequency_hz": MASS_FLOOR / 2,
+}
+"""Least half-widths, shares: a frequency goes with the root of a mass."""
+COULOMB_SHARE = 0.1
+"""How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
 UNIT_OF = {
     "mass": "kg",
     "damping": "N s/m",
@@ -97,7 +107,7 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     if spread > sampled:
         limit = "records, directions or models differ"
     if max(max(each.excess) for each in estimates) > sampled:
-        limit = "model error: what is kept of the band changes it"
+        limit = "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
     low = max(low, 0.0)
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle

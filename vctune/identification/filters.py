@@ -61,5 +61,6 @@ def drive(device: Device, omega: Floats) -> Complex:
     device : its sample time, delay, hold and actuator are used
     omega : rad/s
     """
-    at = device_response(replace(device, structure=None, velocity=None, force_sensor=None), omega, FLOATS).drive
+    rest = replace(device, structure=None, velocity=None, force_sensor=None)
+    at = device_response(rest, omega, FLOATS).drive
     return np.asarray(at.re - 1j * omega * at.lag)

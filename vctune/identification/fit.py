@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log, sqrt
 
 import numpy as np
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.physics import SCALED, Candidate, compliances, device_of, late
+from vctune.identification.filters import drive
+from vctune.identification.physics import SCALED, Candidate, compliances, device_of, held_compliance
 from vctune.identification.response import Complex, Lines, Response
 from vctune.model.quantities import Actuator, Device
 
@@ -20,6 +21,8 @@ FLOOR = (1e-5, 10.0)
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""
 ROUNDS = 20
+BLOCKS = 8
+EVALUATIONS = 100
 DECADES = 5.0
 """How far a number that cannot be 0 may go in one search, as a logarithm."""
 Ints = NDArray[np.int64]
@@ -36,11 +39,12 @@ class ResponseFit:
     candidate : its structure
     numbers : by name, SI units
     names : of the free numbers in the order of `covariance`
-    covariance : of correlated residuals, shape (p, p)
+    covariance : shape (p, p), diagonal: the larger of what correlated and independent residuals give
     floors : model error of position and of handle as shares of the response, with which chi2/dof is 1; 0 where noise
         alone explains the residual
     chi2 : with the noise alone, over degrees of freedom
     lines : how many, of all outputs
+    speed : root mean square of the motor's, m/s
     device : what the numbers make
     position, handle : of the model at the lines, m/N
     """
@@ -52,6 +56,7 @@ class ResponseFit:
     floors: Floats
     chi2: float
     lines: int
+    speed: float
     device: Device
     position: Complex
     handle: Complex | None
@@ -64,11 +69,20 @@ class ResponseFit:
 
 @dataclass(frozen=True, slots=True)
 class _Task:
-    """A response and a candidate: the residuals of any numbers."""
+    """A response and a candidate: the residuals of any numbers.
+
+    Attributes
+    ----------
+    measured, candidate, actuator : what is fitted by what
+    left_out : lines that are not looked at; None for none
+    aliased : the sampled response of the command over the continuous one
+    """
 
     measured: Response
     candidate: Candidate
     actuator: Actuator | None
+    left_out: Ints | None = None
+    aliased: Complex | float = 1.0
 
     def numbers(self, at: Floats) -> dict[str, float]:
         """Return the numbers of a point of the search."""
@@ -80,9 +94,21 @@ class _Task:
         numbers, measured = self.numbers(at), self.measured
         omega = measured.position.omega
         device = device_of(numbers, measured.sample_time, self.actuator)
-        pushed = late(device, omega, held=measured.input == "command") - numbers["coulomb"] * measured.friction
+        rubbed = numbers["coulomb"] * measured.friction
         motor, handle = compliances(device, omega)
+        if measured.input == "force":
+            pushed = np.exp(-1j * omega * device.delay) - rubbed
+            return device, motor * pushed, handle * pushed
+        pushed = drive(device, omega) * self.aliased - rubbed
         return device, motor * pushed, handle * pushed
+
+    def sampled(self, at: Floats) -> _Task:
+        """Return the task with the aliasing of the samples, which hardly depends on the numbers, taken from a point."""
+        if self.measured.input == "force":
+            return self
+        device, omega = self.outputs(at)[0], self.measured.position.omega
+        continuous = compliances(device, omega)[0] * drive(device, omega)
+        return replace(self, aliased=held_compliance(device, omega) / continuous)
 
     def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
         """Return relative errors of the used lines of all outputs, their relative spreads, and whose they are."""
@@ -91,6 +117,8 @@ class _Task:
         if self.measured.handle is not None:
             pairs.append((handle, self.measured.handle))
         used = [lines.spread < OUTLYING for _, lines in pairs]
+        if self.left_out is not None:
+            used = [mask & ~np.isin(np.arange(mask.size), self.left_out) for mask in used]
         errors = [(model / lines.ratio - 1)[mask] for (model, lines), mask in zip(pairs, used, strict=True)]
         spreads = [lines.spread[mask] for (_, lines), mask in zip(pairs, used, strict=True)]
         owners = [np.full(mask.sum(), i) for i, mask in enumerate(used)]
@@ -115,14 +143,25 @@ def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[
     shapes = ((1, False), (2, False), (2, True))
     candidates = [Candidate(masses, lag, load) for masses, load in shapes for lag in lags]
     fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
+    fits = [fit for fit in fits if _resonates(fit, measured)]
     reference = np.min([fit.floors for fit in fits], axis=0)
     return min(fits, key=lambda fit: _criterion(measured, fit, actuator, reference)), fits
+
+
+def _resonates(fit: ResponseFit, measured: Response) -> bool:
+    """Whether what a fit calls a resonance is one, and within what was measured; a rigid fit has none."""
+    if fit.candidate.masses == 1:
+        return True
+    omega, at = measured.position.omega, 2 * np.pi * fit.numbers["frequency_hz"]
+    handle = fit.numbers["handle_mass"] < fit.numbers["mass"]
+    return bool(omega[0] < at < omega[-1] and fit.numbers["damping_ratio"] < 1 / sqrt(2) and handle)
 
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, floors: Floats) -> float:
     """Return chi2 with the best candidate's model error, and the price of the numbers (Bayes's criterion)."""
     task = _Task(measured, fit.candidate, actuator)
-    residuals = task.residuals(_point(fit.numbers, fit.candidate), floors)
+    at = _point(fit.numbers, fit.candidate)
+    residuals = task.sampled(at).residuals(at, floors)
     return float(residuals @ residuals) + len(fit.names) * log(residuals.size)
 
 
@@ -138,11 +177,13 @@ def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None)
     floors = np.full(2, START_FLOOR)
     found = [_solved(task, start, floors) for start in starts]
     at = min(found, key=lambda each: float(np.sum(task.residuals(each, floors) ** 2)))
+    task = task.sampled(at)
     nearest = _solved(task, at, np.zeros(2))
     chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, floors).size - at.size)
     for _ in range(ROUNDS):
         before, floors = floors, _floors(task, at)
         at = _solved(task, at, floors)
+        task = task.sampled(at)
         if np.allclose(before, floors, rtol=1e-3):
             break
     return _result(task, at, floors, chi2)
@@ -178,7 +219,7 @@ def _solved(task: _Task, start: Floats, floors: Floats) -> Floats:
     logs = np.array([name in SCALED for name in names])
     lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
     inside = np.maximum(start, lower + 1e-9 * scale)
-    solved = least_squares(task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale)
+    solved = least_squares(task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS)
     return np.asarray(solved.x)
 
 
@@ -225,21 +266,29 @@ def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit
     information = scaled.T @ scaled
     independent = np.linalg.inv(information)
     correlated = robust_covariance(scores, information, round(sqrt(half)))
-    larger = np.sqrt(np.maximum(np.diag(correlated), np.diag(independent)) / np.diag(correlated))
-    covariance = np.full((at.size, at.size), 0.0)
-    covariance[np.ix_(free, free)] = correlated * np.outer(larger, larger) / np.outer(norms, norms)
+    sigma = np.zeros(at.size)
+    sigma[free] = np.sqrt(np.maximum(np.diag(correlated), np.diag(independent))) / norms
+    sigma = np.maximum(sigma, _deleted(task, at, floors) / natural)
     return ResponseFit(
         task.candidate,
         numbers,
         task.candidate.names,
-        covariance,
+        np.diag(sigma**2),
         floors,
         chi2,
         half,
+        task.measured.speed,
         device,
         motor,
         handle if task.measured.handle is not None else None,
     )
+
+
+def _deleted(task: _Task, at: Floats, floors: Floats) -> Floats:
+    """Return the deviation of the point that leaving out one block of neighbouring lines after the other says."""
+    blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
+    left = np.array([_solved(replace(task, left_out=block), at, floors) for block in blocks if block.size])
+    return np.sqrt((len(left) - 1) * np.var(left, axis=0))
 
 
 def _free(task: _Task, at: Floats, sensitivity: Floats) -> Floats:

@@ -11,7 +11,7 @@ import numpy as np
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
 from vctune.identification.filters import filtered, smooth
-from vctune.identification.motion import MEMORY, SYMMETRIC, MotionFit, Signals, derivatives, motion_fit
+from vctune.identification.motion import MEMORY, SYMMETRIC, MotionFit, Signals, motion_fit
 
 CLEAR = 4.0
 """How many standard deviations the rise at low speed must have: its velocity is chosen after the data were seen."""
@@ -51,7 +51,7 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
         return None
     delays = known | {name: fit.value(name) for name in ("delay", "sensor_delay") if name in fit.names}
     whole = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays, slow=0.0)
-    _, v = derivatives(signals.position, fit.cutoff_hz, signals.sample_time)
+    v = signals.velocity
     rows = np.round(whole.time / signals.sample_time).astype(int)
     best = min(
         (_risen(signals, whole, v, rows, float(speed)) for speed in _speeds(v)), key=lambda each: each.power, default=None

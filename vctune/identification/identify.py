@@ -11,7 +11,7 @@ import numpy as np
 from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
-from vctune.identification.box import DELAY_FLOOR, Bounded, Estimate, box
+from vctune.identification.box import COULOMB_SHARE, DELAY_FLOOR, Bounded, Estimate, box
 from vctune.identification.checks import check, remarks
 from vctune.identification.drive_fit import DriveFit, fit_drive
 from vctune.identification.fit import ResponseFit, fit_response
@@ -169,8 +169,8 @@ def _periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Est
     fit, found = study.fit, []
     numbers, text = fit.numbers, f"{source}: response"
 
-    def add(key: str, value: float, sigma: float, how: str = "") -> None:
-        found.append(Estimate(key, value, sigma, text + how))
+    def add(key: str, value: float, sigma: float, how: str = "", excess: float = 0.0) -> None:
+        found.append(Estimate(key, value, sigma, text + how, (excess, excess)))
 
     add("mass", numbers["mass"], fit.sigma("mass"))
     late, sigma = numbers["delay"], fit.sigma("delay")
@@ -187,7 +187,8 @@ def _periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Est
         how = f", {each.candidate}" if len(alike) > 1 else ""
         extra = each.numbers.get("handle_damping", 0.0)
         variance = each.sigma("damping") ** 2 + (each.sigma("handle_damping") ** 2 if each.candidate.load else 0.0)
-        add("damping", each.numbers["damping"] + extra, sqrt(variance), how)
+        coulomb = COULOMB_SHARE * each.numbers["coulomb"] / each.speed
+        add("damping", each.numbers["damping"] + extra, sqrt(variance), how, coulomb)
         if "damping_ratio" in each.numbers:
             add("structure.damping_ratio", each.numbers["damping_ratio"], each.sigma("damping_ratio"), how)
     if "handle_mass" in numbers:

@@ -46,6 +46,7 @@ class Signals:
     held : whether the force is a command, held between samples
     actuator : of a held command, where it is known
     noise : standard deviation of a position sample, m
+    velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
     """
 
     position: Floats
@@ -56,6 +57,7 @@ class Signals:
     held: bool
     actuator: Actuator | None
     noise: float
+    velocity: Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +219,7 @@ def _sides(
 def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, NDArrayBool]:
     """Return a column for each name, and which samples count: neither at an end nor at a turn."""
     T = signals.sample_time
-    a, v = derivatives(signals.position, cutoff_hz, T)
+    a, v = derivatives(signals.position, cutoff_hz, T)[0], signals.velocity
     columns = regressors_of(a, v, names, lambda values: filtered(values, lambda w: smooth(w, cutoff_hz), T))
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
@@ -295,6 +297,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
     if force is not None and np.ptp(force) == 0:
         force = None
     position = recording.channels["position"]
+    noise = position_noise(position.values, position.quantum)
     return Signals(
         position=position.values,
         command=force,
@@ -303,8 +306,22 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
         sample_time=sample_time,
         held=held,
         actuator=actuator if held else None,
-        noise=position_noise(position.values, position.quantum),
+        noise=noise,
+        velocity=_velocity(position.values, noise, sample_time),
     )
+
+
+def _velocity(position: Floats, noise: float, sample_time: float) -> Floats:
+    """Return the velocity behind the highest cut-off at which its noise is a hundredth of it."""
+    omega = np.linspace(0, np.pi / sample_time, 4096)
+    v, cutoff = position, HIGHEST / sample_time
+    for _ in range(7):
+        v = derivatives(position, cutoff, sample_time)[1]
+        unsure = noise * sqrt(float(np.mean((omega * smooth(omega, cutoff)) ** 2)))
+        if unsure < 0.01 * float(np.sqrt(np.mean(v**2))):
+            break
+        cutoff /= 2
+    return v
 
 
 def position_noise(position: Floats, quantum: float | None) -> float:

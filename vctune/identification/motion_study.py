@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import sqrt
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy as np
 from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
-from vctune.identification.box import Estimate
+from vctune.identification.box import COULOMB_SHARE, Estimate
+from vctune.identification.filters import HIGHEST
 from vctune.identification.friction import FrictionFound, friction_of
 from vctune.identification.motion import (
     DIRECTIONAL,
@@ -20,6 +21,7 @@ from vctune.identification.motion import (
     Signals,
     acceleration_noise,
     cutoffs,
+    derivatives,
     motion_fit,
     signals_of,
 )
@@ -46,6 +48,7 @@ class MotionStudy:
     checks : other ways to the mass
     classical : the classical inverse model, where it was asked for
     friction : for the simulation; None for none
+    speed : root mean square of it, m/s
     chi2 : power of the residual over that of the encoder's noise in it
     """
 
@@ -56,6 +59,7 @@ class MotionStudy:
     checks: tuple[Check, ...]
     classical: Classical | None
     friction: FrictionFound | None
+    speed: float
     chi2: float
 
     def estimates(self, source: str) -> list[Estimate]:
@@ -84,12 +88,12 @@ class MotionStudy:
         difference = fit.values[ways[0]] - fit.values[ways[1]]
         C = fit.covariance
         variance = C[ways[0], ways[0]] + C[ways[1], ways[1]] - 2 * C[ways[0], ways[1]]
+        coulomb = COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed
         if abs(difference) > CLEAR * sqrt(max(variance, 0.0)):
-            return [
-                Estimate("damping", fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), f"{text}, {way}")
-                for way in ("forwards", "backwards")
-            ]
-        return [Estimate("damping", self.symmetric.value("damping"), self.symmetric.sigma("damping"), text)]
+            found = [(fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")]
+        else:
+            found = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
+        return [Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb)) for value, sigma, way in found]
 
 
 def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, known: LogMap) -> MotionStudy:
@@ -127,6 +131,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         checks=tuple(each for each in (bootstrap(fits[best]), instrumental(signals, fits[best])) if each is not None),
         classical=None if recipe is None else classical(recording, sample_time, recipe),
         friction=friction_of(signals, symmetric, known_delays),
+        speed=float(np.sqrt(np.mean(signals.velocity**2))),
         chi2=(fits[best].residual / noise) ** 2,
     )
 
@@ -171,9 +176,8 @@ def _swapped(signals: Signals, known_delays: Mapping[str, float]) -> float | Non
     """Return the share of the residual with force and position in each other's place."""
     if signals.command is None:
         return None
-    turned = Signals(
-        signals.command, signals.position, signals.hand, None, signals.sample_time, signals.held, None, 0.0
-    )
+    turned = replace(signals, position=signals.command, command=signals.position, reference=None, noise=0.0)
+    turned = replace(turned, velocity=derivatives(turned.position, HIGHEST / turned.sample_time, turned.sample_time)[1])
     usable = cutoffs(turned)
     if not usable:
         return None

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from math import pi, sqrt
+from dataclasses import dataclass, replace
+from math import ceil, pi, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Floats
-from vctune.identification.filters import drive
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response, mechanism
 from vctune.model.quantities import Actuator, Device, LeastOperator, Structure
@@ -94,16 +94,18 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
     return motor, motor / carried
 
 
-def late(device: Device, omega: Floats, *, held: bool) -> Complex:
-    """Return what stands between the recorded force and the motor.
+def held_compliance(device: Device, omega: Floats) -> Complex:
+    """Return what the motor moves by, at the samples, for a command that is held between them, m/N: exact.
 
     Parameters
     ----------
-    device : with its delay and actuator
-    omega : rad/s
-    held : whether the force is a command, held between samples; else it was measured behind the actuator
+    device : with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
+    omega : rad/s, 0 < omega <= pi/T
     """
-    return drive(device, omega) if held else np.exp(-1j * omega * device.delay)
+    T = device.sample_time
+    early = max(0, ceil(-float(device.delay) / T))
+    there = replace(device, delay=float(device.delay) + early * T, velocity=None, force_sensor=None)
+    return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
 
 
 def antiresonance_hz(device: Device) -> float | None:

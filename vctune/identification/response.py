@@ -19,6 +19,8 @@ EXCITED = 0.05
 """Least amplitude of an excited line, of the greatest's."""
 ABOVE_NOISE = 5.0
 """Least amplitude of an excited line in standard deviations of its mean."""
+FINER = 32
+"""Points per sample at which the direction of motion is looked at. Half and twice change the lines by a thousandth."""
 HIGHEST_LINE = 0.45
 """Of the sampling rate: beyond, filters against aliasing say more than the device."""
 
@@ -52,7 +54,8 @@ class Response:
     input : "force" or "command", what position and handle are divided by
     position, handle : m/N; no handle where it was not recorded
     drive : from command to force, where both were recorded
-    friction : lines of the motor's direction of motion over those of the input, 1/N: what Coulomb friction does
+    friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
+    speed : root mean square of the motor's, m/s
     sample_time : s
     """
 
@@ -63,6 +66,7 @@ class Response:
     handle: Lines | None
     drive: Lines | None
     friction: Complex
+    speed: float
     sample_time: float
 
 
@@ -90,9 +94,9 @@ def response(recording: Recording, sample_time: float) -> Response | None:
         return None
     omega = 2 * np.pi * lines / (period * sample_time)
     pushed = spectra[of]
-    v = np.gradient(recording.channels["position"].values, sample_time)
-    mean = v[first:].reshape(-1, period).mean(axis=0)
-    direction = np.fft.rfft(np.sign(mean - mean.mean())) / pushed.mean(axis=0)
+    moved = spectra["position"].mean(axis=0)
+    direction = _direction(moved) / pushed.mean(axis=0)
+    speed = float(np.linalg.norm(omega * moved[lines])) * np.sqrt(2) / period
 
     def over(role: str, below: str) -> Lines | None:
         if role not in spectra:
@@ -103,7 +107,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
     assert position is not None
     drive = over("force", "command") if {"force", "command"} <= set(spectra) else None
     return Response(
-        period, pushed.shape[0], of, position, over("handle", of), drive, direction[lines], sample_time
+        period, pushed.shape[0], of, position, over("handle", of), drive, direction[lines], speed, sample_time
     )
 
 
@@ -153,6 +157,21 @@ def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.in
     numbers = np.arange(mean.size)
     inside = (numbers > 0) & (numbers < HIGHEST_LINE * period)
     return np.flatnonzero(inside & (mean > EXCITED * mean[inside].max()) & (mean > ABOVE_NOISE * noise))
+
+
+def _direction(position: Complex) -> Complex:
+    """Return the lines of the sign of the velocity, its turns between samples where they are.
+
+    Parameters
+    ----------
+    position : spectrum of a period, without drift
+    """
+    count = position.size
+    fine = np.zeros((count - 1) * FINER + 1, dtype=complex)
+    inside = np.arange(count) < HIGHEST_LINE * 2 * (count - 1)
+    fine[:count] = 1j * np.arange(count) * position * inside
+    sign = np.sign(np.fft.irfft(fine))
+    return np.asarray(np.fft.rfft(sign)[:count] / FINER)
 
 
 def _rounding(channel: Channel, period: int) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from vctune.document.recording import Floats
 from vctune.identification.box import Bounded
-from vctune.identification.physics import compliances, late
+from vctune.identification.physics import compliances, held_compliance
 from vctune.identification.response import Response
 from vctune.model.quantities import Device
 
@@ -35,12 +35,12 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
     measured : Response
     coulomb : friction, N
     """
-    held = measured.input == "command"
-    needed = np.full(measured.position.omega.size, np.inf)
+    held, omega = measured.input == "command", measured.position.omega
+    needed = np.full(omega.size, np.inf)
     for tried in _devices(device, bounds):
-        motor = compliances(tried, measured.position.omega)[0]
+        motor = compliances(tried, omega)[0]
         line = measured.position.ratio + motor * coulomb * measured.friction
-        model = motor * late(tried, measured.position.omega, held=held)
+        model = held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay)
         needed = np.minimum(needed, np.abs(line / model - 1))
     return needed
 
