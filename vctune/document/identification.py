@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -80,6 +80,7 @@ class BoundedRecord(Part):
     high: float
     share: float
     limit: str
+    held_by: Literal["box", "unmodelled"]
     estimates: list[EstimateRecord]
 
 
@@ -140,7 +141,7 @@ def device_text(record: IdentificationRecord) -> str:
     document: dict[str, Any] = {"name": record.name}
     document |= {"description": record.description} if record.description else {}
     document["device"] = device
-    document["uncertainty"] = {each.key: each.share for each in record.numbers}
+    document["uncertainty"] = {each.key: each.share for each in record.numbers if each.held_by == "box"}
     if record.unmodelled:
         document["uncertainty"]["unmodelled"] = record.unmodelled
     if record.friction is not None or record.force_noise:
@@ -170,7 +171,8 @@ def _short(value: float | None) -> str:
 
 def _note(each: BoundedRecord) -> str:
     found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
-    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f", by {each.limit}; found {found}"
+    where = ", held by unmodelled" if each.held_by == "unmodelled" else ""
+    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f"{where}, by {each.limit}; found {found}"
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:

@@ -18,7 +18,7 @@ from vctune.identification.fit import ResponseFit, fit_response
 from vctune.identification.friction import FrictionFound
 from vctune.identification.motion_study import MotionStudy, motion_study
 from vctune.identification.response import Response, response
-from vctune.identification.unmodelled import distances, envelope
+from vctune.identification.unmodelled import distances, envelope, with_lags
 from vctune.model.quantities import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 
 Progress = Callable[[str], None]
@@ -125,7 +125,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         name=name,
         device=device,
         bounds=bounds,
-        unmodelled=_unmodelled(studies, found),
+        unmodelled=_unmodelled(studies, found, device, bounds),
         distances=tuple(found),
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
@@ -264,14 +264,16 @@ def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded
     return distances(device, bounds, measured, fit.numbers["coulomb"])
 
 
-def _unmodelled(studies: Sequence[RecordStudy], found: Sequence[np.ndarray]) -> tuple[tuple[float, float], ...]:
+def _unmodelled(
+    studies: Sequence[RecordStudy], found: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
+) -> tuple[tuple[float, float], ...]:
     measured = [study.periodic.measured for study in studies if study.periodic is not None]
     if not measured:
         return ()
     hertz = np.concatenate([each.position.omega / (2 * pi) for each in measured])
     needed = np.concatenate(list(found))
     order = np.argsort(hertz, kind="stable")
-    return envelope(hertz[order], needed[order])
+    return with_lags(device, bounds, envelope(hertz[order], needed[order]))
 
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from vctune.identification.fit import ResponseFit
 from vctune.identification.identify import Identified, PeriodicStudy, RecordStudy
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.physics import antiresonance_hz
+from vctune.identification.unmodelled import LAGS
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
 
@@ -38,12 +40,13 @@ def identification_record(
     description : free text of the user's
     versions : of what determines the result
     """
-    numbers = [_bounded(each, rotary=found.records[0].recording.rotary) for each in found.bounds]
+    rotary, disc = found.records[0].recording.rotary, LAGS if found.unmodelled else ()
+    numbers = [_bounded(each, "unmodelled" if each.key in disc else "box", rotary=rotary) for each in found.bounds]
     device = found.device.with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
         name=found.name,
         description=description,
-        rotary=found.records[0].recording.rotary,
+        rotary=rotary,
         sample_time=float(device.sample_time),
         device=table_of(device),
         numbers=numbers,
@@ -56,7 +59,7 @@ def identification_record(
     )
 
 
-def _bounded(found: Bounded, *, rotary: bool) -> BoundedRecord:
+def _bounded(found: Bounded, held_by: Literal["box", "unmodelled"], *, rotary: bool) -> BoundedRecord:
     value, share = stated(found.value, found.low, found.high)
     unit = UNIT_OF[found.key]
     return BoundedRecord(
@@ -67,6 +70,7 @@ def _bounded(found: Bounded, *, rotary: bool) -> BoundedRecord:
         high=float(found.high),
         share=share,
         limit=found.limit,
+        held_by=held_by,
         estimates=[EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates],
     )
 
