@@ -255,13 +255,27 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
 
 def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:
     assert study.periodic is not None
-    fit, measured = study.periodic.fit, study.periodic.measured
-    if measured.input == "force":
-        own = [each for each in _periodic_estimates(replace(study.periodic, drive=None), "", study.sample_time)]
-        delay = box([each for each in own if each.key == "delay"], study.sample_time)[0]
-        others = [each for each in bounds if each.key != "delay"]
-        device, bounds = replace(device, delay=delay.value, actuator=None), [*others, delay]
-    return distances(device, bounds, measured, fit.numbers["coulomb"])
+    device, bounds = behind_force(study.periodic, study.sample_time, device, bounds)
+    return distances(device, bounds, study.periodic.measured, study.periodic.fit.numbers["coulomb"])
+
+
+def behind_force(
+    study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
+) -> tuple[Device, list[Bounded]]:
+    """Return device and box as the recorded force sees them: a measured one has the actuator and its delay behind it.
+
+    Parameters
+    ----------
+    study : of the recording
+    T : sample time, s
+    device, bounds : from the command on
+    """
+    if study.measured.input == "command":
+        return device, list(bounds)
+    own = _periodic_estimates(replace(study, drive=None), "", T)
+    delay = box([each for each in own if each.key == "delay"], T)[0]
+    others = [each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")]
+    return replace(device, delay=delay.value, actuator=None), [*others, delay]
 
 
 def _unmodelled(
@@ -301,7 +315,8 @@ def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[
         if study.periodic is not None:
             top = study.periodic.measured.position.omega[-1] / (2 * pi)
             said.append(
-                f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
+                f"{study.recording.name}: nothing was measured above {top:.4g} Hz: there unmodelled grows "
+                "with the delay's interval alone"
             )
             if study.periodic.fit.candidate.load:
                 said.append(

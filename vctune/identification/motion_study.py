@@ -12,7 +12,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
 from vctune.identification.box import COULOMB_SHARE, Estimate
-from vctune.identification.filters import HIGHEST
+from vctune.identification.filters import HIGHEST, smooth
 from vctune.identification.friction import FrictionFound, friction_of
 from vctune.identification.motion import (
     DIRECTIONAL,
@@ -49,6 +49,7 @@ class MotionStudy:
     classical : the classical inverse model, where it was asked for
     friction : for the simulation; None for none
     speed : root mean square of it, m/s
+    position_noise : standard deviation of a position sample, m
     chi2 : power of the residual over that of the encoder's noise in it
     """
 
@@ -60,7 +61,20 @@ class MotionStudy:
     classical: Classical | None
     friction: FrictionFound | None
     speed: float
+    position_noise: float
     chi2: float
+
+    def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
+        """Return the root mean square of the encoder's noise in the force, of each bin of a spectrum, N.
+
+        Parameters
+        ----------
+        hertz : of the bins, evenly spaced up to Nyquist
+        sample_time : s
+        """
+        omega = 2 * np.pi * hertz
+        share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
+        return share * self.position_noise / sqrt(hertz.size)
 
     def estimates(self, source: str) -> list[Estimate]:
         """Return what it says of the numbers of a problem file."""
@@ -132,6 +146,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         classical=None if recipe is None else classical(recording, sample_time, recipe),
         friction=friction_of(signals, symmetric, known_delays),
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
+        position_noise=signals.noise,
         chi2=(fits[best].residual / noise) ** 2,
     )
 

@@ -64,6 +64,39 @@ def _devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
     ]
 
 
+def covered(device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return least and greatest size and phase of what the file allows: a device of the box, times 1 + delta.
+
+    Parameters
+    ----------
+    device, bounds, radii : as in the file
+    omega : rad/s
+    held : whether the force is a command
+
+    Returns
+    -------
+    tuple of four arrays
+        m/N and degrees.
+    """
+    x, y = np.log(np.array(radii)).T
+    radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
+    boxed = [each for each in bounds if each.key not in LAGS]
+    responses = []
+    for tried in _devices(device, boxed):
+        motor = compliances(tried, omega)[0]
+        responses.append(held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay))
+    found = np.array(responses)
+    turn = np.degrees(np.arcsin(np.minimum(radius, 1.0)))
+    phase = np.degrees(np.unwrap(np.angle(-found), axis=1)) - 180.0
+    size = np.abs(found)
+    return (
+        size.min(axis=0) * np.maximum(1 - radius, 0.01),
+        size.max(axis=0) * (1 + radius),
+        phase.min(axis=0) - turn,
+        phase.max(axis=0) + turn,
+    )
+
+
 def with_lags(
     device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]]
 ) -> tuple[tuple[float, float], ...]:
