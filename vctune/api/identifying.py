@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
-from vctune.document.identification import DEVICE_FILE, FILE, IdentificationRecord, device_text
+from vctune.document.identification import DEVICE_FILE, EXCITATION_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.report.contents import identification_paths
@@ -19,6 +19,7 @@ from vctune.report.contents import identification_paths
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from vctune.identification.excitation import Excitation
     from vctune.identification.identify import Identified
 
 
@@ -31,11 +32,13 @@ class Identification:
     found : fits, box and distances
     record : the object of identification.json
     text : of device.toml
+    excitation : a multisine for what is still uncertain; None if it was not asked for
     """
 
     found: Identified
     record: IdentificationRecord
     text: str
+    excitation: Excitation | None
 
     @property
     def file(self) -> ProblemFile:
@@ -47,6 +50,7 @@ def identify(
     logs: str | Path | Sequence[str | Path],
     config: str | Path | None = None,
     *,
+    excitation: bool = False,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Identification:
     """Identify a device from its recordings.
@@ -55,6 +59,7 @@ def identify(
     ----------
     logs : CSV files, plain or .gz, all of the same device
     config : the log.toml that says what their columns are; None if the headers say it
+    excitation : whether to suggest a multisine for what is still uncertain
     progress : told the stage of the work
 
     Returns
@@ -67,6 +72,7 @@ def identify(
         If a file cannot be read or says nothing, with line, column and remedy, or SciPy is not there.
     """
     require_scipy()
+    from vctune.identification.excitation import excitation as suggested
     from vctune.identification.identify import identify as run
     from vctune.identification.record import identification_record
 
@@ -77,10 +83,11 @@ def identify(
     recordings = [read_log(path, known) for path in paths]
     name = known.document.name or paths[0].name.removesuffix(".gz").removesuffix(".csv") or "device"
     found = run(recordings, known, name, progress)
-    record = identification_record(found, known.document.description, _versions())
+    next_one = suggested(found) if excitation else None
+    record = identification_record(found, known.document.description, _versions(), next_one)
     text = device_text(record)
     problem_file(text, Path(DEVICE_FILE))
-    return Identification(found, record, text)
+    return Identification(found, record, text, next_one)
 
 
 def identification_folder(name: str, out: Path) -> Path:
@@ -113,11 +120,20 @@ def write_identification(identified: Identification, folder: Path, *, report: bo
 
     value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
     files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
+    if identified.excitation is not None:
+        files[folder / EXCITATION_FILE] = _excitation_text(identified.excitation, identified.record)
     if report:
         from vctune.report.identification import identification_files
 
         files |= identification_files(identified.found, identified.record, folder)
-    write_together(files, [path for path in identification_paths(folder) if path not in files])
+    stale = [*identification_paths(folder), folder / EXCITATION_FILE]
+    write_together(files, [path for path in stale if path not in files])
+
+
+def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:
+    unit = "Nm" if record.rotary else "N"
+    rows = (f"{i * made.sample_time:.9g},{force:.6g}" for i, force in enumerate(made.force))
+    return "\n".join([f"time_s,command_{unit}", *rows]) + "\n"
 
 
 def require_scipy() -> None:

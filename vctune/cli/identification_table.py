@@ -41,4 +41,13 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
         console.print(f"unmodelled: up to {worst[1]:.3g} of the response, at {worst[0]:.4g} Hz")
     for remark in record.remarks:
         console.print(f"[dim]{escape(printable(remark))}[/dim]", soft_wrap=True)
+    if record.excitation is not None:
+        made = record.excitation
+        console.print(
+            f"excitation.csv: a period of {made.period:.4g} s, {len(made.lines_hz)} lines from {made.lines_hz[0]:.4g} to "
+            f"{made.lines_hz[-1]:.4g} Hz, peak {made.peak:.4g}; command it {made.periods} times over and log all of it",
+            soft_wrap=True,
+        )
+        for reason in made.reasons:
+            console.print(f"[dim]for {escape(reason)}[/dim]", soft_wrap=True)
     console.print(f"written to {escape(str(folder))}", soft_wrap=True)

@@ -13,9 +13,12 @@ from vctune.cli.options import out_option
 @click.argument("logs", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="LOG...")
 @click.option("--config", type=click.Path(path_type=Path), help="A log.toml: which column is what, in which unit.")
 @out_option()
+@click.option("--excitation", is_flag=True, help="Suggest a multisine for what is uncertain: excitation.csv, a period.")
 @click.option("--json", "as_json", is_flag=True, help="Print identification.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write no report and no figures.")
-def identify(logs: tuple[Path, ...], config: Path | None, out: Path, as_json: bool, no_report: bool) -> int:
+def identify(
+    logs: tuple[Path, ...], config: Path | None, out: Path, excitation: bool, as_json: bool, no_report: bool
+) -> int:
     """Identify a device from LOG..., CSV files (also .gz) of its motion, all of the same device.
 
     Writes device.toml, which `vctune solve` takes as it is: the device, how well each number is known, and what no log
@@ -30,7 +33,7 @@ def identify(logs: tuple[Path, ...], config: Path | None, out: Path, as_json: bo
     from vctune.exit_codes import ExitCode
 
     with progress_on_stderr("vctune identify", shown=True) as progress:
-        identified = run(logs, config, progress=progress)
+        identified = run(logs, config, excitation=excitation, progress=progress)
         folder = identification_folder(identified.record.name, out)
         progress("writing and drawing")
         write_identification(identified, folder, report=not no_report)

@@ -12,7 +12,7 @@ from vctune.document.part import Number, Pair, Part
 from vctune.document.toml_text import toml_text
 
 SCHEMA = "vctune/identification/1"
-FILE, DEVICE_FILE = "identification.json", "device.toml"
+FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STEP = 1e-5
 """What shares are rounded up to, so that the box as written holds the box as found."""
 
@@ -92,6 +92,18 @@ class FrictionRecord(Part):
     stribeck_velocity: Number
 
 
+class ExcitationRecord(Part):
+    """A multisine for what is still uncertain: excitation.csv is a period of it."""
+
+    period: float
+    periods: int
+    lines_hz: list[float]
+    peak: float
+    speed: float
+    spread: float
+    reasons: list[str]
+
+
 class IdentificationRecord(Part):
     """A device and how well it is known, in SI units and hertz: the object of identification.json."""
 
@@ -104,6 +116,7 @@ class IdentificationRecord(Part):
     unmodelled: list[Pair]
     friction: FrictionRecord | None
     force_noise: Number
+    excitation: ExcitationRecord | None
     recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
     remarks: list[str]
     versions: dict[str, str | None]

@@ -12,6 +12,7 @@ from vctune.document.identification import (
     CandidateRecord,
     CheckRecord,
     EstimateRecord,
+    ExcitationRecord,
     FrictionRecord,
     IdentificationRecord,
     NumberRecord,
@@ -20,6 +21,7 @@ from vctune.document.identification import (
 )
 from vctune.document.statement import table_of
 from vctune.identification.box import UNIT_OF, Bounded
+from vctune.identification.excitation import Excitation
 from vctune.identification.fit import ResponseFit
 from vctune.identification.identify import Identified, PeriodicStudy, RecordStudy
 from vctune.identification.motion_study import MotionStudy
@@ -30,7 +32,7 @@ from vctune.model.device_response import mechanism
 
 
 def identification_record(
-    found: Identified, description: str, versions: Mapping[str, str | None]
+    found: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
 ) -> IdentificationRecord:
     """Return the record of an identification.
 
@@ -39,6 +41,7 @@ def identification_record(
     found : Identified
     description : free text of the user's
     versions : of what determines the result
+    next_one : a multisine for what is still uncertain; None if it was not asked for
     """
     rotary, disc = found.records[0].recording.rotary, LAGS if found.unmodelled else ()
     numbers = [_bounded(each, "unmodelled" if each.key in disc else "box", rotary=rotary) for each in found.bounds]
@@ -53,6 +56,7 @@ def identification_record(
         unmodelled=[list(point) for point in found.unmodelled],
         friction=_friction(found),
         force_noise=found.force_noise,
+        excitation=None if next_one is None else _excitation(next_one),
         recordings=[_recording(study) for study in found.records],
         remarks=list(found.remarks),
         versions=dict(versions),
@@ -72,6 +76,18 @@ def _bounded(found: Bounded, held_by: Literal["box", "unmodelled"], *, rotary: b
         limit=found.limit,
         held_by=held_by,
         estimates=[EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates],
+    )
+
+
+def _excitation(made: Excitation) -> ExcitationRecord:
+    return ExcitationRecord(
+        period=made.force.size * made.sample_time,
+        periods=made.periods,
+        lines_hz=[float(hertz) for hertz in made.lines_hz],
+        peak=made.peak,
+        speed=made.speed,
+        spread=made.spread,
+        reasons=list(made.reasons),
     )
 
 

@@ -44,7 +44,7 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
 
 
 def _time_fit(studies: list[RecordStudy], unit: str) -> Figure:
-    figure = canvas(9, 2.6 * len(studies) + 2.0, top=0.35, gaps=(0.0, 0.45))
+    figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
         assert study.motion is not None
