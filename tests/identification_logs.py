@@ -11,9 +11,9 @@ from math import pi
 
 import numpy as np
 
+from vctune.model.arithmetic import FLOATS
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.filters import smoothing
-from vctune.model.arithmetic import FLOATS
 from vctune.model.quantities import Actuator, Device, Structure, VelocityEstimate
 from vctune.simulation.controller import Law
 from vctune.simulation.scene import Scene
@@ -114,10 +114,14 @@ def random_case(seed: int) -> Case:
     if periodic and random.uniform() < 0.5:
         share, hertz = float(random.uniform(0.1, 0.5)), float(random.uniform(0.04, 0.1)) / T
         structure = Structure(share * mass, hertz, float(random.uniform(0.005, 0.05)))
-    device = Device(mass, damping, T, float(random.uniform(0.1, 1.5)) * T, velocity=velocity, actuator=actuator, structure=structure)
+    device = Device(
+        mass, damping, T, float(random.uniform(0.1, 1.5)) * T, velocity=velocity, actuator=actuator, structure=structure
+    )
     speed = 0.2
     coulomb = float(np.exp(random.uniform(np.log(0.05), np.log(0.5)))) * damping * speed
-    friction = Friction(coulomb, coulomb * float(random.uniform(1.0, 1.3)), 0.005, 1e5 * mass, float(np.sqrt(1e5) * mass))
+    friction = Friction(
+        coulomb, coulomb * float(random.uniform(1.0, 1.3)), 0.005, 1e5 * mass, float(np.sqrt(1e5) * mass)
+    )
     closed = "closed" in kind
     K_v = mass / (4 * (device.loop_lag + T + (1 / (2 * pi * actuator.bandwidth_hz) if actuator else 0)))
     if structure is not None:
@@ -136,7 +140,13 @@ def random_case(seed: int) -> Case:
         wave = np.fft.irfft(white * (f > 0.3) / (1 + (f / 4.0) ** 2), n)
         wave /= wave.std()
         force = mass * 2 * pi * 2.0 * speed + damping * speed + 2 * coulomb
-    amplitude = (force + 3 * coulomb) / K_v if closed and periodic else speed if closed else force + (3 * coulomb if periodic else 0)
+    amplitude = (
+        (force + 3 * coulomb) / K_v
+        if closed and periodic
+        else speed
+        if closed
+        else force + (3 * coulomb if periodic else 0)
+    )
     recorded = driven(device, friction, amplitude * wave, gains=gains)
     position = recorded.get("motor_position", recorded["position"])
     quantum = float(np.ptp(position)) * float(np.exp(random.uniform(np.log(1e-6), np.log(1e-5))))

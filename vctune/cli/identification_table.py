@@ -27,7 +27,10 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
     console.print(f"[bold]{escape(printable(record.name))}[/bold]")
     for each in record.recordings:
         left = "" if each.residual_share is None else f", residual {each.residual_share:.2%}"
-        console.print(escape(f"{printable(each.source)}: {each.kind}, {each.used} of {each.samples} samples{left}"), soft_wrap=True)
+        console.print(
+            escape(f"{printable(each.source)}: {each.kind}, {each.used} of {each.samples} samples{left}"),
+            soft_wrap=True,
+        )
     table = Table(box=None, pad_edge=False)
     for heading in ("number", "value", "from", "to", "", "limited by"):
         right = heading in ("value", "from", "to")
@@ -44,8 +47,8 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
     if record.excitation is not None:
         made = record.excitation
         console.print(
-            f"excitation.csv: a period of {made.period:.4g} s, {len(made.lines_hz)} lines from {made.lines_hz[0]:.4g} to "
-            f"{made.lines_hz[-1]:.4g} Hz, peak {made.peak:.4g}; command it {made.periods} times over and log all of it",
+            f"excitation.csv: a period of {made.period:.4g} s, {len(made.lines_hz)} lines, {made.lines_hz[0]:.4g} to "
+            f"{made.lines_hz[-1]:.4g} Hz, peak {made.peak:.4g}; command it {made.periods} times over and log it",
             soft_wrap=True,
         )
         for reason in made.reasons:

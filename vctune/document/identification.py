@@ -198,9 +198,13 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
             lines.append(f"{line}  {notes[key]}")
             continue
         if heading == "[device]" and " = {" in line:
-            lines += [f"{note.replace('#', f'# {name}:', 1)}" for name, note in notes.items() if name.startswith(f"{key}.")]
+            lines += [
+                f"{note.replace('#', f'# {name}:', 1)}" for name, note in notes.items() if name.startswith(f"{key}.")
+            ]
         if heading == "[uncertainty]" and key == "unmodelled":
-            lines.append("# [Hz, radius]: every measured line is that of a device of the box, times a number this far from 1")
+            lines.append(
+                "# [Hz, radius]: every measured line is that of a device of the box, times a number this far from 1"
+            )
         if heading == "[[experiment]]" and line == heading:
             lines.append("# Friction and noise as they were found; hand and motion are vctune's defaults.")
         lines.append(line)

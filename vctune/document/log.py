@@ -228,8 +228,12 @@ def _unit(header: str, stated: ColumnTable, known: LogMap, role: str) -> str:
     if unit in fitting:
         return unit
     said = f"its unit {unit} is none" if stated.unit else "its header does not end with a unit"
-    other = "; for an angle and a torque write rotary = true" if unit in ANGLES and role != "time" else ""
-    message = f"column {shown(header)}: {said} of {', '.join(fitting)}; write its unit, or scale = SI units per unit{other}"
+    other = ""
+    if role != "time" and (unit in ANGLES) != known.document.rotary and unit in UNITS:
+        other = "; write rotary = true" if unit in ANGLES else "; or is the device not rotary?"
+    message = (
+        f"column {shown(header)}: {said} of {', '.join(fitting)}; write its unit, or scale = SI units per unit{other}"
+    )
     raise InputError(known.source, [Mistake(f"columns.{role}", message)])
 
 

@@ -17,7 +17,24 @@ UNITS: dict[str, float] = {
 }  # fmt: skip
 """Units of a column by name, in SI units."""
 Unit = Literal[
-    "s", "ms", "us", "m", "mm", "um", "rad", "mrad", "deg", "m/s", "mm/s", "rad/s", "deg/s", "N", "mN", "kN", "Nm", "mNm"
+    "s",
+    "ms",
+    "us",
+    "m",
+    "mm",
+    "um",
+    "rad",
+    "mrad",
+    "deg",
+    "m/s",
+    "mm/s",
+    "rad/s",
+    "deg/s",
+    "N",
+    "mN",
+    "kN",
+    "Nm",
+    "mNm",
 ]
 
 
@@ -87,7 +104,10 @@ class LogDocument(Table):
     """What the columns of a log are. Without it they must be called time_s, position_m, command_N and the like."""
 
     name: Text | None = Field(
-        None, min_length=1, max_length=200, description="Of the device and of its folder. Default: the first log's stem."
+        None,
+        min_length=1,
+        max_length=200,
+        description="Of the device and of its folder. Default: the first log's stem.",
     )
     description: Text = Field("", description="Free text for the reader.")
     rotary: bool = Field(False, strict=True, description="Whether kg, m and N stand for kg m2, rad and N m.")

@@ -93,9 +93,7 @@ def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...
     """
     keys = list(dict.fromkeys(estimate.key for estimate in estimates))
     factor = joint_factor(len(keys))
-    return tuple(
-        _bounded(key, [each for each in estimates if each.key == key], factor, sample_time) for key in keys
-    )
+    return tuple(_bounded(key, [each for each in estimates if each.key == key], factor, sample_time) for key in keys)
 
 
 def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: float) -> Bounded:
@@ -107,8 +105,10 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     if spread > sampled:
         limit = "records, directions or models differ"
     if max(max(each.excess) for each in estimates) > sampled:
-        limit = "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
-    low = max(low, 0.0)
+        limit = (
+            "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
+        )
+    low, high = max(low, 0.0), max(high, 0.0)
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:

@@ -75,33 +75,49 @@ def _sample_time(recording: Recording, stated: float | None) -> tuple[float, lis
     if time is None:
         assert stated is not None
         return stated, []
-    steps, first = np.diff(time.values), recording.first_line + 1
-    back = np.flatnonzero(steps <= 0)
-    if back.size:
-        row = int(back[0])
-        how = "stands still" if steps[row] == 0 else "runs backwards"
-        message = f"{how}, from {time.values[row]:.9g} s to {time.values[row + 1]:.9g} s; sort or cut the log"
-        return 0.0, [Mistake(time.header, message, first + row)]
-    T = float(np.median(steps))
+    T = float(np.median(np.diff(time.values)))
+    fault = _backwards(recording, time) or _implausible(time, T, stated) or _uneven(recording, time, T)
+    mean = float(f"{np.mean(np.diff(time.values)):.9g}")
+    return mean if stated is None else stated, [fault] if fault else []
+
+
+def _backwards(recording: Recording, time: Channel) -> Mistake | None:
+    back = np.flatnonzero(np.diff(time.values) <= 0)
+    if not back.size:
+        return None
+    row = int(back[0])
+    before, after = time.values[row : row + 2]
+    how = "stands still" if before == after else "runs backwards"
+    message = f"{how}, from {before:.9g} s to {after:.9g} s; sort or cut the log"
+    return Mistake(time.header, message, recording.first_line + 1 + row)
+
+
+def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | None:
     if not SAMPLE_TIMES[0] <= T <= SAMPLE_TIMES[1]:
-        likely = next((unit for unit, scale in (("ms", 1e-3), ("us", 1e-6)) if 1e-5 <= T * scale <= 0.02), None)
-        remedy = f'; is it in {unit}? write time = {{ column = "{time.header}", unit = "{unit}" }}' if (unit := likely) else ""
-        return T, [Mistake(time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}")]
+        likely = [unit for unit, scale in (("ms", 1e-3), ("us", 1e-6)) if 1e-5 <= T * scale <= 0.02]
+        remedy = (
+            f'; is it in {likely[0]}? write time = {{ column = "{time.header}", unit = "{likely[0]}" }}'
+            if likely
+            else ""
+        )
+        return Mistake(time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}")
     if stated is not None and abs(T / stated - 1) > 0.01:
-        return T, [Mistake(time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them")]
+        return Mistake(time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them")
+    return None
+
+
+def _uneven(recording: Recording, time: Channel, T: float) -> Mistake | None:
+    steps = np.diff(time.values)
+    row = int(np.argmax(np.abs(steps - T)))
     gaps = np.flatnonzero(steps > GAP * T)
     if gaps.size:
-        row = int(gaps[0])
-        message = (
-            f"has {gaps.size} gaps, the first of {steps[row] / T - 1:.3g} samples; cut the log there, "
-            "or record without loss"
-        )
-        return T, [Mistake(time.header, message, first + row)]
-    if (jitter := float(np.std(steps)) / T) > JITTER:
-        row = int(np.argmax(np.abs(steps - T)))
+        row, lost = int(gaps[0]), steps[gaps[0]] / T - 1
+        message = f"has {gaps.size} gaps, the first of {lost:.3g} samples; cut the log there, or record without loss"
+    elif (jitter := float(np.std(steps)) / T) > JITTER:
         message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
-        return T, [Mistake(time.header, message, first + row)]
-    return float(f"{np.mean(steps):.9g}") if stated is None else stated, []
+    else:
+        return None
+    return Mistake(time.header, message, recording.first_line + 1 + row)
 
 
 def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
@@ -130,7 +146,10 @@ def _place(recording: Recording, channel: Channel, role: str, T: float) -> Itera
     unit = ("rad", "rad/s") if recording.rotary else ("m", "m/s")
     speed = float(np.abs(np.diff(channel.values)).max()) / T
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
-        yield Mistake(channel.header, f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {unit[0]} per count")
+        yield Mistake(
+            channel.header,
+            f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {unit[0]} per count",
+        )
     elif speed > SPEEDS[recording.rotary]:
         yield Mistake(
             channel.header,
@@ -150,8 +169,7 @@ def _held_for(values: Floats) -> int:
     if changes.size < 50:
         return 1
     apart = np.diff(changes)
-    period = int(np.gcd.reduce(apart))
-    return period
+    return int(np.gcd.reduce(apart))
 
 
 def _at_limit(channel: Channel) -> float:

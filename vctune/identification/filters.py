@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, log
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,10 @@ from vctune.model.device_response import device_response
 from vctune.model.quantities import Device
 
 Complex = NDArray[np.complex128]
-Response = Callable[[Floats], Complex | Floats]
+Response = Callable[[Floats], Any]
+"""A frequency response, real or complex, of omega, rad/s."""
 HIGHEST = 0.08
-"""Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: a hundredth."""
+"""Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
 
@@ -44,7 +46,7 @@ def filtered(values: Floats, response: Response, sample_time: float) -> Floats:
     """
     n = values.size
     size = 1 << (2 * n - 1).bit_length()
-    omega = 2 * np.pi * np.fft.rfftfreq(size, sample_time)
+    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, sample_time), dtype=np.float64)
     return np.fft.irfft(np.fft.rfft(values, size) * response(omega), size)[:n]
 
 

@@ -219,7 +219,9 @@ def _solved(task: _Task, start: Floats, floors: Floats) -> Floats:
     logs = np.array([name in SCALED for name in names])
     lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
     inside = np.maximum(start, lower + 1e-9 * scale)
-    solved = least_squares(task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS)
+    solved = least_squares(
+        task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS
+    )
     return np.asarray(solved.x)
 
 
@@ -258,7 +260,7 @@ def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit
     natural = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])
     sensitivity = _sensitivity(task, at, floors) * natural
     residuals = task.residuals(at, floors)
-    free = _free(task, at, sensitivity)
+    free = np.flatnonzero(np.linalg.norm(sensitivity, axis=0) > 0)
     sensitivity = sensitivity[:, free]
     scaled = sensitivity / (norms := np.linalg.norm(sensitivity, axis=0))
     half = residuals.size // 2
@@ -289,13 +291,6 @@ def _deleted(task: _Task, at: Floats, floors: Floats) -> Floats:
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
     left = np.array([_solved(replace(task, left_out=block), at, floors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))
-
-
-def _free(task: _Task, at: Floats, sensitivity: Floats) -> Floats:
-    """Return which numbers are off their bound and do something."""
-    names = task.candidate.names
-    off = [name in SCALED or name == "delay" or value > 1e-12 for name, value in zip(names, at, strict=True)]
-    return np.flatnonzero(np.array(off) & (np.linalg.norm(sensitivity, axis=0) > 0))
 
 
 def _sensitivity(task: _Task, at: Floats, floors: Floats) -> Floats:

@@ -54,7 +54,9 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
     v = signals.velocity
     rows = np.round(whole.time / signals.sample_time).astype(int)
     best = min(
-        (_risen(signals, whole, v, rows, float(speed)) for speed in _speeds(v)), key=lambda each: each.power, default=None
+        (_risen(signals, whole, v, rows, float(speed)) for speed in _speeds(v)),
+        key=lambda each: each.power,
+        default=None,
     )
     if best is None or not (CLEAR * best.sigma < best.rise < WITHIN * best.coulomb) or best.coulomb <= 0:
         return FrictionFound(coulomb)

@@ -117,7 +117,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     estimates = [estimate for study in studies for estimate in _estimates(study, times[0])]
     estimates, said = _with_known(estimates, known, times[0], recordings)
     bounds = box(estimates, times[0])
-    _check_delay(bounds, recordings[0])
+    _check_delay(bounds, recordings[0], times[0])
     device = _device(bounds, known, times[0])
     progress("comparing lines with the box")
     found = [_line_distances(study, device, bounds) for study in studies if study.periodic is not None]
@@ -217,11 +217,11 @@ def _with_known(
     return estimates, said
 
 
-def _check_delay(bounds: Sequence[Bounded], recording: Recording) -> None:
+def _check_delay(bounds: Sequence[Bounded], recording: Recording, T: float) -> None:
     delay = next(each for each in bounds if each.key == "delay")
     latest = max(each.value for each in delay.estimates)
-    widest = max(each.sigma for each in delay.estimates) * 4 + max(each.excess[1] for each in delay.estimates)
-    if latest + widest < 0:
+    widest = 4 * max(each.sigma for each in delay.estimates)
+    if latest + widest < -0.5 * T:
         message = (
             f"the position is {-latest:.3g} s ahead of the force: the columns were not sampled together; shift the "
             "force's column, or log both in the same interrupt"
@@ -237,7 +237,8 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
         actuator = Actuator(value["actuator.bandwidth_hz"])
     structure = None
     if "structure.handle_mass" in value:
-        structure = Structure(*(value[f"structure.{name}"] for name in ("handle_mass", "frequency_hz", "damping_ratio")))
+        handle, hertz, ratio = (value[f"structure.{name}"] for name in ("handle_mass", "frequency_hz", "damping_ratio"))
+        structure = Structure(handle, hertz, ratio)
     sensor, estimate = stated.force_sensor, stated.velocity
     found = None
     if sensor is not None:
@@ -292,7 +293,9 @@ def _unmodelled(
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
     """Return the friction of the recording that has the most."""
-    found = [study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None]
+    found = [
+        study.motion.friction for study in studies if study.motion is not None and study.motion.friction is not None
+    ]
     for study in studies:
         if study.periodic is not None:
             fit = study.periodic.fit

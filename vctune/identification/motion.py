@@ -8,28 +8,32 @@ the velocity too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vctune.document.recording import Floats, Recording
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.filters import HIGHEST, drive, edge, filtered, smooth
+from vctune.identification.filters import HIGHEST, Complex, drive, edge, filtered, smooth
 from vctune.model.quantities import Actuator, Device
 
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 MEMORY = 1.0
-"""How long residuals are correlated, s: half and twice it change the intervals of the test data by less than a fifth."""
+"""How long residuals are correlated, s: half and twice change the intervals of the test data by less than a fifth."""
 SLOW = 0.02
 """Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
 LEAST_KEPT = 0.3
 """With less than this share of the samples away from turns, turns are kept."""
 ATTENUATION = 1e-4
-"""Greatest share of the acceleration's power that may be the encoder's noise: it makes the mass too small by as much."""
-STEPS = 12
+"""Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""
+STEPS = 60
+STRIDE = 4.0
+"""Most that a delay changes at once, sample times."""
+Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +109,7 @@ class _Filtered:
     force: Floats
     slopes: Floats
     regressors: Floats
-    kept: NDArrayBool
-
-
-NDArrayBool = np.ndarray
+    kept: Flags
 
 
 def motion_fit(
@@ -141,7 +142,7 @@ def motion_fit(
         delays = {
             **delays,
             **{
-                name: delays[name] + float(np.clip(change, -2 * step, 2 * step))
+                name: delays[name] + float(np.clip(change, -STRIDE * step, STRIDE * step))
                 for name, change in zip(free, moved, strict=True)
             },
         }
@@ -153,7 +154,7 @@ def motion_fit(
     sensitivity = np.column_stack([at.regressors, -at.slopes])
     information = sensitivity.T @ sensitivity
     covariance = _covariance(sensitivity, residual, information, kept, cutoff_hz, step)
-    time = np.flatnonzero(kept) * step
+    time = np.asarray(np.flatnonzero(kept) * step, dtype=np.float64)
     return MotionFit(
         names=(*names, *free),
         values=np.array([*theta, *(delays[name] for name in free)]),
@@ -175,7 +176,7 @@ def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
 
 
 def _covariance(
-    sensitivity: Floats, residual: Floats, information: Floats, kept: NDArrayBool, cutoff_hz: float, step: float
+    sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
 ) -> Floats:
     """Return the covariance, residuals in their place in time: what was dropped is 0."""
     scores = np.zeros((kept.size, sensitivity.shape[1]))
@@ -190,7 +191,7 @@ def _sides(
     delays: Mapping[str, float],
     free: Sequence[str],
     regressors: Floats,
-    kept: NDArrayBool,
+    kept: Flags,
 ) -> _Filtered:
     T = signals.sample_time
     force, slopes = np.zeros(signals.position.size), {}
@@ -198,17 +199,17 @@ def _sides(
         device = Device(1.0, 0.0, T, 0.0, actuator=signals.actuator)
         late = delays["delay"]
 
-        def driven(omega: Floats) -> Floats:
+        def driven(omega: Floats) -> Complex:
             through = drive(device, omega) if signals.held else 1.0
-            return through * np.exp(-1j * omega * late) * smooth(omega, cutoff_hz)
+            return np.asarray(through * np.exp(-1j * omega * late) * smooth(omega, cutoff_hz))
 
         force = force + filtered(signals.command, driven, T)
         slopes["delay"] = filtered(signals.command, lambda omega: -1j * omega * driven(omega), T)
     if signals.hand is not None:
         early = delays["sensor_delay"]
 
-        def sensed(omega: Floats) -> Floats:
-            return np.exp(1j * omega * early) * smooth(omega, cutoff_hz)
+        def sensed(omega: Floats) -> Complex:
+            return np.asarray(np.exp(1j * omega * early) * smooth(omega, cutoff_hz))
 
         force = force + filtered(signals.hand, sensed, T)
         slopes["sensor_delay"] = filtered(signals.hand, lambda omega: 1j * omega * sensed(omega), T)
@@ -216,7 +217,7 @@ def _sides(
     return _Filtered(force[kept], np.column_stack(columns) if columns else np.empty((kept.sum(), 0)), regressors, kept)
 
 
-def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, NDArrayBool]:
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, Flags]:
     """Return a column for each name, and which samples count: neither at an end nor at a turn."""
     T = signals.sample_time
     a, v = derivatives(signals.position, cutoff_hz, T)[0], signals.velocity
@@ -239,7 +240,7 @@ def derivatives(position: Floats, cutoff_hz: float, sample_time: float) -> tuple
     return a, filtered(centred, lambda w: 1j * w * smooth(w, cutoff_hz), sample_time)
 
 
-def regressors_of(a: Floats, v: Floats, names: Sequence[str], low_pass) -> Floats:  # type: ignore[no-untyped-def]
+def regressors_of(a: Floats, v: Floats, names: Sequence[str], low_pass: Callable[[Floats], Floats]) -> Floats:
     """Return what each number multiplies, shape (n, p).
 
     Parameters
@@ -249,7 +250,7 @@ def regressors_of(a: Floats, v: Floats, names: Sequence[str], low_pass) -> Float
     low_pass : what the other columns still have to go through
     """
     ahead, back = np.maximum(np.sign(v), 0.0), np.maximum(np.sign(-v), 0.0)
-    made = {
+    made: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
         "damping": lambda: low_pass(v),
         "damping_forwards": lambda: low_pass(v * ahead),

@@ -1,4 +1,4 @@
-"""Other ways to the same numbers: blocks of the log at random, an instrument, the classical recipe (README, section 2)."""
+"""Other ways to the same numbers: blocks of the log, an instrument, the classical recipe (README, section 2)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def bootstrap(fit: MotionFit) -> Check:
     squares = np.einsum("bli,blj->bij", blocks, blocks)
     crossed = np.einsum("bli,bl->bi", blocks, y.reshape(count, length))
     drawn = np.random.default_rng(SEED).integers(0, count, (BLOCKS, count))
-    moved = np.array([np.linalg.lstsq(squares[rows].sum(axis=0), crossed[rows].sum(axis=0), rcond=None)[0][0] for rows in drawn])
+    moved = np.array(
+        [np.linalg.lstsq(squares[rows].sum(axis=0), crossed[rows].sum(axis=0), rcond=None)[0][0] for rows in drawn]
+    )
     return Check("mass, blocks of the log at random", fit.value("mass") + float(moved.mean()), float(moved.std(ddof=1)))
 
 
@@ -85,7 +87,7 @@ class Classical:
 
 
 def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) -> Classical | None:
-    """Return the classical inverse model: filtered both ways, central differences, decimated, residuals taken for white.
+    """Return the classical inverse model: filtered both ways, central differences, decimated, white residuals.
 
     Parameters
     ----------

@@ -30,6 +30,8 @@ from vctune.model.quantities import Actuator
 
 UNEXPLAINED = 0.6
 """Greatest residual, of the force, with which a log is one of a mass with friction at all."""
+SUSPICIOUS = 0.05
+"""Residual, of the force, from which on it is tried whether the two columns are swapped."""
 CLEAR = 2.0
 """Difference between the directions, in standard deviations, from which on they are two."""
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
@@ -104,7 +106,9 @@ class MotionStudy:
         variance = C[ways[0], ways[0]] + C[ways[1], ways[1]] - 2 * C[ways[0], ways[1]]
         coulomb = COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed
         if abs(difference) > CLEAR * sqrt(max(variance, 0.0)):
-            found = [(fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")]
+            found = [
+                (fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")
+            ]
         else:
             found = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
         return [Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb)) for value, sigma, way in found]
@@ -160,22 +164,22 @@ def _known_delays(known: LogMap) -> dict[str, float]:
     return found
 
 
-def _check_explained(
-    recording: Recording, signals: Signals, fit: MotionFit, known_delays: Mapping[str, float]
-) -> None:
+def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, known_delays: Mapping[str, float]) -> None:
     mass, left = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
     faults = []
-    if left > UNEXPLAINED:
-        other = _swapped(signals, known_delays)
-        hint = ": are the two columns swapped?" if other is not None and other < 0.5 * left else (
-            "; is a force missing (a hand's), or is one of another axis?"
-        )
+    other = _swapped(signals, known_delays) if left > SUSPICIOUS else None
+    swapped = other is not None and other < 0.3 * left
+    if left > UNEXPLAINED or swapped:
+        hint = "; is a force missing (a hand's), or is one of another axis?"
+        hint = ": are the two columns swapped?" if swapped else hint
         message = f"{left:.0%} of {pushed} is explained by no mass and friction of {headers['position']}{hint}"
         faults.append(Mistake(pushed, message))
     elif mass <= 0:
-        message = f"the mass comes out as {mass:.3g} kg: {pushed} pushes against the motion; turn one sign by scale = -1"
+        message = (
+            f"the mass comes out as {mass:.3g} kg: {pushed} pushes against the motion; turn one sign by scale = -1"
+        )
         faults.append(Mistake(pushed, message))
     elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
         message = (

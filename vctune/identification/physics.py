@@ -1,4 +1,4 @@
-"""The device as the fit of a response turns it: its numbers, which of them a structure has, and what they make of a line."""
+"""The device as the fit of a response has it: its numbers, by structure, and what they make of a line."""
 
 from __future__ import annotations
 
@@ -81,7 +81,9 @@ def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
     device : the mechanism
     omega : rad/s, > 0
     """
-    at = device_response(Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS)
+    at = device_response(
+        Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS
+    )
     s = 1j * omega
     Z_1 = at.damping + s * at.mass
     if at.spring is None:

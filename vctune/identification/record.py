@@ -75,7 +75,9 @@ def _bounded(found: Bounded, held_by: Literal["box", "unmodelled"], *, rotary: b
         share=share,
         limit=found.limit,
         held_by=held_by,
-        estimates=[EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates],
+        estimates=[
+            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates
+        ],
     )
 
 
@@ -95,9 +97,7 @@ def _friction(found: Identified) -> FrictionRecord | None:
     if found.friction is None:
         return None
     kind = found.friction
-    return FrictionRecord(
-        coulomb=kind.coulomb, stiction=kind.stiction, stribeck_velocity=kind.stribeck_velocity
-    )
+    return FrictionRecord(coulomb=kind.coulomb, stiction=kind.stiction, stribeck_velocity=kind.stribeck_velocity)
 
 
 def _recording(study: RecordStudy) -> RecordingRecord:
@@ -125,7 +125,9 @@ def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
         residual_share=fit.residual / fit.force,
         chi2=motion.chi2,
         numbers=numbers,
-        derived=[] if classical is None else [_number("residual share, classical recipe", classical.residual_share, None)],
+        derived=[]
+        if classical is None
+        else [_number("residual share, classical recipe", classical.residual_share, None)],
         checks=[CheckRecord(name=each.name, value=each.value, sigma=each.sigma) for each in (*motion.checks, *others)],
         candidates=[],
         remarks=list(study.remarks),
@@ -146,7 +148,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
         samples=len(study.recording),
         used=measured.period * measured.periods,
         sample_time=study.sample_time,
-        kind=f"{measured.periods} periods of {measured.period * study.sample_time:g} s, {measured.position.omega.size} lines",
+        kind=f"{measured.periods} periods of {measured.period * study.sample_time:g} s, {error.size} lines",
         cutoff_hz=None,
         residual=None,
         residual_share=float(np.sqrt(np.mean(error**2))),

@@ -14,7 +14,7 @@ LEAST_PERIODS = 4
 """Fewer say nothing of a line's variance once the first is dropped."""
 LEAST_LINES = 8
 REPEATS = 0.9
-"""Least correlation of a column with itself a period later. Noise of a tenth of the power is less than it takes away."""
+"""Least correlation of a column with itself a period later. Noise of a tenth of the power takes away less."""
 EXCITED = 0.05
 """Least amplitude of an excited line, of the greatest's."""
 ABOVE_NOISE = 5.0
@@ -92,7 +92,7 @@ def response(recording: Recording, sample_time: float) -> Response | None:
     lines = _excited(_spectra(excited, period, first), sample_time, period)
     if lines.size < LEAST_LINES:
         return None
-    omega = 2 * np.pi * lines / (period * sample_time)
+    omega = np.asarray(2 * np.pi * lines / (period * sample_time), dtype=np.float64)
     pushed = spectra[of]
     moved = spectra["position"].mean(axis=0)
     direction = _direction(moved) / pushed.mean(axis=0)
@@ -101,7 +101,9 @@ def response(recording: Recording, sample_time: float) -> Response | None:
     def over(role: str, below: str) -> Lines | None:
         if role not in spectra:
             return None
-        return _lines(spectra[role][:, lines], spectra[below][:, lines], omega, _rounding(recording.channels[role], period))
+        return _lines(
+            spectra[role][:, lines], spectra[below][:, lines], omega, _rounding(recording.channels[role], period)
+        )
 
     position = over("position", of)
     assert position is not None

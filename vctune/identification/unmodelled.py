@@ -64,7 +64,9 @@ def _devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
     ]
 
 
-def covered(device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool) -> tuple[Floats, Floats, Floats, Floats]:
+def covered(
+    device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]], omega: Floats, *, held: bool
+) -> tuple[Floats, Floats, Floats, Floats]:
     """Return least and greatest size and phase of what the file allows: a device of the box, times 1 + delta.
 
     Parameters
@@ -143,5 +145,3 @@ def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]])
     """Return whether radii that are needed are within those that are stated."""
     x, y = np.log(np.array(stated)).T
     return bool(np.all(np.log(np.maximum(needed, LEAST)) <= np.interp(np.log(hertz), x, y)))
-
-

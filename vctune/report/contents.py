@@ -67,17 +67,17 @@ IDENTIFICATION_READINGS = {
     ),
     "response": (
         "Response",
-        "Measured lines with twice their standard deviation, the fit, and in grey every device of the box times what is "
-        "unmodelled: each line lies inside. Below, how well a line repeats from period to period.",
+        "Measured lines with twice their standard deviation, the fit, and in grey the box times what is "
+        "unmodelled: each line lies inside. Below, how well a line repeats with the periods.",
     ),
     "residual-spectrum": (
         "What is left",
-        "Where the residual has its power. Noise of the encoder alone would be the dashed line: what stands above it is "
+        "Where the residual has its power. Noise of the encoder alone is the dashed line: what stands above it is "
         "no noise but what the model lacks, and the intervals are made for it.",
     ),
     "numbers": (
         "Each number and what limits it",
-        "Dots are single records and directions with twice their standard deviation, the bar is the interval of the box, "
+        "Dots are single records and directions with twice their standard deviation, the bar is the box, "
         "as a share of its middle.",
     ),
 }

@@ -37,6 +37,8 @@ def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
         {"title": readings[name][0], "reading": readings[name][1], "svg": inline(text)} for name, text in drawn.items()
     ]
     embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
-    return templates().get_template("identification.html.j2").render(
-        record=record, figures=shown, text=device_text(record), embedded=embedded
+    return (
+        templates()
+        .get_template("identification.html.j2")
+        .render(record=record, figures=shown, text=device_text(record), embedded=embedded)
     )

@@ -109,7 +109,9 @@ def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
     ends = []
     for study, colour in zip(studies, (BLUE, GREEN, ORANGE, GREY) * len(studies), strict=False):
         hertz, power, noise = _motion_left(study, study.motion) if study.motion is not None else _lines_left(study)
-        axes.plot(hertz, power, ".-" if study.periodic else "-", color=colour, linewidth=1.0, label=study.recording.name)
+        axes.plot(
+            hertz, power, ".-" if study.periodic else "-", color=colour, linewidth=1.0, label=study.recording.name
+        )
         axes.plot(hertz, noise, "--", color=colour, linewidth=1.0, label="noise")
         ends += [float(hertz[0]), float(hertz[-1])]
     axes.set_ylabel("residual, share of the force")
@@ -120,12 +122,12 @@ def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
 
 
 def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
-    """Return frequencies, the residual's and the encoder's root mean square in bands a fifth of an octave wide or so."""
+    """Return frequencies, the residual's and the encoder's root mean square in bands of a fifth of an octave."""
     fit, T = motion.directional, study.sample_time
     whole = np.zeros(fit.samples[1])
     whole[np.round(fit.time / T).astype(int)] = fit.measured - fit.fitted
     spectrum = 2 * np.abs(np.fft.rfft(whole)) ** 2 / whole.size**2
-    f = np.fft.rfftfreq(whole.size, T)
+    f = np.asarray(np.fft.rfftfreq(whole.size, T), dtype=np.float64)
     edges = np.exp(np.linspace(np.log(f[2]), np.log(min(3 * fit.cutoff_hz, 0.5 / T)), SPECTRUM_BINS))
     place = np.digitize(f, edges)
     found = [i for i in range(1, edges.size) if np.any(place == i)]
@@ -149,7 +151,9 @@ def _numbers(record: IdentificationRecord) -> Figure:
     axes = figure.subplots()
     for row, each in enumerate(record.numbers):
         low, high = each.low / each.value - 1, each.high / each.value - 1
-        axes.barh(row, 100 * (high - low), left=100 * low, height=0.5, color=GREY, alpha=0.35, label="" if row else "box")
+        axes.barh(
+            row, 100 * (high - low), left=100 * low, height=0.5, color=GREY, alpha=0.35, label="" if row else "box"
+        )
         places = np.linspace(-0.15, 0.15, len(each.estimates)) if len(each.estimates) > 1 else [0.0]
         for place, one in zip(places, each.estimates, strict=True):
             sigma = 200 * (one.sigma or 0.0) / each.value
