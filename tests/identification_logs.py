@@ -16,6 +16,7 @@ from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.filters import smoothing
 from vctune.model.quantities import Actuator, Device, Structure, VelocityEstimate
 from vctune.simulation.controller import Law
+from vctune.simulation.motion import intended_motion
 from vctune.simulation.scene import Scene
 from vctune.simulation.step import CHUNK, INPUTS, build, columns
 
@@ -67,6 +68,10 @@ def driven(device: Device, friction: Friction | None, excitation, *, gains=None,
     chunk, state, blocks = step.chunk(), step.start, []
     for first in range(0, excitation.size, CHUNK):
         part = np.zeros((INPUTS, CHUNK))
+        if hand is not None:
+            motion = intended_motion(hand, device.sample_time, first, first + CHUNK)
+            part[0], part[2] = motion.position[:-1], motion.position[1:]
+            part[1], part[3] = motion.velocity[:-1], motion.velocity[1:]
         part[4, : excitation[first : first + CHUNK].size] = excitation[first : first + CHUNK]
         states, records = chunk(state, part)
         state = np.asarray(states)[:, -1]

@@ -9,10 +9,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from identification_logs import random_case
+from identification_logs import Log, driven, encoded, random_case
 
 from vctune import check, identify, solve
 from vctune.design.check import CheckVerdict
+from vctune.document.errors import InputError
+from vctune.model.experiment import Friction, Operator
+from vctune.model.quantities import Device
 
 FEW, MANY = range(6), range(200)
 
@@ -100,3 +103,68 @@ def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_pa
 
 def random_case_is_rigid(seed) -> bool:
     return seed % 4 >= 2 or random_case(seed).device.structure is None
+
+
+def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
+    """Hand and motor push at once; the force is sensed late and with noise."""
+    random, T, n = np.random.default_rng(1), 1e-3, 12000
+    device = Device(0.4, 2.0, T, 4e-4)
+    f = np.fft.rfftfreq(n, T)
+    wave = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * (f > 0.3) / (1 + (f / 6.0) ** 2), n)
+    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    recorded = driven(device, Friction(0.3, 0.35, 0.005, 1e5, 200.0), 3 * wave / wave.std(), hand=hand)
+    late = 2.5e-3
+    time = np.arange(n) * T
+    sensed = np.interp(time - late, time, recorded["force"]) + random.normal(size=n) * 0.02
+    columns = {
+        "time_s": time,
+        "position_m": encoded(recorded["position"], 1e-6),
+        "command_N": recorded["motor"],
+        "hand_N": sensed,
+    }
+    found = identify(*Log(columns, "").write(tmp_path)).found
+    for key in ("mass", "damping", "delay"):
+        assert found.bounded(key).low <= device.number(key) <= found.bounded(key).high
+    sensor = found.bounded("force_sensor.delay")
+    assert sensor.low <= late <= sensor.high < 1.2 * sensor.low
+    assert found.force_noise == pytest.approx(0.02, rel=0.1)
+
+
+def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
+    random, T, n = np.random.default_rng(2), 1e-3, 8000
+    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    recorded = driven(Device(0.4, 2.0, T), None, np.zeros(n), hand=hand)
+    sensed = recorded["force"] + random.normal(size=n) * 0.01
+    columns = {
+        "time_s": np.arange(n) * T,
+        "position_m": encoded(recorded["position"], 1e-6),
+        "command_N": np.zeros(n),
+        "hand_N": sensed,
+    }
+    log, config = Log(columns, "").write(tmp_path)
+    with pytest.raises(InputError, match="the command never moves"):
+        identify(log, config)
+    config.write_text("[device]\ndelay = 3e-4\ndelay_uncertainty = 2e-4\n")
+    delay = identify(log, config).found.bounded("delay")
+    assert (delay.low, delay.high) == pytest.approx((1e-4, 5e-4))
+
+
+def test_the_suggested_multisine_is_periodic_and_within_what_the_log_bore(tmp_path):
+    case = random_case(2)
+    identified = identify(*case.log.write(tmp_path), excitation=True)
+    made = identified.excitation
+    spectrum = np.abs(np.fft.rfft(made.force))
+    period = made.force.size * case.device.sample_time
+    excited = np.flatnonzero(spectrum > 1e-6 * spectrum.max()) / period
+    assert excited == pytest.approx(made.lines_hz)
+    assert made.peak <= np.abs(case.log.columns["command_N"]).max()
+    assert made.lines_hz[-1] <= 0.25 / case.device.sample_time
+    again = driven(case.device, case.friction, np.tile(made.force, made.periods + 1))
+    columns = {
+        "time_s": np.arange(again["motor"].size) * case.device.sample_time,
+        "position_m": encoded(again["position"], 1e-7),
+        "command_N": again["motor"],
+    }
+    found = identify(*Log(columns, case.log.toml).write(tmp_path, "again")).found
+    assert found.records[0].periodic is not None
+    assert found.device.mass == pytest.approx(case.device.mass, rel=0.01)

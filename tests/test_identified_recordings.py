@@ -59,16 +59,17 @@ def numbers(recording):
 
 
 def test_the_positioning_system_comes_out_as_published(emps):
-    """Damping and Coulomb friction as published, or as recomputed for each direction."""
+    """Damping and Coulomb friction as published within twice the deviations found, each way as recomputed elsewhere."""
     first = numbers(emps.record.recordings[0])
     assert first["mass"].value == pytest.approx(95.1, rel=5e-3)
     assert 0.15 < first["mass"].sigma < 0.5
-    assert first["damping, both ways alike"].value == pytest.approx(203.5, rel=0.03)
+    for name, published in (("damping", 203.5034), ("coulomb", 20.3935), ("offset", -3.1648)):
+        found = first[f"{name}, both ways alike"]
+        assert found.value == pytest.approx(published, abs=2 * found.sigma)
     assert 3 < first["damping, both ways alike"].sigma < 10
     assert first["damping_forwards"].value == pytest.approx(159, rel=0.05)
     assert first["damping_backwards"].value == pytest.approx(233, rel=0.05)
-    assert first["coulomb, both ways alike"].value == pytest.approx(20.39, rel=0.03)
-    assert first["offset, both ways alike"].value == pytest.approx(-3.17, abs=0.2)
+    assert first["coulomb, both ways alike"].sigma < 0.6
 
 
 def test_the_box_holds_what_both_recordings_say(emps):
@@ -91,8 +92,11 @@ def test_the_classical_recipe_gives_the_published_table(emps):
     recording = emps.record.recordings[0]
     found = {each.name.partition(",")[0]: each for each in recording.checks if "classical" in each.name}
     published = {
-        "mass": (95.1089, 0.1085), "damping": (203.5034, 1.1460), "coulomb": (20.3935, 0.1012), "offset": (-3.1648, 0.0444),
-    }  # fmt: skip
+        "mass": (95.1089, 0.1085),
+        "damping": (203.5034, 1.1460),
+        "coulomb": (20.3935, 0.1012),
+        "offset": (-3.1648, 0.0444),
+    }
     for name, (value, sigma) in published.items():
         assert found[name].value == pytest.approx(value, rel=5e-3)
         assert found[name].sigma == pytest.approx(sigma, rel=5e-3)

@@ -20,8 +20,9 @@ HIGHEST = 0.2
 """Highest line, of the sampling rate."""
 LONGEST = 8.0
 """Longest period, s."""
-PEAK = 0.5
-"""Greatest force, of the greatest in the logs; the greatest speed is that of the logs at most."""
+PEAK = 1.0
+"""Greatest force, of the greatest in the logs: half of it may leave the device in its friction. The speed is at most
+that of the logs."""
 SPREAD = 0.005
 """Relative standard deviation of a line that is aimed at."""
 PERIODS = (5, 60)
@@ -65,10 +66,9 @@ def excitation(found: Identified) -> Excitation:
     lines = _lines(found, low, period, T)
     hertz = lines / (period * T)
     motor = np.abs(compliances(device, 2 * pi * hertz)[0])
-    size = 1 / np.sqrt(motor)
-    force = _wave(lines, size, period)
-    scale = _scale(found, force, motor, size, hertz)
-    noise = _noise(found) * np.sqrt(2 / period) / (motor * size * scale)
+    force = _wave(lines, period)
+    scale = _scale(found, force, motor, hertz)
+    noise = _noise(found) * np.sqrt(2 / period) / (motor * scale)
     worst = float(noise.max())
     periods = int(np.clip(ceil((worst / SPREAD) ** 2) + 1, *PERIODS))
     return Excitation(
@@ -77,7 +77,7 @@ def excitation(found: Identified) -> Excitation:
         lines_hz=hertz,
         periods=periods,
         peak=float(np.abs(force).max() * scale),
-        speed=float(np.linalg.norm(2 * pi * hertz * motor * size * scale) / np.sqrt(2)),
+        speed=float(np.linalg.norm(2 * pi * hertz * motor * scale) / np.sqrt(2)),
         spread=worst / np.sqrt(periods - 1),
         reasons=_reasons(found),
     )
@@ -95,16 +95,15 @@ def _lines(found: Identified, low: float, period: int, T: float) -> Floats:
     return lines[(lines >= 1) & (lines * resolution <= HIGHEST / T)]
 
 
-def _wave(lines: Floats, size: Floats, period: int) -> Floats:
-    """Return a period with Schroeder's phases, which keep the peak low."""
-    share = size**2 / np.sum(size**2)
-    phases = -2 * pi * np.cumsum(np.cumsum(share) * np.diff(lines, prepend=0.0))
+def _wave(lines: Floats, period: int) -> Floats:
+    """Return a period of equal lines with Schroeder's phases, which keep the peak low."""
+    phases = -2 * pi * np.cumsum(np.arange(1, lines.size + 1) / lines.size * np.diff(lines, prepend=0.0))
     spectrum = np.zeros(period // 2 + 1, dtype=complex)
-    spectrum[lines.astype(int)] = size * np.exp(1j * phases) * period / 2
+    spectrum[lines.astype(int)] = np.exp(1j * phases) * period / 2
     return np.fft.irfft(spectrum)
 
 
-def _scale(found: Identified, force: Floats, motor: Floats, size: Floats, hertz: Floats) -> float:
+def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
     """Return by what the wave is multiplied: as strong as the logs say that the device bears."""
     forces, speeds = [], []
     for study in found.records:
@@ -114,7 +113,7 @@ def _scale(found: Identified, force: Floats, motor: Floats, size: Floats, hertz:
         position = recording.channels["position"].values
         step = max(1, position.size // 1000)
         speeds.append(float(np.abs(position[step:] - position[:-step]).max()) / (step * study.sample_time))
-    speed = float(np.linalg.norm(2 * pi * hertz * motor * size)) * np.sqrt(2)
+    speed = float(np.linalg.norm(2 * pi * hertz * motor)) * np.sqrt(2)
     return min(PEAK * max(forces) / float(np.abs(force).max()), max(speeds) / speed)
 
 

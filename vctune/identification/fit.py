@@ -21,8 +21,17 @@ FLOOR = (1e-5, 10.0)
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""
 ROUNDS = 20
+CLEARER = 2.0
+"""How many times smaller a second mass has to make chi2: model errors of neighbouring lines are alike, and friction
+bends a response a little everywhere, while a resonance is worth a hundred."""
+DAMPED = 0.5
+"""Damping ratio from which on a peak is none."""
+UNKNOWN = 1e-12
+"""What is added to the information, whose diagonal is 1: what no line tells apart has a deviation, a huge one."""
 BLOCKS = 8
+"""Of neighbouring lines, left out in turn: model error goes over many lines, and these intervals are made for it."""
 EVALUATIONS = 100
+"""Of a search; what has not ended by then is no good start."""
 DECADES = 5.0
 """How far a number that cannot be 0 may go in one search, as a logarithm."""
 Ints = NDArray[np.int64]
@@ -145,7 +154,14 @@ def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[
     fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
     fits = [fit for fit in fits if _resonates(fit, measured)]
     reference = np.min([fit.floors for fit in fits], axis=0)
-    return min(fits, key=lambda fit: _criterion(measured, fit, actuator, reference)), fits
+    costs = {fit.candidate: _criterion(measured, fit, actuator, reference) for fit in fits}
+    best = [
+        min((fit for fit in fits if fit.candidate.masses == masses), key=lambda fit: costs[fit.candidate], default=None)
+        for masses in (1, 2)
+    ]
+    found = [fit for fit in best if fit is not None]
+    rigid, flexible = found[0], found[-1]
+    return (flexible if CLEARER * costs[flexible.candidate] < costs[rigid.candidate] else rigid), fits
 
 
 def _resonates(fit: ResponseFit, measured: Response) -> bool:
@@ -154,7 +170,7 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
         return True
     omega, at = measured.position.omega, 2 * np.pi * fit.numbers["frequency_hz"]
     handle = fit.numbers["handle_mass"] < fit.numbers["mass"]
-    return bool(omega[0] < at < omega[-1] and fit.numbers["damping_ratio"] < 1 / sqrt(2) and handle)
+    return bool(omega[0] < at < omega[-1] and fit.numbers["damping_ratio"] < DAMPED and handle)
 
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, floors: Floats) -> float:
@@ -265,11 +281,12 @@ def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit
     scaled = sensitivity / (norms := np.linalg.norm(sensitivity, axis=0))
     half = residuals.size // 2
     scores = (scaled[:half] * residuals[:half, None]) + (scaled[half:] * residuals[half:, None])
-    information = scaled.T @ scaled
+    information = scaled.T @ scaled + UNKNOWN * np.eye(free.size)
     independent = np.linalg.inv(information)
     correlated = robust_covariance(scores, information, round(sqrt(half)))
     sigma = np.zeros(at.size)
-    sigma[free] = np.sqrt(np.maximum(np.diag(correlated), np.diag(independent))) / norms
+    variance = np.maximum(np.diag(correlated), np.diag(independent))
+    sigma[free] = np.sqrt(np.maximum(variance, 0.0)) / norms
     sigma = np.maximum(sigma, _deleted(task, at, floors) / natural)
     return ResponseFit(
         task.candidate,

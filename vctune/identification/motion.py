@@ -24,7 +24,7 @@ DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forward
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
 MEMORY = 1.0
 """How long residuals are correlated, s: half and twice change the intervals of the test data by less than a fifth."""
-SLOW = 0.02
+SLOW = 0.05
 """Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
 LEAST_KEPT = 0.3
 """With less than this share of the samples away from turns, turns are kept."""

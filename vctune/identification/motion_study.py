@@ -95,7 +95,7 @@ class MotionStudy:
             beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
             if beyond > 0:
                 below, above = (max(below, beyond), above) if fit.value(name) < own else (below, max(above, beyond))
-        return below, above
+        return float(below), float(above)
 
     def _dampings(self, text: str) -> list[Estimate]:
         """Return the damping, or one each way where the directions differ."""
@@ -104,7 +104,7 @@ class MotionStudy:
         difference = fit.values[ways[0]] - fit.values[ways[1]]
         C = fit.covariance
         variance = C[ways[0], ways[0]] + C[ways[1], ways[1]] - 2 * C[ways[0], ways[1]]
-        coulomb = COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed
+        coulomb = float(COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed)
         if abs(difference) > CLEAR * sqrt(max(variance, 0.0)):
             found = [
                 (fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")
