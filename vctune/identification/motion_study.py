@@ -26,7 +26,9 @@ from vctune.identification.motion import (
     signals_of,
 )
 from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
-from vctune.model.quantities import Actuator
+from vctune.model.arithmetic import FLOATS
+from vctune.model.filters import force_sensor_response
+from vctune.model.quantities import Actuator, ForceSensor
 
 UNEXPLAINED = 0.6
 """Greatest residual, of the force, with which a log is one of a mass with friction at all."""
@@ -160,7 +162,9 @@ def _known_delays(known: LogMap) -> dict[str, float]:
     if stated.delay is not None:
         found["delay"] = stated.delay
     if stated.force_sensor is not None:
-        found["sensor_delay"] = stated.force_sensor.delay
+        sensor = ForceSensor(stated.force_sensor.bandwidth_hz, stated.force_sensor.order, stated.force_sensor.delay)
+        through = force_sensor_response(sensor, 0.0, FLOATS)
+        found["sensor_delay"] = 0.0 if through is None else float(through.lag)
     return found
 
 
