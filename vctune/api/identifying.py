@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vctune.document.errors import InputError, Mistake
-from vctune.document.files import Content, folder_name, make_folder, write_together
+from vctune.document.files import Content, make_folder, write_together
 from vctune.document.identification import DEVICE_FILE, EXCITATION_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
@@ -90,27 +90,19 @@ def identify(
     return Identification(found, record, text, next_one)
 
 
-def identification_folder(name: str, out: Path) -> Path:
-    """Return the folder of an identification in OUT, made and writable.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
-    folder = out / folder_name(name)
-    make_folder(folder)
-    return folder
-
-
-def write_identification(identified: Identification, folder: Path, *, report: bool = True) -> None:
+def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
     """Write device.toml, identification.json and the report with its figures, none of an earlier one left.
 
     Parameters
     ----------
     identified : to be written
-    folder : one that is there
+    folder : made if it is not there
     report : whether to draw
+
+    Returns
+    -------
+    Path
+        Of device.toml.
 
     Raises
     ------
@@ -118,6 +110,8 @@ def write_identification(identified: Identification, folder: Path, *, report: bo
         If the folder cannot be written.
     """
 
+    folder = Path(folder)
+    make_folder(folder)
     value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
     files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
     if identified.excitation is not None:
@@ -128,6 +122,7 @@ def write_identification(identified: Identification, folder: Path, *, report: bo
         files |= identification_files(identified.found, identified.record, folder)
     stale = [*identification_paths(folder), folder / EXCITATION_FILE]
     write_together(files, [path for path in stale if path not in files])
+    return folder / DEVICE_FILE
 
 
 def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:

@@ -26,15 +26,16 @@ def identify(
     """
     import json
 
-    from vctune.api.identifying import identification_folder, write_identification
     from vctune.api.identifying import identify as run
+    from vctune.api.identifying import write_identification
     from vctune.cli.output import emit, reader_may_leave
     from vctune.cli.progress import progress_on_stderr
+    from vctune.document.files import folder_name
     from vctune.exit_codes import ExitCode
 
     with progress_on_stderr("vctune identify", shown=True) as progress:
         identified = run(logs, config, excitation=excitation, progress=progress)
-        folder = identification_folder(identified.record.name, out)
+        folder = out / folder_name(identified.record.name)
         progress("writing and drawing")
         write_identification(identified, folder, report=not no_report)
     if as_json:
