@@ -11,7 +11,7 @@ import pytest
 from conftest import ROOT
 
 from vctune import identify
-from vctune.identification.identify import behind_force
+from vctune.identification.periodic_study import behind_force
 from vctune.identification.unmodelled import distances, with_lags, within
 
 DATA = Path(os.environ.get("VCTUNE_DATA", ""))

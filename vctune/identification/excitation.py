@@ -9,8 +9,8 @@ import numpy as np
 
 from vctune.document.recording import Floats
 from vctune.identification.identify import Identified
-from vctune.identification.motion import position_noise
 from vctune.identification.physics import antiresonance_hz, compliances
+from vctune.identification.signals import position_noise
 
 LINES = 60
 """From the lowest to the highest, evenly on a logarithmic axis; a fit of seven numbers needs no more."""

@@ -7,17 +7,14 @@ from dataclasses import dataclass, replace
 from math import log, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.filters import drive
-from vctune.identification.physics import SCALED, Candidate, compliances, device_of, held_compliance
-from vctune.identification.response import Complex, Lines, Response
+from vctune.identification.fit_task import FLOOR, FitTask, point, scale_of, solved_from
+from vctune.identification.physics import SCALED, Candidate
+from vctune.identification.response import Complex, Response
 from vctune.model.quantities import Actuator, Device
 
-FLOOR = (1e-5, 10.0)
-"""Range of the model-error floor, a share of the response."""
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""
 ROUNDS = 20
@@ -30,13 +27,6 @@ UNKNOWN = 1e-12
 """What is added to the information, whose diagonal is 1: what no line tells apart has a deviation, a huge one."""
 BLOCKS = 8
 """Of neighbouring lines, left out in turn: model error goes over many lines, and these intervals are made for it."""
-EVALUATIONS = 100
-"""Of a search; what has not ended by then is no good start."""
-DECADES = 5.0
-"""How far a number that cannot be 0 may go in one search, as a logarithm."""
-Ints = NDArray[np.int64]
-OUTLYING = 1.0
-"""Greatest relative spread of a line that is used; beyond it the line is noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,70 +66,6 @@ class ResponseFit:
         return sqrt(max(float(self.covariance[at, at]), 0.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Task:
-    """A response and a candidate: the residuals of any numbers.
-
-    Attributes
-    ----------
-    measured, candidate, actuator : what is fitted by what
-    left_out : lines that are not looked at; None for none
-    aliased : the sampled response of the command over the continuous one
-    """
-
-    measured: Response
-    candidate: Candidate
-    actuator: Actuator | None
-    left_out: Ints | None = None
-    aliased: Complex | float = 1.0
-
-    def numbers(self, at: Floats) -> dict[str, float]:
-        """Return the numbers of a point of the search."""
-        named = zip(self.candidate.names, at, strict=True)
-        return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
-
-    def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
-        """Return the device of a point, and what it says of position and handle, m/N."""
-        numbers, measured = self.numbers(at), self.measured
-        omega = measured.position.omega
-        device = device_of(numbers, measured.sample_time, self.actuator)
-        rubbed = numbers["coulomb"] * measured.friction
-        motor, handle = compliances(device, omega)
-        if measured.input == "force":
-            pushed = np.exp(-1j * omega * device.delay) - rubbed
-            return device, motor * pushed, handle * pushed
-        pushed = drive(device, omega) * self.aliased - rubbed
-        return device, motor * pushed, handle * pushed
-
-    def sampled(self, at: Floats) -> _Task:
-        """Return the task with the aliasing of the samples, which hardly depends on the numbers, taken from a point."""
-        if self.measured.input == "force":
-            return self
-        device, omega = self.outputs(at)[0], self.measured.position.omega
-        continuous = compliances(device, omega)[0] * drive(device, omega)
-        return replace(self, aliased=held_compliance(device, omega) / continuous)
-
-    def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
-        """Return relative errors of the used lines of all outputs, their relative spreads, and whose they are."""
-        _, motor, handle = self.outputs(at)
-        pairs: list[tuple[Complex, Lines]] = [(motor, self.measured.position)]
-        if self.measured.handle is not None:
-            pairs.append((handle, self.measured.handle))
-        used = [lines.spread < OUTLYING for _, lines in pairs]
-        if self.left_out is not None:
-            used = [mask & ~np.isin(np.arange(mask.size), self.left_out) for mask in used]
-        errors = [(model / lines.ratio - 1)[mask] for (model, lines), mask in zip(pairs, used, strict=True)]
-        spreads = [lines.spread[mask] for (_, lines), mask in zip(pairs, used, strict=True)]
-        owners = [np.full(mask.sum(), i) for i, mask in enumerate(used)]
-        return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
-
-    def residuals(self, at: Floats, floors: Floats) -> Floats:
-        """Return them over their standard deviation, real parts and imaginary parts one after the other."""
-        errors, spread, owners = self.errors(at)
-        weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(floors, FLOOR[0])[owners])
-        return np.concatenate([weighed.real, weighed.imag])
-
-
 def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[ResponseFit, list[ResponseFit]]:
     """Return the simplest candidate that explains a response as well as the best, and all candidates.
 
@@ -175,37 +101,33 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
 
 def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, floors: Floats) -> float:
     """Return chi2 with the best candidate's model error, and the price of the numbers (Bayes's criterion)."""
-    task = _Task(measured, fit.candidate, actuator)
-    at = _point(fit.numbers, fit.candidate)
+    task = FitTask(measured, fit.candidate, actuator)
+    at = point(fit.numbers, fit.candidate)
     residuals = task.sampled(at).residuals(at, floors)
     return float(residuals @ residuals) + len(fit.names) * log(residuals.size)
 
 
-def _point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
-    return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
-
-
 def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None) -> ResponseFit | None:
-    task = _Task(measured, candidate, actuator)
-    starts = [_point(start, candidate) for start in _starts(measured, candidate)]
+    task = FitTask(measured, candidate, actuator)
+    starts = [point(start, candidate) for start in _starts(measured, candidate)]
     if not starts or task.residuals(starts[0], np.zeros(2)).size <= starts[0].size:
         return None
     floors = np.full(2, START_FLOOR)
-    found = [_solved(task, start, floors) for start in starts]
+    found = [solved_from(task, start, floors) for start in starts]
     at = min(found, key=lambda each: float(np.sum(task.residuals(each, floors) ** 2)))
     task = task.sampled(at)
-    nearest = _solved(task, at, np.zeros(2))
+    nearest = solved_from(task, at, np.zeros(2))
     chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, floors).size - at.size)
     for _ in range(ROUNDS):
         before, floors = floors, _floors(task, at)
-        at = _solved(task, at, floors)
+        at = solved_from(task, at, floors)
         task = task.sampled(at)
         if np.allclose(before, floors, rtol=1e-3):
             break
     return _result(task, at, floors, chi2)
 
 
-def _floors(task: _Task, at: Floats) -> Floats:
+def _floors(task: FitTask, at: Floats) -> Floats:
     """Return the model error of each output with which its chi2 is its share of the degrees of freedom."""
     errors, spread, owners = task.errors(at)
     floors = np.zeros(2)
@@ -223,31 +145,6 @@ def _floors(task: _Task, at: Floats) -> Floats:
             low, high = (middle, high) if float(np.sum(power / (noise + middle**2))) > dof else (low, middle)
         floors[owner] = high
     return floors
-
-
-def _solved(task: _Task, start: Floats, floors: Floats) -> Floats:
-    from scipy.optimize import least_squares
-
-    names, T = task.candidate.names, task.measured.sample_time
-    scale = _scale(start, names, task.measured)
-    lower = np.array([-2 * T if name == "delay" else 0.0 for name in names])
-    upper = np.full(start.size, np.inf)
-    logs = np.array([name in SCALED for name in names])
-    lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
-    inside = np.maximum(start, lower + 1e-9 * scale)
-    solved = least_squares(
-        task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS
-    )
-    return np.asarray(solved.x)
-
-
-def _scale(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
-    """Return how large a change of each number is: the search's own units."""
-    numbers = dict(zip(names, at, strict=True))
-    drag = np.exp(numbers["mass"]) * float(measured.position.omega[0])
-    pushed = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)
-    sizes = {"damping": drag, "handle_damping": drag, "coulomb": pushed, "delay": measured.sample_time}
-    return np.array([0.1 if name in SCALED else 0.01 if name == "damping_ratio" else sizes[name] for name in names])
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
@@ -270,7 +167,7 @@ def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
     ]
 
 
-def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit:
+def _result(task: FitTask, at: Floats, floors: Floats, chi2: float) -> ResponseFit:
     numbers = task.numbers(at)
     device, motor, handle = task.outputs(at)
     natural = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])
@@ -303,15 +200,15 @@ def _result(task: _Task, at: Floats, floors: Floats, chi2: float) -> ResponseFit
     )
 
 
-def _deleted(task: _Task, at: Floats, floors: Floats) -> Floats:
+def _deleted(task: FitTask, at: Floats, floors: Floats) -> Floats:
     """Return the deviation of the point that leaving out one block of neighbouring lines after the other says."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
-    left = np.array([_solved(replace(task, left_out=block), at, floors) for block in blocks if block.size])
+    left = np.array([solved_from(replace(task, left_out=block), at, floors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))
 
 
-def _sensitivity(task: _Task, at: Floats, floors: Floats) -> Floats:
-    steps = 1e-5 * _scale(at, task.candidate.names, task.measured)
+def _sensitivity(task: FitTask, at: Floats, floors: Floats) -> Floats:
+    steps = 1e-5 * scale_of(at, task.candidate.names, task.measured)
     columns = []
     for i, step in enumerate(steps):
         moved = np.zeros(at.size)

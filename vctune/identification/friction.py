@@ -11,7 +11,8 @@ import numpy as np
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
 from vctune.identification.filters import filtered, smooth
-from vctune.identification.motion import MEMORY, SYMMETRIC, MotionFit, Signals, motion_fit
+from vctune.identification.motion import MEMORY, SYMMETRIC, MotionFit, motion_fit
+from vctune.identification.signals import Signals
 
 CLEAR = 4.0
 """How many standard deviations the rise at low speed must have: its velocity is chosen after the data were seen."""

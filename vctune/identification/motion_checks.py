@@ -10,7 +10,8 @@ import numpy as np
 from vctune.document.log_schema import ClassicalTable
 from vctune.document.recording import Floats, Recording
 from vctune.identification.filters import filtered, smooth
-from vctune.identification.motion import DIRECTIONAL, MEMORY, MotionFit, Signals, derivatives, regressors_of
+from vctune.identification.motion import DIRECTIONAL, MEMORY, MotionFit, regressors_of
+from vctune.identification.signals import Signals, derivatives
 
 BLOCKS = 400
 """Resamplings; half and twice as many change a deviation by a twentieth."""

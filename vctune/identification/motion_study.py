@@ -14,18 +14,9 @@ from vctune.document.recording import Floats, Recording
 from vctune.identification.box import COULOMB_SHARE, Estimate
 from vctune.identification.filters import HIGHEST, smooth
 from vctune.identification.friction import FrictionFound, friction_of
-from vctune.identification.motion import (
-    DIRECTIONAL,
-    SYMMETRIC,
-    MotionFit,
-    Signals,
-    acceleration_noise,
-    cutoffs,
-    derivatives,
-    motion_fit,
-    signals_of,
-)
+from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, MotionFit, motion_fit
 from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
+from vctune.identification.signals import Signals, acceleration_noise, cutoffs, derivatives, signals_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.filters import force_sensor_response
 from vctune.model.quantities import Actuator, ForceSensor

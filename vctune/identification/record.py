@@ -23,8 +23,9 @@ from vctune.document.statement import table_of
 from vctune.identification.box import UNIT_OF, Bounded
 from vctune.identification.excitation import Excitation
 from vctune.identification.fit import ResponseFit
-from vctune.identification.identify import Identified, PeriodicStudy, RecordStudy
+from vctune.identification.identify import Identified, RecordStudy
 from vctune.identification.motion_study import MotionStudy
+from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.physics import antiresonance_hz
 from vctune.identification.unmodelled import LAGS
 from vctune.model.arithmetic import FLOATS

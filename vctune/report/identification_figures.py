@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 
 from vctune.document.identification import IdentificationRecord
 from vctune.document.recording import Floats
-from vctune.identification.identify import Identified, PeriodicStudy, RecordStudy, behind_force
+from vctune.identification.identify import Identified, RecordStudy
 from vctune.identification.motion_study import MotionStudy
+from vctune.identification.periodic_study import PeriodicStudy, behind_force
 from vctune.identification.unmodelled import covered
 from vctune.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
 
