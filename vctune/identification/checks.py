@@ -20,7 +20,8 @@ GAP = 1.5
 """A step longer than so many sample times has lost a sample."""
 SPEEDS = {False: 30.0, True: 3000.0}
 """Greatest speed of a device, m/s and, if it is rotary, rad/s."""
-FORCES = {False: 1e4, True: 1e4}
+GREATEST_FORCE = 1e4
+"""Of a device, N or N m."""
 FEW_STEPS = 30
 """A motion of fewer resolutions than this says nothing of an acceleration."""
 SATURATED = 0.2
@@ -47,7 +48,7 @@ def check(recording: Recording, sample_time: float | None) -> float:
     return T
 
 
-def remarks(recording: Recording, sample_time: float) -> list[str]:
+def remarks(recording: Recording) -> list[str]:
     """Return what a reader should know of a recording that can be used."""
     said = []
     for role in ("command", "force"):
@@ -133,10 +134,11 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
     if held > 1:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
         yield Mistake(channel.header, message)
+    unit = "Nm" if recording.rotary else "N"
     if role in ("position", "handle", "reference"):
         yield from _place(recording, channel, role, T)
-    elif (peak := float(np.abs(channel.values).max())) > FORCES[recording.rotary]:
-        yield Mistake(channel.header, f"reaches {peak:.3g} N: is it in mN? write its unit or scale")
+    elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
+        yield Mistake(channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale")
     elif _at_limit(channel) > SATURATED:
         yield Mistake(channel.header, f"is at its limit in {_at_limit(channel):.0%} of the rows; drive more gently")
 

@@ -39,7 +39,7 @@ class ResponseFit:
     numbers : by name, SI units
     names : of the free numbers in the order of `covariance`
     covariance : shape (p, p), diagonal: the larger of what correlated and independent residuals give
-    floors : model error of position and of handle as shares of the response, with which chi2/dof is 1; 0 where noise
+    model_errors : model error of position and of handle as shares of the response, with which chi2/dof is 1; 0 where noise
         alone explains the residual
     chi2 : with the noise alone, over degrees of freedom
     lines : how many, of all outputs
@@ -52,7 +52,7 @@ class ResponseFit:
     numbers: Mapping[str, float]
     names: tuple[str, ...]
     covariance: Floats
-    floors: Floats
+    model_errors: Floats
     chi2: float
     lines: int
     speed: float
@@ -79,7 +79,7 @@ def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[
     candidates = [Candidate(masses, lag, load) for masses, load in shapes for lag in lags]
     fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
     fits = [fit for fit in fits if _resonates(fit, measured)]
-    reference = np.min([fit.floors for fit in fits], axis=0)
+    reference = np.min([fit.model_errors for fit in fits], axis=0)
     costs = {fit.candidate: _criterion(measured, fit, actuator, reference) for fit in fits}
     best = [
         min((fit for fit in fits if fit.candidate.masses == masses), key=lambda fit: costs[fit.candidate], default=None)
@@ -99,11 +99,11 @@ def _resonates(fit: ResponseFit, measured: Response) -> bool:
     return bool(omega[0] < at < omega[-1] and fit.numbers["damping_ratio"] < DAMPED and handle)
 
 
-def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, floors: Floats) -> float:
+def _criterion(measured: Response, fit: ResponseFit, actuator: Actuator | None, model_errors: Floats) -> float:
     """Return chi2 with the best candidate's model error, and the price of the numbers (Bayes's criterion)."""
     task = FitTask(measured, fit.candidate, actuator)
     at = point(fit.numbers, fit.candidate)
-    residuals = task.sampled(at).residuals(at, floors)
+    residuals = task.sampled(at).residuals(at, model_errors)
     return float(residuals @ residuals) + len(fit.names) * log(residuals.size)
 
 
@@ -112,25 +112,25 @@ def _fitted(measured: Response, candidate: Candidate, actuator: Actuator | None)
     starts = [point(start, candidate) for start in _starts(measured, candidate)]
     if not starts or task.residuals(starts[0], np.zeros(2)).size <= starts[0].size:
         return None
-    floors = np.full(2, START_FLOOR)
-    found = [solved_from(task, start, floors) for start in starts]
-    at = min(found, key=lambda each: float(np.sum(task.residuals(each, floors) ** 2)))
+    model_errors = np.full(2, START_FLOOR)
+    found = [solved_from(task, start, model_errors) for start in starts]
+    at = min(found, key=lambda each: float(np.sum(task.residuals(each, model_errors) ** 2)))
     task = task.sampled(at)
     nearest = solved_from(task, at, np.zeros(2))
-    chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, floors).size - at.size)
+    chi2 = float(np.sum(task.residuals(nearest, np.zeros(2)) ** 2)) / (task.residuals(at, model_errors).size - at.size)
     for _ in range(ROUNDS):
-        before, floors = floors, _floors(task, at)
-        at = solved_from(task, at, floors)
+        before, model_errors = model_errors, _floors(task, at)
+        at = solved_from(task, at, model_errors)
         task = task.sampled(at)
-        if np.allclose(before, floors, rtol=1e-3):
+        if np.allclose(before, model_errors, rtol=1e-3):
             break
-    return _result(task, at, floors, chi2)
+    return _result(task, at, model_errors, chi2)
 
 
 def _floors(task: FitTask, at: Floats) -> Floats:
     """Return the model error of each output with which its chi2 is its share of the degrees of freedom."""
     errors, spread, owners = task.errors(at)
-    floors = np.zeros(2)
+    model_errors = np.zeros(2)
     for owner in range(2):
         mine = owners == owner
         if not mine.any():
@@ -143,8 +143,8 @@ def _floors(task: FitTask, at: Floats) -> Floats:
         for _ in range(40):
             middle = sqrt(low * high)
             low, high = (middle, high) if float(np.sum(power / (noise + middle**2))) > dof else (low, middle)
-        floors[owner] = high
-    return floors
+        model_errors[owner] = high
+    return model_errors
 
 
 def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
@@ -167,12 +167,12 @@ def _starts(measured: Response, candidate: Candidate) -> list[dict[str, float]]:
     ]
 
 
-def _result(task: FitTask, at: Floats, floors: Floats, chi2: float) -> ResponseFit:
+def _result(task: FitTask, at: Floats, model_errors: Floats, chi2: float) -> ResponseFit:
     numbers = task.numbers(at)
     device, motor, handle = task.outputs(at)
     natural = np.array([1 / numbers[name] if name in SCALED else 1.0 for name in task.candidate.names])
-    sensitivity = _sensitivity(task, at, floors) * natural
-    residuals = task.residuals(at, floors)
+    sensitivity = _sensitivity(task, at, model_errors) * natural
+    residuals = task.residuals(at, model_errors)
     free = np.flatnonzero(np.linalg.norm(sensitivity, axis=0) > 0)
     sensitivity = sensitivity[:, free]
     scaled = sensitivity / (norms := np.linalg.norm(sensitivity, axis=0))
@@ -184,13 +184,13 @@ def _result(task: FitTask, at: Floats, floors: Floats, chi2: float) -> ResponseF
     sigma = np.zeros(at.size)
     variance = np.maximum(np.diag(correlated), np.diag(independent))
     sigma[free] = np.sqrt(np.maximum(variance, 0.0)) / norms
-    sigma = np.maximum(sigma, _deleted(task, at, floors) / natural)
+    sigma = np.maximum(sigma, _deleted(task, at, model_errors) / natural)
     return ResponseFit(
         task.candidate,
         numbers,
         task.candidate.names,
         np.diag(sigma**2),
-        floors,
+        model_errors,
         chi2,
         half,
         task.measured.speed,
@@ -200,22 +200,22 @@ def _result(task: FitTask, at: Floats, floors: Floats, chi2: float) -> ResponseF
     )
 
 
-def _deleted(task: FitTask, at: Floats, floors: Floats) -> Floats:
+def _deleted(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
     """Return the deviation of the point that leaving out one block of neighbouring lines after the other says."""
     blocks = np.array_split(np.arange(task.measured.position.omega.size), BLOCKS)
-    left = np.array([solved_from(replace(task, left_out=block), at, floors) for block in blocks if block.size])
+    left = np.array([solved_from(replace(task, left_out=block), at, model_errors) for block in blocks if block.size])
     return np.sqrt((len(left) - 1) * np.var(left, axis=0))
 
 
-def _sensitivity(task: FitTask, at: Floats, floors: Floats) -> Floats:
+def _sensitivity(task: FitTask, at: Floats, model_errors: Floats) -> Floats:
     steps = 1e-5 * scale_of(at, task.candidate.names, task.measured)
     columns = []
     for i, step in enumerate(steps):
         moved = np.zeros(at.size)
         moved[i] = step
-        up = task.residuals(at + moved, floors)
+        up = task.residuals(at + moved, model_errors)
         if task.candidate.names[i] in SCALED or at[i] > step or task.candidate.names[i] == "delay":
-            columns.append((up - task.residuals(at - moved, floors)) / (2 * step))
+            columns.append((up - task.residuals(at - moved, model_errors)) / (2 * step))
         else:
-            columns.append((up - task.residuals(at, floors)) / step)
+            columns.append((up - task.residuals(at, model_errors)) / step)
     return np.column_stack(columns)

@@ -83,10 +83,10 @@ class FitTask:
         owners = [np.full(mask.sum(), i) for i, mask in enumerate(used)]
         return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
 
-    def residuals(self, at: Floats, floors: Floats) -> Floats:
+    def residuals(self, at: Floats, model_errors: Floats) -> Floats:
         """Return them over their standard deviation, real parts and imaginary parts one after the other."""
         errors, spread, owners = self.errors(at)
-        weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(floors, FLOOR[0])[owners])
+        weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
         return np.concatenate([weighed.real, weighed.imag])
 
 
@@ -94,7 +94,7 @@ def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
 
-def solved_from(task: FitTask, start: Floats, floors: Floats) -> Floats:
+def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
     from scipy.optimize import least_squares
 
     names, T = task.candidate.names, task.measured.sample_time
@@ -105,7 +105,7 @@ def solved_from(task: FitTask, start: Floats, floors: Floats) -> Floats:
     lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
     inside = np.maximum(start, lower + 1e-9 * scale)
     solved = least_squares(
-        task.residuals, inside, args=(floors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS
+        task.residuals, inside, args=(model_errors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS
     )
     return np.asarray(solved.x)
 

@@ -131,7 +131,7 @@ def _actuator(known: LogMap) -> Actuator | None:
 
 
 def _study(recording: Recording, T: float, actuator: Actuator | None, known: LogMap) -> RecordStudy:
-    said = tuple(remarks(recording, T))
+    said = tuple(remarks(recording))
     measured = None if "hand" in recording.channels else response(recording, T)
     if measured is None:
         return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, said)

@@ -162,7 +162,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
                 structure=str(each.candidate),
                 chosen=each is fit,
                 chi2=each.chi2,
-                model_error=[float(floor) for floor in each.floors],
+                model_error=[float(share) for share in each.model_errors],
             )
             for each in periodic.candidates
         ],
