@@ -39,7 +39,7 @@ class ResponseFit:
     numbers : by name, SI units
     names : of the free numbers in the order of `covariance`
     covariance : shape (p, p), diagonal: the larger of what correlated and independent residuals give
-    model_errors : model error of position and of handle as shares of the response, with which chi2/dof is 1; 0 where noise
+    model_errors : of position and of handle, shares of the response with which chi2/dof is 1; 0 where noise
         alone explains the residual
     chi2 : with the noise alone, over degrees of freedom
     lines : how many, of all outputs

@@ -171,7 +171,7 @@ def _sides(
         late = delays["delay"]
 
         def driven(omega: Floats) -> Complex:
-            through = drive(device, omega) if signals.held else 1.0
+            through = drive(device, omega) if signals.is_command else 1.0
             return np.asarray(through * np.exp(-1j * omega * late) * smooth(omega, cutoff_hz))
 
         force = force + filtered(signals.command, driven, T)

@@ -26,7 +26,7 @@ class Signals:
     hand : the hand's force as sensed, N; None without
     reference : position that was asked for, m; None without
     sample_time : s
-    held : whether the force is a command, held between samples
+    is_command : whether the force is a command, held between samples
     actuator : of a held command, where it is known
     noise : standard deviation of a position sample, m
     velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
@@ -37,7 +37,7 @@ class Signals:
     hand: Floats | None
     reference: Floats | None
     sample_time: float
-    held: bool
+    is_command: bool
     actuator: Actuator | None
     noise: float
     velocity: Floats
@@ -92,7 +92,7 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
         hand=recording.values("hand"),
         reference=recording.values("reference"),
         sample_time=sample_time,
-        held=held,
+        is_command=held,
         actuator=actuator if held else None,
         noise=noise,
         velocity=_velocity(position.values, noise, sample_time),
