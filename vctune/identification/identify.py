@@ -23,6 +23,8 @@ from vctune.identification.unmodelled import distances, envelope, with_lags
 from vctune.model.quantities import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 
 Progress = Callable[[str], None]
+WEAK = 0.5
+"""Half-width of a delay, as a share of it, from which on it is said to be weak."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,6 +239,9 @@ def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[
     keys = {each.key for each in bounds}
     if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys:
         said.append("a log of motion does not tell the actuator's lag from a delay: the delay holds both")
+    delay = next(each for each in bounds if each.key == "delay")
+    if delay.share > WEAK:
+        said.append(f"the delay is hardly told: anything from {delay.low:.2g} to {delay.high:.2g} s fits")
     if "structure.handle_mass" not in keys and all(study.periodic is None for study in studies):
         said.append(
             "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled: record a "
