@@ -168,7 +168,8 @@ def _head(record: IdentificationRecord) -> list[str]:
     lines = ["# Identified by `vctune identify` from"]
     for each in record.recordings:
         lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
-        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the force, "
+        of = "response" if each.cutoff_hz is None else "force"
+        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
         lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
     if record.rotary:
         lines.append("# A rotary device: kg, m, N and N s/m stand for kg m2, rad, N m and N m s/rad.")

@@ -102,9 +102,10 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     sampled = factor * max(each.sigma for each in estimates)
     spread = max(each.value for each in estimates) - min(each.value for each in estimates)
     limit = "residuals"
-    if spread > sampled:
+    excess = max(max(each.excess) for each in estimates)
+    if spread / 2 > max(sampled, excess):
         limit = "records, directions or models differ"
-    if max(max(each.excess) for each in estimates) > sampled:
+    elif excess > sampled:
         limit = (
             "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
         )

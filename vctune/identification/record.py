@@ -56,7 +56,7 @@ def identification_record(
         numbers=numbers,
         unmodelled=[list(point) for point in found.unmodelled],
         friction=_friction(found),
-        force_noise=found.force_noise,
+        force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
         excitation=None if next_one is None else _excitation(next_one),
         recordings=[_recording(study) for study in found.records],
         remarks=list(found.remarks),
@@ -98,7 +98,9 @@ def _friction(found: Identified) -> FrictionRecord | None:
     if found.friction is None:
         return None
     kind = found.friction
-    return FrictionRecord(coulomb=kind.coulomb, stiction=kind.stiction, stribeck_velocity=kind.stribeck_velocity)
+    rise = (kind.stiction, kind.stribeck_velocity)
+    stiction, speed = (None if each is None else float(f"{each:.6g}") for each in rise)
+    return FrictionRecord(coulomb=float(f"{kind.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
 
 
 def _recording(study: RecordStudy) -> RecordingRecord:
