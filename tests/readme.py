@@ -17,7 +17,8 @@ from pathlib import Path
 
 from gallery import gallery
 
-from vctune.document.schema import json_schema
+from vctune.document.log_schema import LogDocument
+from vctune.document.schema import json_schema, schema_of
 
 ROOT = Path(__file__).parent.parent
 PAGES = [
@@ -60,9 +61,8 @@ def session(block: str, folder: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def reference() -> str:
-    """Return the keys of the problem file as a table, from its JSON Schema."""
-    schema = json_schema()
+def reference(schema: dict) -> str:
+    """Return the keys of a file as a table, from its JSON Schema."""
     rows = ["| key | meaning |", "|---|---|"]
 
     def add(prefix: str, table: dict) -> None:
@@ -85,7 +85,8 @@ def reference() -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    "reference": reference,
+    "reference": lambda: reference(json_schema()),
+    "log": lambda: reference(schema_of(LogDocument, "vctune log")),
     "gallery": gallery,
 }
 """What makes the table between the comments of this name."""

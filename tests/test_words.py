@@ -71,7 +71,7 @@ NAMES = {
     "whole": "whole_samples",
 }
 """Former names of files, and of classes, functions, constants and fields, each with the one in its place."""
-FOLDERS = ("analysis", "design", "model", "proof", "simulation", "study")
+FOLDERS = ("analysis", "design", "identification", "model", "proof", "simulation", "study")
 
 
 def public_names(path):

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from vctune.api.exporting import write_export as write_export
     from vctune.api.files import write_design as write_design
     from vctune.api.files import write_report as write_report
+    from vctune.api.identifying import identify as identify
+    from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
     from vctune.api.solving import solve as solve
     from vctune.api.studies import front as front
@@ -73,6 +75,7 @@ _HOME = {
     "design_record": "design.record",
     "export": "api.exporting",
     "front": "api.studies",
+    "identify": "api.identifying",
     "judge": "design.judge",
     "problem": "document.building",
     "read_problem": "document.reading",
@@ -82,6 +85,7 @@ _HOME = {
     "sweep": "api.studies",
     "write_design": "api.files",
     "write_export": "api.exporting",
+    "write_identification": "api.identifying",
     "write_report": "api.files",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""

@@ -11,6 +11,7 @@ from vctune.cli.bound import bound
 from vctune.cli.check import check
 from vctune.cli.export import export
 from vctune.cli.front import front
+from vctune.cli.identify import identify
 from vctune.cli.region import region
 from vctune.cli.report import report
 from vctune.cli.schema import schema
@@ -57,6 +58,7 @@ main.add_command(sweep)
 main.add_command(front)
 main.add_command(simulate)
 main.add_command(export)
+main.add_command(identify)
 main.add_command(report)
 main.add_command(region)
 main.add_command(bound)

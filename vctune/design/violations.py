@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import log
 
 import numpy as np
@@ -74,7 +74,8 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
         parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
-        parts += [_unmodelled(case, gains, tightening) for case in loops]
+        known = posed.problem.uncertainty
+        parts += [_unmodelled(replace(case, uncertainty=known), gains, tightening) for case in loops]
     if posed.box is not None and posed.problem.passive:
         parts.append(_inside(posed, gains, coupling, tightening))
     counted = posed.objective if posed.problem.transparency.norm == "peak" else ()

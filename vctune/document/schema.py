@@ -270,7 +270,18 @@ class GainsDocument(Table):
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema of the problem file."""
-    schema = ProblemDocument.model_json_schema()
+    return schema_of(ProblemDocument, "vctune problem")
+
+
+def schema_of(document: type[Table], title: str) -> dict[str, Any]:
+    """Return the JSON Schema of a document, without what pydantic says of keys that may be left out.
+
+    Parameters
+    ----------
+    document : its class
+    title : of the schema
+    """
+    schema = document.model_json_schema()
     definitions = schema.pop("$defs")
     for table in (schema, *definitions.values()):
         for key in table.get("properties", {}).values():
@@ -280,6 +291,6 @@ def json_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         **schema,
-        "title": "vctune problem",
+        "title": title,
         "$defs": definitions,
     }

@@ -16,6 +16,8 @@ from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 
 MAX_MISTAKES = 25
+TAGS = ("<number>", "<range>", "<text>", "<column>")
+"""What tells the forms of a key apart, which is no part of its path."""
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
@@ -107,7 +109,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def _fault(model: type[BaseModel], details: Any) -> Fault:
-    path = tuple(step for step in details["loc"] if step not in ("<number>", "<range>"))
+    path = tuple(step for step in details["loc"] if step not in TAGS)
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         return path, MOVED.get(path[-2:], f"unknown key{_suggestion(model, path)}")

@@ -57,3 +57,33 @@ READINGS = {
 def report_paths(folder: Path) -> list[Path]:
     """Return where a folder's report is, and the files of its figures."""
     return [folder / REPORT, *(folder / f"{name}.svg" for name in READINGS)]
+
+
+IDENTIFICATION_READINGS = {
+    "time-fit": (
+        "Force in time",
+        "What was recorded and what mass and friction make of the motion, where the difference is largest; below, the "
+        "difference alone over the whole log.",
+    ),
+    "response": (
+        "Response",
+        "Measured lines with twice their standard deviation, the fit, and in grey the box times what is "
+        "unmodelled: each line lies inside. Below, how well a line repeats with the periods.",
+    ),
+    "residual-spectrum": (
+        "What is left",
+        "Where the residual has its power. Noise of the encoder alone is the dashed line: what stands above it is "
+        "no noise but what the model lacks, and the intervals are made for it.",
+    ),
+    "numbers": (
+        "Each number and what limits it",
+        "Dots are single records and directions with twice their standard deviation, the bar is the box, "
+        "as a share of its middle.",
+    ),
+}
+"""Title and reading of each figure of an identification, by name."""
+
+
+def identification_paths(folder: Path) -> list[Path]:
+    """Return where the report of an identification is, and the files of its figures."""
+    return [folder / REPORT, *(folder / f"{name}.svg" for name in IDENTIFICATION_READINGS)]

@@ -40,15 +40,12 @@ def page(
     drawn : figures as SVG, by name
     simulation : of this design, if there is one
     """
-    environment = Environment(
-        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
-    )
     shown = [
         {"name": name, "title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)}
         for name, text in drawn.items()
     ]
     embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
-    template = environment.get_template("page.html.j2")
+    template = templates().get_template("page.html.j2")
     return template.render(
         record=record,
         problem=problem,
@@ -58,6 +55,13 @@ def page(
         embedded=embedded,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
+    )
+
+
+def templates() -> Environment:
+    """Return where the templates of pages are."""
+    return Environment(
+        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
 
 

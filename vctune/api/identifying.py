@@ -1,0 +1,151 @@
+"""`vctune identify`, as a function."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vctune.document.errors import InputError, Mistake
+from vctune.document.files import Content, make_folder, write_together
+from vctune.document.identification import DEVICE_FILE, EXCITATION_FILE, FILE, IdentificationRecord, device_text
+from vctune.document.log import read_log, read_log_map
+from vctune.document.reading import ProblemFile, problem_file
+from vctune.report.contents import identification_paths
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from vctune.identification.excitation import Excitation
+    from vctune.identification.identify import Identified
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """A device from its recordings.
+
+    Attributes
+    ----------
+    found : fits, box and distances
+    record : the object of identification.json
+    text : of device.toml
+    excitation : a multisine for what is still uncertain; None if it was not asked for
+    """
+
+    found: Identified
+    record: IdentificationRecord
+    text: str
+    excitation: Excitation | None
+
+    @property
+    def file(self) -> ProblemFile:
+        """The device as a problem."""
+        return problem_file(self.text, Path(DEVICE_FILE))
+
+
+def identify(
+    logs: str | Path | Sequence[str | Path],
+    config: str | Path | None = None,
+    *,
+    excitation: bool = False,
+    progress: Callable[[str], None] = lambda stage: None,
+) -> Identification:
+    """Identify a device from its recordings.
+
+    Parameters
+    ----------
+    logs : CSV files, plain or .gz, all of the same device
+    config : the log.toml that says what their columns are; None if the headers say it
+    excitation : whether to suggest a multisine for what is still uncertain
+    progress : told the stage of the work
+
+    Returns
+    -------
+    Identification
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or says nothing, with line, column and remedy, or SciPy is not there.
+    """
+    require_scipy()
+    from vctune.identification.excitation import excitation as suggested
+    from vctune.identification.identify import identify as run
+    from vctune.identification.record import identification_record
+
+    paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
+    if not paths:
+        raise InputError("logs", [Mistake("", "there is none; name at least one CSV file")])
+    known = read_log_map(None if config is None else Path(config))
+    recordings = [read_log(path, known) for path in paths]
+    name = known.document.name or paths[0].name.removesuffix(".gz").removesuffix(".csv") or "device"
+    found = run(recordings, known, name, progress)
+    next_one = suggested(found) if excitation else None
+    record = identification_record(found, known.document.description, _versions(), next_one)
+    text = device_text(record)
+    problem_file(text, Path(DEVICE_FILE))
+    return Identification(found, record, text, next_one)
+
+
+def write_identification(identified: Identification, folder: str | Path, *, report: bool = True) -> Path:
+    """Write device.toml, identification.json and the report with its figures, none of an earlier one left.
+
+    Parameters
+    ----------
+    identified : to be written
+    folder : made if it is not there
+    report : whether to draw
+
+    Returns
+    -------
+    Path
+        Of device.toml.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+
+    folder = Path(folder)
+    make_folder(folder)
+    value = json.dumps(identified.record.to_json(), indent=1, allow_nan=False) + "\n"
+    files: dict[Path, Content] = {folder / DEVICE_FILE: identified.text, folder / FILE: value}
+    if identified.excitation is not None:
+        files[folder / EXCITATION_FILE] = _excitation_text(identified.excitation, identified.record)
+    if report:
+        from vctune.report.identification import identification_files
+
+        files |= identification_files(identified.found, identified.record, folder)
+    stale = [*identification_paths(folder), folder / EXCITATION_FILE]
+    write_together(files, [path for path in stale if path not in files])
+    return folder / DEVICE_FILE
+
+
+def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:
+    unit = "Nm" if record.rotary else "N"
+    rows = (f"{i * made.sample_time:.9g},{force:.6g}" for i, force in enumerate(made.force))
+    return "\n".join([f"time_s,command_{unit}", *rows]) + "\n"
+
+
+def require_scipy() -> None:
+    """Make sure that SciPy is installed.
+
+    Raises
+    ------
+    InputError
+        If it is not, with how to install it.
+    """
+    if find_spec("scipy") is None:
+        raise InputError("vctune identify", [Mistake("", "needs SciPy; pip install 'vctune[identify]'")])
+
+
+def _versions() -> dict[str, str | None]:
+    from importlib.metadata import version
+
+    from vctune.version import __version__
+
+    return {"vctune": __version__, "numpy": version("numpy"), "scipy": version("scipy")}

@@ -1,0 +1,224 @@
+"""The identification file: the object that `vctune identify --json` prints, and the device file that goes with it."""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from vctune.document.errors import printable
+from vctune.document.part import Number, Pair, Part
+from vctune.document.toml_text import toml_text
+
+SCHEMA = "vctune/identification/1"
+FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
+STEP = 1e-5
+"""What shares are rounded up to, so that the box as written holds the box as found."""
+
+
+class NumberRecord(Part):
+    """A number that a recording gave, with its standard deviation."""
+
+    name: str
+    value: float
+    sigma: Number
+
+
+class CheckRecord(Part):
+    """Another way to the mass: how far it is off, and what it says of the deviation."""
+
+    name: str
+    value: Number
+    sigma: Number
+
+
+class CandidateRecord(Part):
+    """A structure that was tried."""
+
+    structure: str
+    chosen: bool
+    chi2: Number
+    model_error: list[Number]
+
+
+class RecordingRecord(Part):
+    """A recording and what it says."""
+
+    source: str
+    sha256: str
+    samples: int
+    used: int
+    sample_time: float
+    kind: str
+    cutoff_hz: Number
+    residual: Number
+    residual_share: Number
+    chi2: Number
+    numbers: list[NumberRecord]
+    derived: list[NumberRecord]
+    checks: list[CheckRecord]
+    candidates: list[CandidateRecord]
+    remarks: list[str]
+
+
+class EstimateRecord(Part):
+    """A number as one recording, or one direction of it, has it."""
+
+    source: str
+    value: float
+    sigma: Number
+
+
+class BoundedRecord(Part):
+    """A number of the device with its interval."""
+
+    key: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    share: float
+    limit: str
+    held_by: Literal["box", "unmodelled"]
+    estimates: list[EstimateRecord]
+
+
+class FrictionRecord(Part):
+    """Friction for the simulation."""
+
+    coulomb: float
+    stiction: Number
+    stribeck_velocity: Number
+
+
+class ExcitationRecord(Part):
+    """A multisine for what is still uncertain: excitation.csv is a period of it."""
+
+    period: float
+    periods: int
+    lines_hz: list[float]
+    peak: float
+    speed: float
+    spread: float
+    reasons: list[str]
+
+
+class IdentificationRecord(Part):
+    """A device and how well it is known, in SI units and hertz: the object of identification.json."""
+
+    name: str
+    description: str
+    rotary: bool
+    sample_time: float
+    device: dict[str, Any]
+    numbers: Annotated[list[BoundedRecord], Field(min_length=1)]
+    unmodelled: list[Pair]
+    friction: FrictionRecord | None
+    force_noise: Number
+    excitation: ExcitationRecord | None
+    recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
+    remarks: list[str]
+    versions: dict[str, str | None]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object of identification.json; every number in it is finite or null."""
+        return {"schema": SCHEMA} | self.model_dump()
+
+
+def stated(value: float, low: float, high: float) -> tuple[float, float]:
+    """Return a number in six digits, and the relative half-width, rounded up, with which the file holds an interval.
+
+    Parameters
+    ----------
+    value, low, high : the interval; where it reaches down to 0 the share is its greatest
+
+    Returns
+    -------
+    tuple of float
+        Value and share.
+    """
+    shown = float(f"{value:.6g}")
+    share = max(high - shown, shown - low) / shown
+    return shown, min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
+
+
+def device_text(record: IdentificationRecord) -> str:
+    """Return the device file: a problem file with the device, its uncertainty and its friction, each with its source.
+
+    Parameters
+    ----------
+    record : of the identification
+    """
+    device = dict(record.device)
+    document: dict[str, Any] = {"name": record.name}
+    document |= {"description": record.description} if record.description else {}
+    document["device"] = device
+    document["uncertainty"] = {each.key: each.share for each in record.numbers if each.held_by == "box"}
+    if record.unmodelled:
+        document["uncertainty"]["unmodelled"] = record.unmodelled
+    if record.friction is not None or record.force_noise:
+        document["experiment"] = [_experiment(record)]
+    notes = {each.key: _note(each) for each in record.numbers}
+    body = _annotated(toml_text(document), notes, record)
+    return "\n".join([*_head(record), "", body])
+
+
+def _head(record: IdentificationRecord) -> list[str]:
+    lines = ["# Identified by `vctune identify` from"]
+    for each in record.recordings:
+        lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
+        of = "response" if each.cutoff_hz is None else "force"
+        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
+        lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
+    if record.rotary:
+        lines.append("# A rotary device: kg, m, N and N s/m stand for kg m2, rad, N m and N m s/rad.")
+    if any(each.low <= 0 for each in record.numbers):
+        lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
+    lines += [f"# {printable(remark)}" for remark in record.remarks]
+    return lines
+
+
+def _short(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.3g}"
+
+
+def _note(each: BoundedRecord) -> str:
+    found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
+    where = ", held by unmodelled" if each.held_by == "unmodelled" else ""
+    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f"{where}, by {each.limit}; found {found}"
+
+
+def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
+    """Return TOML with a comment behind each number that was found; tables within tables get theirs above."""
+    lines, heading = [], ""
+    for line in text.splitlines():
+        heading = line if line.startswith("[") else heading
+        key = line.partition(" = ")[0]
+        if heading == "[device]" and key in notes:
+            lines.append(f"{line}  {notes[key]}")
+            continue
+        if heading == "[device]" and " = {" in line:
+            lines += [
+                f"{note.replace('#', f'# {name}:', 1)}" for name, note in notes.items() if name.startswith(f"{key}.")
+            ]
+        if heading == "[uncertainty]" and key == "unmodelled":
+            lines.append(
+                "# [Hz, radius]: every measured line is that of a device of the box, times a number this far from 1"
+            )
+        if heading == "[[experiment]]" and line == heading:
+            lines.append("# Friction and noise as they were found; hand and motion are vctune's defaults.")
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _experiment(record: IdentificationRecord) -> dict[str, Any]:
+    made: dict[str, Any] = {"name": "as identified"}
+    if record.friction is not None:
+        found = record.friction
+        made["friction"] = {"coulomb": found.coulomb}
+        if found.stiction is not None and found.stribeck_velocity is not None:
+            made["friction"] |= {"stiction": found.stiction, "stribeck_velocity": found.stribeck_velocity}
+    if record.force_noise:
+        made["sensors"] = {"force_noise": record.force_noise}
+    return made

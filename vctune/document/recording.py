@@ -1,0 +1,68 @@
+"""A recording of a device: equally long columns in SI units, each with its header, resolution and limit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
+"""What a column can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One column.
+
+    Attributes
+    ----------
+    header : of the column in the file
+    values : shape (n,), SI units
+    scale : SI units per unit of the column
+    quantum : resolution as the map states it, SI units; None if it does not
+    limit : where it saturates, SI units; None if nobody said
+    """
+
+    header: str
+    values: Floats
+    scale: float
+    quantum: float | None
+    limit: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """One log.
+
+    Attributes
+    ----------
+    source : path of its file
+    sha256 : of the file
+    first_line : line of the file on which its first sample stands
+    channels : by role, one of `ROLES`
+    ignored : headers of columns that nothing was made of
+    rotary : whether positions are angles
+    """
+
+    source: str
+    sha256: str
+    first_line: int
+    channels: Mapping[str, Channel]
+    ignored: tuple[str, ...]
+    rotary: bool
+
+    @property
+    def name(self) -> str:
+        """The file's name, without its folder."""
+        return Path(self.source).name
+
+    def __len__(self) -> int:
+        return next((channel.values.size for channel in self.channels.values()), 0)
+
+    def values(self, role: str) -> Floats | None:
+        """Return a column by its role; None where the log has not got it."""
+        return self.channels[role].values if role in self.channels else None

@@ -1,0 +1,120 @@
+"""From estimates of several records and directions to one device and the box around it (README, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from vctune.identification.covariance import joint_factor
+
+MASS_FLOOR = 0.01
+"""Least half-width of a mass, a share of it: what differs between two days."""
+DELAY_FLOOR = 0.1
+"""Least half-width of a delay, sample times."""
+WIDEST = 0.99
+"""Half-width where an interval reaches down to 0, as a share of its middle."""
+FLOORS = {
+    "mass": MASS_FLOOR,
+    "structure.handle_mass": MASS_FLOOR,
+    "damping": MASS_FLOOR,
+    "actuator.bandwidth_hz": MASS_FLOOR,
+    "structure.damping_ratio": MASS_FLOOR,
+    "structure.frequency_hz": MASS_FLOOR / 2,
+}
+"""Least half-widths, shares: a frequency goes with the root of a mass."""
+COULOMB_SHARE = 0.1
+"""How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
+UNIT_OF = {
+    "mass": "kg",
+    "damping": "N s/m",
+    "delay": "s",
+    "actuator.bandwidth_hz": "Hz",
+    "force_sensor.delay": "s",
+    "structure.handle_mass": "kg",
+    "structure.frequency_hz": "Hz",
+    "structure.damping_ratio": "",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number of the device as one record, or one direction of it, has it.
+
+    Attributes
+    ----------
+    key : in the device's table
+    value, sigma : SI units, frequencies in Hz
+    source : which record, and how
+    excess : by how much other ways to look at the record differ more than they should, below and above
+    """
+
+    key: str
+    value: float
+    sigma: float
+    source: str
+    excess: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Bounded:
+    """A number of the device with its interval.
+
+    Attributes
+    ----------
+    key : in the device's table
+    value : middle of the interval
+    low, high : its ends
+    sampled : half-width of the widest interval that a single estimate has by its sigma
+    limit : what the interval is made by
+    estimates : that it holds
+    """
+
+    key: str
+    value: float
+    low: float
+    high: float
+    sampled: float
+    limit: str
+    estimates: tuple[Estimate, ...]
+
+    @property
+    def share(self) -> float:
+        """Its half-width as the file states it."""
+        return WIDEST if self.low <= 0 else (self.high - self.low) / (self.high + self.low)
+
+
+def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
+    """Return the least box that holds every interval of every estimate.
+
+    Parameters
+    ----------
+    estimates : of any records and directions
+    sample_time : s
+    """
+    keys = list(dict.fromkeys(estimate.key for estimate in estimates))
+    factor = joint_factor(len(keys))
+    return tuple(_bounded(key, [each for each in estimates if each.key == key], factor, sample_time) for key in keys)
+
+
+def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: float) -> Bounded:
+    low = min(each.value - factor * each.sigma - each.excess[0] for each in estimates)
+    high = max(each.value + factor * each.sigma + each.excess[1] for each in estimates)
+    sampled = factor * max(each.sigma for each in estimates)
+    spread = max(each.value for each in estimates) - min(each.value for each in estimates)
+    limit = "residuals"
+    excess = max(max(each.excess) for each in estimates)
+    if spread / 2 > max(sampled, excess):
+        limit = "records, directions or models differ"
+    elif excess > sampled:
+        limit = (
+            "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
+        )
+    low, high = max(low, 0.0), max(high, 0.0)
+    middle = 0.5 * (low + high)
+    least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
+    if high - low < 2 * least:
+        low, high = max(middle - least, 0.0), middle + least
+        middle, limit = 0.5 * (low + high), "floor"
+    if low == 0:
+        limit += "; it may be 0"
+    return Bounded(key, middle, low, high, sampled, limit, tuple(estimates))

@@ -1,0 +1,186 @@
+"""What must be right with a recording before anything is fitted: each fault with its row, its column and its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+
+import numpy as np
+
+from vctune.document.errors import InputError, Mistake
+from vctune.document.recording import Channel, Floats, Recording
+
+LEAST_SAMPLES = 500
+"""Fewer do not hold a second at any rate that a haptic loop runs at."""
+SAMPLE_TIMES = (1e-6, 0.05)
+"""Sample times that a haptic loop can have, s."""
+JITTER = 0.05
+"""Greatest standard deviation of a step, of the sample time."""
+GAP = 1.5
+"""A step longer than so many sample times has lost a sample."""
+SPEEDS = {False: 30.0, True: 3000.0}
+"""Greatest speed of a device, m/s and, if it is rotary, rad/s."""
+GREATEST_FORCE = 1e4
+"""Of a device, N or N m."""
+FEW_STEPS = 30
+"""A motion of fewer resolutions than this says nothing of an acceleration."""
+SATURATED = 0.2
+"""Greatest share of the samples that may be at a limit."""
+
+
+def check(recording: Recording, sample_time: float | None) -> float:
+    """Return the sample time of a recording that can be used, s.
+
+    Parameters
+    ----------
+    recording : as it was read
+    sample_time : as the map states it, s; None for that of its column
+
+    Raises
+    ------
+    InputError
+        Listing what is wrong.
+    """
+    _refuse(recording, _too_short(recording))
+    T, faults = _sample_time(recording, sample_time)
+    _refuse(recording, faults)
+    _refuse(recording, [fault for role in recording.channels for fault in _column(recording, role, T)])
+    return T
+
+
+def remarks(recording: Recording) -> list[str]:
+    """Return what a reader should know of a recording that can be used."""
+    said = []
+    for role in ("command", "force"):
+        if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:
+            header = recording.channels[role].header
+            said.append(f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated")
+    if recording.ignored:
+        said.append(f"columns that were not used: {', '.join(recording.ignored)}")
+    return said
+
+
+def _refuse(recording: Recording, faults: list[Mistake]) -> None:
+    if faults:
+        raise InputError(recording.source, faults)
+
+
+def _too_short(recording: Recording) -> list[Mistake]:
+    if len(recording) >= LEAST_SAMPLES:
+        return []
+    return [Mistake("", f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds")]
+
+
+def _sample_time(recording: Recording, stated: float | None) -> tuple[float, list[Mistake]]:
+    time = recording.channels.get("time")
+    if time is None:
+        assert stated is not None
+        return stated, []
+    T = float(np.median(np.diff(time.values)))
+    fault = _backwards(recording, time) or _implausible(time, T, stated) or _uneven(recording, time, T)
+    mean = float(f"{np.mean(np.diff(time.values)):.9g}")
+    return mean if stated is None else stated, [fault] if fault else []
+
+
+def _backwards(recording: Recording, time: Channel) -> Mistake | None:
+    back = np.flatnonzero(np.diff(time.values) <= 0)
+    if not back.size:
+        return None
+    row = int(back[0])
+    before, after = time.values[row : row + 2]
+    how = "stands still" if before == after else "runs backwards"
+    message = f"{how}, from {before:.9g} s to {after:.9g} s; sort or cut the log"
+    return Mistake(time.header, message, recording.first_line + 1 + row)
+
+
+def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | None:
+    if not SAMPLE_TIMES[0] <= T <= SAMPLE_TIMES[1]:
+        likely = [unit for unit, scale in (("ms", 1e-3), ("us", 1e-6)) if 1e-5 <= T * scale <= 0.02]
+        remedy = (
+            f'; is it in {likely[0]}? write time = {{ column = "{time.header}", unit = "{likely[0]}" }}'
+            if likely
+            else ""
+        )
+        return Mistake(time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}")
+    if stated is not None and abs(T / stated - 1) > 0.01:
+        return Mistake(time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them")
+    return None
+
+
+def _uneven(recording: Recording, time: Channel, T: float) -> Mistake | None:
+    steps = np.diff(time.values)
+    row = int(np.argmax(np.abs(steps - T)))
+    gaps = np.flatnonzero(steps > GAP * T)
+    if gaps.size:
+        row, lost = int(gaps[0]), steps[gaps[0]] / T - 1
+        message = f"has {gaps.size} gaps, the first of {lost:.3g} samples; cut the log there, or record without loss"
+    elif (jitter := float(np.std(steps)) / T) > JITTER:
+        message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
+    else:
+        return None
+    return Mistake(time.header, message, recording.first_line + 1 + row)
+
+
+def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
+    channel = recording.channels[role]
+    if role == "time":
+        return
+    if np.ptp(channel.values) == 0:
+        idle = role in ("command", "force") and "hand" in recording.channels
+        if not idle:
+            yield Mistake(channel.header, f"is {channel.values[0]:g} in every row; record it, or leave the column out")
+        return
+    held = _held_for(channel.values)
+    if held > 1:
+        message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
+        yield Mistake(channel.header, message)
+    unit = "Nm" if recording.rotary else "N"
+    if role in ("position", "handle", "reference"):
+        yield from _place(recording, channel, role, T)
+    elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
+        yield Mistake(channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale")
+    elif _at_limit(channel) > SATURATED:
+        yield Mistake(channel.header, f"is at its limit in {_at_limit(channel):.0%} of the rows; drive more gently")
+
+
+def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
+    raw = channel.values / channel.scale
+    unit = ("rad", "rad/s") if recording.rotary else ("m", "m/s")
+    speed = float(np.abs(np.diff(channel.values)).max()) / T
+    if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
+        yield Mistake(
+            channel.header,
+            f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {unit[0]} per count",
+        )
+    elif speed > SPEEDS[recording.rotary]:
+        yield Mistake(
+            channel.header,
+            f"moves at up to {speed:.3g} {unit[1]}: is it in m{unit[0]}, or not a position? write its unit or scale",
+        )
+    elif role == "position":
+        steps = np.abs(np.diff(channel.values))
+        quantum = channel.quantum or float(steps[steps > 0].min())
+        if np.ptp(channel.values) < FEW_STEPS * quantum:
+            message = f"moves by {np.ptp(channel.values) / quantum:.3g} of its resolution {quantum:g}; move it further"
+            yield Mistake(channel.header, message)
+
+
+def _held_for(values: Floats) -> int:
+    """Return every how many rows a column changes."""
+    changes = np.flatnonzero(np.diff(values))
+    if changes.size < 50:
+        return 1
+    apart = np.diff(changes)
+    return int(np.gcd.reduce(apart))
+
+
+def _at_limit(channel: Channel) -> float:
+    """Return the share of the samples that stand at the limit, or at an extreme for three samples on end."""
+    size = np.abs(channel.values)
+    limit = channel.limit if channel.limit is not None else float(size.max())
+    at = size >= limit * (1 - 1e-9)
+    if channel.limit is None:
+        at[1:-1] &= at[:-2] | at[2:]
+        if at.sum() < 3:
+            return 0.0
+    return float(at.mean())

@@ -1,0 +1,131 @@
+"""A multisine for what is still uncertain: which lines, how long, how strong (README, section 5)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log2, pi
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.identification.identify import Identified
+from vctune.identification.physics import antiresonance_hz, compliances
+from vctune.identification.signals import position_noise
+
+LINES = 60
+"""From the lowest to the highest, evenly on a logarithmic axis; a fit of seven numbers needs no more."""
+NEAR = 24
+"""Lines within a tenth of a resonance and of an antiresonance each."""
+HIGHEST = 0.2
+"""Highest line, of the sampling rate."""
+LONGEST = 8.0
+"""Longest period, s."""
+PEAK = 1.0
+"""Greatest force, of the greatest in the logs: half of it may leave the device in its friction. The speed is at most
+that of the logs."""
+SPREAD = 0.005
+"""Relative standard deviation of a line that is aimed at."""
+PERIODS = (5, 60)
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """A period of a force to be commanded, again and again.
+
+    Attributes
+    ----------
+    force : shape (n,), N
+    sample_time : s
+    lines_hz : excited
+    periods : how many to record, the first of them dropped
+    peak, speed : greatest force and predicted root mean square speed, N and m/s
+    spread : relative standard deviation that is predicted of the worst line
+    reasons : what it is for
+    """
+
+    force: Floats
+    sample_time: float
+    lines_hz: Floats
+    periods: int
+    peak: float
+    speed: float
+    spread: float
+    reasons: tuple[str, ...]
+
+
+def excitation(found: Identified) -> Excitation:
+    """Return a multisine for a device.
+
+    Parameters
+    ----------
+    found : what is known of it so far
+    """
+    device, T = found.device, float(found.device.sample_time)
+    low = min(max(float(device.damping / device.mass) / (2 * pi), 8 / LONGEST), 0.1 * HIGHEST / T)
+    period = 2 ** ceil(log2(min(LONGEST, 8 / low) / T))
+    lines = _lines(found, low, period, T)
+    hertz = lines / (period * T)
+    motor = np.abs(compliances(device, 2 * pi * hertz)[0])
+    force = _wave(lines, period)
+    scale = _scale(found, force, motor, hertz)
+    noise = _noise(found) * np.sqrt(2 / period) / (motor * scale)
+    worst = float(noise.max())
+    periods = int(np.clip(ceil((worst / SPREAD) ** 2) + 1, *PERIODS))
+    return Excitation(
+        force=force * scale,
+        sample_time=T,
+        lines_hz=hertz,
+        periods=periods,
+        peak=float(np.abs(force).max() * scale),
+        speed=float(np.linalg.norm(2 * pi * hertz * motor * scale) / np.sqrt(2)),
+        spread=worst / np.sqrt(periods - 1),
+        reasons=_reasons(found),
+    )
+
+
+def _lines(found: Identified, low: float, period: int, T: float) -> Floats:
+    resolution = 1 / (period * T)
+    spread = np.exp(np.linspace(np.log(low), np.log(HIGHEST / T), LINES))
+    places = [spread]
+    structure = found.device.structure
+    if structure is not None:
+        for hertz in (structure.frequency_hz, antiresonance_hz(found.device)):
+            places.append(np.linspace(0.9 * float(hertz or 0.0), 1.1 * float(hertz or 0.0), NEAR))
+    lines = np.unique(np.round(np.concatenate(places) / resolution))
+    return lines[(lines >= 1) & (lines * resolution <= HIGHEST / T)]
+
+
+def _wave(lines: Floats, period: int) -> Floats:
+    """Return a period of equal lines with Schroeder's phases, which keep the peak low."""
+    phases = -2 * pi * np.cumsum(np.arange(1, lines.size + 1) / lines.size * np.diff(lines, prepend=0.0))
+    spectrum = np.zeros(period // 2 + 1, dtype=complex)
+    spectrum[lines.astype(int)] = np.exp(1j * phases) * period / 2
+    return np.fft.irfft(spectrum)
+
+
+def _scale(found: Identified, force: Floats, motor: Floats, hertz: Floats) -> float:
+    """Return by what the wave is multiplied: as strong as the logs say that the device bears."""
+    forces, speeds = [], []
+    for study in found.records:
+        recording = study.recording
+        columns = [recording.values(role) for role in ("command", "force", "hand")]
+        forces.append(max(float(np.abs(column).max()) for column in columns if column is not None))
+        position = recording.channels["position"].values
+        step = max(1, position.size // 1000)
+        speeds.append(float(np.abs(position[step:] - position[:-step]).max()) / (step * study.sample_time))
+    speed = float(np.linalg.norm(2 * pi * hertz * motor)) * np.sqrt(2)
+    return min(PEAK * max(forces) / float(np.abs(force).max()), max(speeds) / speed)
+
+
+def _noise(found: Identified) -> float:
+    return max(
+        position_noise(each.recording.channels["position"].values, each.recording.channels["position"].quantum)
+        for each in found.records
+    )
+
+
+def _reasons(found: Identified) -> tuple[str, ...]:
+    said = [f"{each.key}: within {each.share:.0%}, by {each.limit}" for each in found.bounds if each.share > 0.05]
+    if not found.unmodelled:
+        said.append("resonances and what is not modelled: nothing is known of them yet")
+    return tuple(said)

@@ -1,0 +1,86 @@
+"""A recording of a periodic excitation: its response, the structure that was chosen, and what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import pi, sqrt
+
+from vctune.identification.box import COULOMB_SHARE, Bounded, Estimate, box
+from vctune.identification.drive_fit import DriveFit
+from vctune.identification.fit import ResponseFit
+from vctune.identification.response import Response
+from vctune.model.quantities import Device
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicStudy:
+    """What a periodic recording says.
+
+    Attributes
+    ----------
+    measured : the averaged response
+    fit, candidates : the structure that was chosen, and all of them
+    drive : from command to force; None where only one of them was recorded
+    """
+
+    measured: Response
+    fit: ResponseFit
+    candidates: tuple[ResponseFit, ...]
+    drive: DriveFit | None
+
+
+def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
+    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping."""
+    fit, found = study.fit, []
+    numbers, text = fit.numbers, f"{source}: response"
+
+    def add(key: str, value: float, sigma: float, how: str = "", excess: float = 0.0) -> None:
+        found.append(Estimate(key, value, sigma, text + how, (excess, excess)))
+
+    add("mass", numbers["mass"], fit.sigma("mass"))
+    late, sigma = numbers["delay"], fit.sigma("delay")
+    if study.drive is not None:
+        late, sigma = late + study.drive.delay - T / 2, sqrt(sigma**2 + study.drive.delay_sigma**2)
+        add("actuator.bandwidth_hz", *_bandwidth(study.drive.lag, study.drive.lag_sigma))
+    elif "lag" in numbers:
+        add("actuator.bandwidth_hz", *_bandwidth(numbers["lag"], fit.sigma("lag")))
+    add("delay", late, sigma)
+    alike = [fit]
+    if fit.candidate.load:
+        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, load=False)]
+    for each in alike:
+        how = f", {each.candidate}" if len(alike) > 1 else ""
+        extra = each.numbers.get("handle_damping", 0.0)
+        variance = each.sigma("damping") ** 2 + (each.sigma("handle_damping") ** 2 if each.candidate.load else 0.0)
+        coulomb = COULOMB_SHARE * each.numbers["coulomb"] / each.speed
+        add("damping", each.numbers["damping"] + extra, sqrt(variance), how, coulomb)
+        if "damping_ratio" in each.numbers:
+            add("structure.damping_ratio", each.numbers["damping_ratio"], each.sigma("damping_ratio"), how)
+    if "handle_mass" in numbers:
+        add("structure.handle_mass", numbers["handle_mass"], fit.sigma("handle_mass"))
+        add("structure.frequency_hz", numbers["frequency_hz"], fit.sigma("frequency_hz"))
+    return found
+
+
+def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
+    return 1 / (2 * pi * lag), sigma / (2 * pi * lag * lag)
+
+
+def behind_force(
+    study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
+) -> tuple[Device, list[Bounded]]:
+    """Return device and box as the recorded force sees them: a measured one has the actuator and its delay behind it.
+
+    Parameters
+    ----------
+    study : of the recording
+    T : sample time, s
+    device, bounds : from the command on
+    """
+    if study.measured.input == "command":
+        return device, list(bounds)
+    own = periodic_estimates(replace(study, drive=None), "", T)
+    delay = box([each for each in own if each.key == "delay"], T)[0]
+    others = [each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")]
+    return replace(device, delay=delay.value, actuator=None), [*others, delay]

@@ -1,0 +1,196 @@
+"""Periodic excitation, found by itself: averaged lines, each with its variance (README, section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Channel, Floats, Recording
+
+Complex = NDArray[np.complex128]
+LEAST_PERIODS = 4
+"""Fewer say nothing of a line's variance once the first is dropped."""
+LEAST_LINES = 8
+REPEATS = 0.9
+"""Least correlation of a column with itself a period later. Noise of a tenth of the power takes away less."""
+EXCITED = 0.05
+"""Least amplitude of an excited line, of the greatest's."""
+ABOVE_NOISE = 5.0
+"""Least amplitude of an excited line in standard deviations of its mean."""
+FINER = 32
+"""Points per sample at which the direction of motion is looked at. Half and twice change the lines by a thousandth."""
+HIGHEST_LINE = 0.45
+"""Of the sampling rate: beyond, filters against aliasing say more than the device."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """A response at the excited lines.
+
+    Attributes
+    ----------
+    omega : shape (n,), rad/s
+    ratio : of output to input, mean over periods, shape (n,)
+    spread : relative standard deviation of that mean, both parts together, shape (n,)
+    coherence : between periods, shape (n,)
+    """
+
+    omega: Floats
+    ratio: Complex
+    spread: Floats
+    coherence: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """What a periodic recording says.
+
+    Attributes
+    ----------
+    period : samples
+    periods : how many were averaged
+    input : "force" or "command", what position and handle are divided by
+    position, handle : m/N; no handle where it was not recorded
+    drive : from command to force, where both were recorded
+    friction : lines of Coulomb friction over those of the input, 1/N, for 1 N
+    speed : root mean square of the motor's, m/s
+    sample_time : s
+    """
+
+    period: int
+    periods: int
+    input: str
+    position: Lines
+    handle: Lines | None
+    drive: Lines | None
+    friction: Complex
+    speed: float
+    sample_time: float
+
+
+def response(recording: Recording, sample_time: float) -> Response | None:
+    """Return the averaged response of a recording; None if it is not periodic.
+
+    Parameters
+    ----------
+    recording : Recording
+    sample_time : s
+    """
+    excited = recording.values("command")
+    excited = recording.values("force") if excited is None else excited
+    period = None if excited is None else find_period(excited)
+    if excited is None or period is None:
+        return None
+    of = "force" if "force" in recording.channels else "command"
+    first = len(recording) % period + period
+    spectra = {role: _spectra(channel.values, period, first) for role, channel in recording.channels.items()}
+    for role in ("position", "handle"):
+        if role in spectra:
+            spectra[role] = _without_drift(recording.channels[role].values, period, first)
+    lines = _excited(_spectra(excited, period, first), sample_time, period)
+    if lines.size < LEAST_LINES:
+        return None
+    omega = np.asarray(2 * np.pi * lines / (period * sample_time), dtype=np.float64)
+    pushed = spectra[of]
+    moved = spectra["position"].mean(axis=0)
+    direction = _direction(moved) / pushed.mean(axis=0)
+    speed = float(np.linalg.norm(omega * moved[lines])) * np.sqrt(2) / period
+
+    def over(role: str, below: str) -> Lines | None:
+        if role not in spectra:
+            return None
+        return _lines(
+            spectra[role][:, lines], spectra[below][:, lines], omega, _rounding(recording.channels[role], period)
+        )
+
+    position = over("position", of)
+    assert position is not None
+    drive = over("force", "command") if {"force", "command"} <= set(spectra) else None
+    return Response(
+        period, pushed.shape[0], of, position, over("handle", of), drive, direction[lines], speed, sample_time
+    )
+
+
+def find_period(values: Floats) -> int | None:
+    """Return after how many samples a column repeats itself, at least `LEAST_PERIODS` times; None if it does not."""
+    centred = values - values.mean()
+    n = centred.size
+    size = 1 << (2 * n - 1).bit_length()
+    power = float(centred @ centred)
+    if power == 0:
+        return None
+    summed = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: n // LEAST_PERIODS + 1]
+    overlap = n / (n - np.arange(summed.size))
+    correlation = summed * overlap / power
+    ahead = np.flatnonzero(correlation < 0.5)  # past the width of its own peak
+    if not ahead.size:
+        return None
+    start = int(ahead[0])
+    best = float(correlation[start:].max(initial=0.0))
+    if best < REPEATS:
+        return None
+    good = np.flatnonzero(correlation[start:] > best - 0.02 * (1 - best) - 0.002) + start
+    first = int(good[0])
+    top = first + int(np.argmax(correlation[first : first + max(2, first // 50)]))
+    return top if 2 * LEAST_LINES < top <= n // LEAST_PERIODS else None
+
+
+def _spectra(values: Floats, period: int, first: int) -> Complex:
+    """Return the spectrum of each period, shape (periods, period // 2 + 1)."""
+    return np.asarray(np.fft.rfft(values[first:].reshape(-1, period), axis=1))
+
+
+def _without_drift(values: Floats, period: int, first: int) -> Complex:
+    """Return the same of a position that drifts, by its second difference, which hardly does."""
+    second = np.zeros(values.size)
+    second[1:-1] = values[2:] - 2 * values[1:-1] + values[:-2]
+    second[-1] = second[-1 - period] if values.size > period else 0.0
+    omega = 2 * np.pi * np.arange(period // 2 + 1) / period
+    factor = 2 * np.cos(omega) - 2
+    factor[0] = 1.0
+    return np.asarray(_spectra(second, period, first) / factor)
+
+
+def _excited(spectra: Complex, sample_time: float, period: int) -> NDArray[np.int64]:
+    mean = np.abs(spectra.mean(axis=0))
+    noise = spectra.std(axis=0, ddof=1) / np.sqrt(len(spectra))
+    numbers = np.arange(mean.size)
+    inside = (numbers > 0) & (numbers < HIGHEST_LINE * period)
+    return np.flatnonzero(inside & (mean > EXCITED * mean[inside].max()) & (mean > ABOVE_NOISE * noise))
+
+
+def _direction(position: Complex) -> Complex:
+    """Return the lines of the sign of the velocity, its turns between samples where they are.
+
+    Parameters
+    ----------
+    position : spectrum of a period, without drift
+    """
+    count = position.size
+    fine = np.zeros((count - 1) * FINER + 1, dtype=complex)
+    inside = np.arange(count) < HIGHEST_LINE * 2 * (count - 1)
+    fine[:count] = 1j * np.arange(count) * position * inside
+    sign = np.sign(np.fft.irfft(fine))
+    return np.asarray(np.fft.rfft(sign)[:count] / FINER)
+
+
+def _rounding(channel: Channel, period: int) -> float:
+    """Return what rounding to a quantum adds to a line: the same in each period, so that no average shows it."""
+    quantum = channel.quantum
+    if quantum is None:
+        steps = np.abs(np.diff(channel.values))
+        quantum = float(steps[steps > 1e-9 * np.ptp(channel.values)].min(initial=np.inf))
+    return quantum * np.sqrt(period / 12) if np.isfinite(quantum) else 0.0
+
+
+def _lines(out: Complex, into: Complex, omega: Floats, rounding: float) -> Lines:
+    count = len(out)
+    ratio = out.mean(axis=0) / into.mean(axis=0)
+    left = out - ratio * into
+    varied = (np.abs(left) ** 2).sum(axis=0) / (count - 1) / count
+    spread = np.sqrt(varied + rounding**2) / np.abs(out.mean(axis=0))
+    crossed = np.abs((out * np.conj(into)).sum(axis=0)) ** 2
+    coherence = crossed / ((np.abs(out) ** 2).sum(axis=0) * (np.abs(into) ** 2).sum(axis=0))
+    return Lines(omega, ratio, spread, coherence)
