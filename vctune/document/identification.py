@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import ceil
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -80,7 +80,6 @@ class BoundedRecord(Part):
     high: float
     share: float
     limit: str
-    held_by: Literal["box", "unmodelled"]
     estimates: list[EstimateRecord]
 
 
@@ -154,7 +153,8 @@ def device_text(record: IdentificationRecord) -> str:
     document: dict[str, Any] = {"name": record.name}
     document |= {"description": record.description} if record.description else {}
     document["device"] = device
-    document["uncertainty"] = {each.key: each.share for each in record.numbers if each.held_by == "box"}
+    document["stability"] = {"criterion": "passive"}
+    document["uncertainty"] = {each.key: each.share for each in record.numbers}
     if record.unmodelled:
         document["uncertainty"]["unmodelled"] = record.unmodelled
     if record.friction is not None or record.force_noise:
@@ -185,8 +185,7 @@ def _short(value: float | None) -> str:
 
 def _note(each: BoundedRecord) -> str:
     found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
-    where = ", held by unmodelled" if each.held_by == "unmodelled" else ""
-    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f"{where}, by {each.limit}; found {found}"
+    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f", by {each.limit}; found {found}"
 
 
 def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
@@ -205,6 +204,10 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
         if heading == "[uncertainty]" and key == "unmodelled":
             lines.append(
                 "# [Hz, radius]: every measured line is that of a device of the box, times a number this far from 1"
+            )
+        if heading == "[stability]" and key == "criterion":
+            lines.append(
+                '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
         if heading == "[[experiment]]" and line == heading:
             lines.append("# Friction and noise as they were found; hand and motion are vctune's defaults.")

@@ -19,7 +19,7 @@ from vctune.identification.friction import FrictionFound
 from vctune.identification.motion_study import MotionStudy, motion_study
 from vctune.identification.periodic_study import PeriodicStudy, behind_force, periodic_estimates
 from vctune.identification.response import response
-from vctune.identification.unmodelled import distances, envelope, with_lags
+from vctune.identification.unmodelled import distances, envelope
 from vctune.model.quantities import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 
 Progress = Callable[[str], None]
@@ -111,7 +111,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         name=name,
         device=device,
         bounds=bounds,
-        unmodelled=_unmodelled(studies, found, device, bounds),
+        unmodelled=_unmodelled(studies, found),
         distances=tuple(found),
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
@@ -209,16 +209,14 @@ def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded
     return distances(device, bounds, study.periodic.measured, study.periodic.fit.numbers["coulomb"])
 
 
-def _unmodelled(
-    studies: Sequence[RecordStudy], found: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
-) -> tuple[tuple[float, float], ...]:
+def _unmodelled(studies: Sequence[RecordStudy], found: Sequence[np.ndarray]) -> tuple[tuple[float, float], ...]:
     measured = [study.periodic.measured for study in studies if study.periodic is not None]
     if not measured:
         return ()
     hertz = np.concatenate([each.position.omega / (2 * pi) for each in measured])
     needed = np.concatenate(list(found))
     order = np.argsort(hertz, kind="stable")
-    return with_lags(device, bounds, envelope(hertz[order], needed[order]))
+    return envelope(hertz[order], needed[order])
 
 
 def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
@@ -251,8 +249,7 @@ def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[
         if study.periodic is not None:
             top = study.periodic.measured.position.omega[-1] / (2 * pi)
             said.append(
-                f"{study.recording.name}: nothing was measured above {top:.4g} Hz: there unmodelled grows "
-                "with the delay's interval alone"
+                f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
             )
             if study.periodic.fit.candidate.load:
                 said.append(

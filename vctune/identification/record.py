@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Literal
 
 import numpy as np
 
@@ -27,7 +26,6 @@ from vctune.identification.identify import Identified, RecordStudy
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.physics import antiresonance_hz
-from vctune.identification.unmodelled import LAGS
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
 
@@ -44,8 +42,8 @@ def identification_record(
     versions : of what determines the result
     next_one : a multisine for what is still uncertain; None if it was not asked for
     """
-    rotary, disc = found.records[0].recording.rotary, LAGS if found.unmodelled else ()
-    numbers = [_bounded(each, "unmodelled" if each.key in disc else "box", rotary=rotary) for each in found.bounds]
+    rotary = found.records[0].recording.rotary
+    numbers = [_bounded(each, rotary=rotary) for each in found.bounds]
     device = found.device.with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
         name=found.name,
@@ -64,7 +62,7 @@ def identification_record(
     )
 
 
-def _bounded(found: Bounded, held_by: Literal["box", "unmodelled"], *, rotary: bool) -> BoundedRecord:
+def _bounded(found: Bounded, *, rotary: bool) -> BoundedRecord:
     value, share = stated(found.value, found.low, found.high)
     unit = UNIT_OF[found.key]
     return BoundedRecord(
@@ -75,7 +73,6 @@ def _bounded(found: Bounded, held_by: Literal["box", "unmodelled"], *, rotary: b
         high=float(found.high),
         share=share,
         limit=found.limit,
-        held_by=held_by,
         estimates=[
             EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates
         ],

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
 
 import numpy as np
 
 from vctune.document.recording import Floats
 from vctune.identification.box import Bounded
-from vctune.identification.filters import drive
 from vctune.identification.physics import compliances, held_compliance
 from vctune.identification.response import Response
 from vctune.model.quantities import Device
@@ -20,9 +18,6 @@ TRIED = 600
 KNOTS = 24
 """Frequencies at which the radius is stated, where there are more lines."""
 SEED = 1
-LAGS = ("delay", "actuator.bandwidth_hz")
-"""Numbers whose intervals the disc holds, where there is one."""
-FINE = 400
 LEAST = 1e-6
 MARGIN = 1 + 1e-6
 """For the rounding of the numbers in the file."""
@@ -82,9 +77,8 @@ def covered(
     """
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
-    boxed = [each for each in bounds if each.key not in LAGS]
     responses = []
-    for tried in _devices(device, boxed):
+    for tried in _devices(device, bounds):
         motor = compliances(tried, omega)[0]
         responses.append(held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay))
     found = np.array(responses)
@@ -97,33 +91,6 @@ def covered(
         phase.min(axis=0) - turn,
         phase.max(axis=0) + turn,
     )
-
-
-def with_lags(
-    device: Device, bounds: Sequence[Bounded], radii: Sequence[tuple[float, float]]
-) -> tuple[tuple[float, float], ...]:
-    """Return radii that hold the intervals of delay and actuator as well, up to the Nyquist frequency.
-
-    As numbers of the box they would be right too, but a proof needs minutes where a disc and a late box meet.
-
-    Parameters
-    ----------
-    device, bounds : the device in the middle of the box, and the box
-    radii : of what else is not modelled, (Hz, radius)
-    """
-    late = [each for each in bounds if each.key in LAGS]
-    at, nyquist = np.array([hertz for hertz, _ in radii]), 0.5 / device.sample_time
-    beyond = np.linspace(at[-1], nyquist, FINE)[1:]
-    fine = np.concatenate([np.exp(np.linspace(np.log(at[0]), np.log(at[-1]), FINE)), beyond])
-    x, y = np.log(np.array(radii)).T
-    rest = np.exp(np.interp(np.log(fine), x, y))
-    omega = 2 * np.pi * fine
-    moved = np.zeros(fine.size)
-    for signs in product((-1, 0, 1), repeat=len(late)):
-        corner = {each.key: each.value * (1 + each.share * sign) for each, sign in zip(late, signs, strict=True)}
-        ratio = drive(device.with_numbers(corner), omega) / drive(device, omega)
-        moved = np.maximum(moved, np.abs(ratio - 1))
-    return envelope(fine, (1 + rest) * (1 + moved) - 1)
 
 
 def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
+from fractions import Fraction
 from functools import partial
 from math import inf, pi
 
@@ -156,7 +157,10 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         poles = partial(_of_every_loop, prove_sampled_poles)
         outcomes[Claim.SAMPLED_POLES] = claim(poles, prove_sampled_poles_for_all)
         if box is not None and box.nominal.unmodelled is not None:
-            outcomes[Claim.UNMODELLED] = _unmodelled(design, box, box.nominal.unmodelled.radii, demands)
+            bounded = outcomes[Claim.SENSITIVITY].verdict is Verdict.PROVED
+            outcomes[Claim.UNMODELLED] = _unmodelled(
+                design, box, box.nominal.unmodelled.radii, demands, bounded=bounded
+            )
         if demands.hands is not None:
             outcomes[Claim.HANDS] = prove_hands(design, demands, box)
         missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
@@ -175,9 +179,16 @@ def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Desi
     return replace(outcome, boxes=boxes)
 
 
-def _unmodelled(design: Design, box: DeviceBox, radii: tuple[tuple[float, float], ...], demands: Demands) -> Outcome:
-    """Prove that no response within the discs of those of a box makes the loop unstable."""
-    if not design.gains.closed:
+def _unmodelled(
+    design: Design, box: DeviceBox, radii: tuple[tuple[float, float], ...], demands: Demands, *, bounded: bool
+) -> Outcome:
+    """Prove that no response within the discs of those of a box makes the loop unstable.
+
+    Where |S| is `bounded` by its limit, |1 - S| is by one more, and discs smaller than the inverse of that need no
+    proof of their own.
+    """
+    greatest, limit = (Fraction(str(x)) for x in (max(radius for _, radius in radii), demands.max_sensitivity))
+    if not design.gains.closed or (bounded and greatest * (1 + limit) < 1):
         return Outcome(Verdict.PROVED, 1)
 
     def alone(device: Device, theta: float) -> Outcome:
