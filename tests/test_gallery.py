@@ -5,9 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import subprocess
+import tomllib
+from functools import cache
+from math import inf
 
 import pytest
-from conftest import ROOT
+from conftest import PROBLEM_FILES, ROOT
+from hand_scan import least_ratio_in_hands
+from test_solve import assert_admissible_by_the_oracles, recomputed
 
 from vctune.design.judge import Status
 from vctune.design.solve import solve
@@ -29,11 +34,38 @@ SPARSE = 10
 """Every tenth point of a study is solved again."""
 
 
+@cache
+def solved_problem(path):
+    return solve(read_problem(path).problem)
+
+
+@pytest.mark.parametrize("path", PROBLEM_FILES, ids=lambda path: path.stem)
+def test_every_problem_is_solved_and_admissible_by_the_oracles(path):
+    solved = solved_problem(path)
+    problem, judgement = solved.problem, solved.judgement
+    expected = Status.INFEASIBLE if path.stem in ("infeasible", "unstable-bounds") else Status.CERTIFIED
+    assert solved.status is expected
+    assert tomllib.loads(path.read_text())["name"] == path.stem
+    if judgement is None:
+        return
+    if problem.hands_met is not None:
+        ratio, S = least_ratio_in_hands(path, problem, judgement)
+        assert ratio >= 1.05 * (1 - 1e-9) and S <= 2 * (1 + 1e-9)
+    if problem.passive and not problem.device.ideal:
+        assert_admissible_by_the_oracles(problem, judgement)
+    elif problem.passive and problem.stability.band.max < inf:
+        ratio, S, error, radius = recomputed(problem, judgement.gains, judgement.coupling)
+        assert ratio >= (1.0 if path.stem == "fixed-gains" else 1.05) * (1 - 1e-9)
+        assert S <= 2 * (1 + 1e-9)
+        assert radius < 1
+        assert judgement.transparency.error == pytest.approx(error, rel=1e-5)
+
+
 @pytest.mark.parametrize("path", PROBLEMS, ids=lambda path: path.stem)
 def test_gallery_is_as_new_as_the_code(path):
     folder = ROOT / "results" / path.stem
     record = json.loads((folder / "design.json").read_text())
-    solved = solve(read_problem(path).problem)
+    solved = solved_problem(path)
     assert record["problem"]["text"] == path.read_text()
     assert record["problem"]["sha256"] == read_problem(path).sha256
     assert record["status"] == solved.status.value

@@ -154,6 +154,7 @@ def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
     assert (delay.low, delay.high) == pytest.approx((1e-4, 5e-4))
 
 
+@pytest.mark.slow
 def test_the_suggested_multisine_is_periodic_and_within_what_the_log_bore(tmp_path):
     case = random_case(2)
     identified = identify(*case.log.write(tmp_path), excitation=True)
