@@ -217,6 +217,7 @@ def run(name, folder):
     return rows_of(folder / f"{name}.csv")
 
 
+@pytest.mark.slow
 def test_quick_solvers(tmp_path, monkeypatch):
     """With the coarsest grid and a multi-start on a quarter of its frequencies: the dense ones take long to compile."""
     multistart, *_ = solvers.PEERS
@@ -236,6 +237,7 @@ def test_quick_solvers(tmp_path, monkeypatch):
     assert coarse["succeeded"] == "yes" and coarse["verdict"] == "violated" and float(coarse["violation"]) > 0.01
 
 
+@pytest.mark.slow
 def test_quick_stress(tmp_path, monkeypatch):
     monkeypatch.setattr(stress, "QUICK", 12)
     rows = run("stress", tmp_path)

@@ -16,7 +16,7 @@ from vctune.document.errors import InputError
 from vctune.model.experiment import Friction, Operator
 from vctune.model.quantities import Device
 
-FEW, MANY = range(1, 5), range(200)
+FEW, MANY = range(1, 3), range(200)
 
 
 @dataclass(frozen=True)

@@ -204,6 +204,7 @@ def test_certified_means_stable_with_every_passive_operator_that_contains_the_le
     assert closed_loop_poles(case, operator, environment).real.max() > 0
 
 
+@pytest.mark.slow
 def test_no_random_design_is_admissible_and_better_than_the_bound():
     problem = parse_problem(FRICTION_WHEEL + "[operator]\nmass = 0.1\ndamping = 1.0\n", "p", "p")
     solved = solve(problem, gap=0.01)

@@ -356,9 +356,8 @@ def bound_of_a_certain_device():
     return bound(pose(problem("desktop")), best, lambda gains, limit: None, gap=0.02, most_boxes=2e5).bound
 
 
-@pytest.mark.parametrize(
-    "tables", [WORST, pytest.param(WIDE + HELD, marks=pytest.mark.slow)], ids=["worst", "operator"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("tables", [WORST, WIDE + HELD], ids=["worst", "operator"])
 def test_no_admissible_design_is_below_the_bound(tables):
     given, best = problem("desktop", tables), solved("desktop", tables).judgement
     found = bound(pose(given), best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
