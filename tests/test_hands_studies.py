@@ -138,7 +138,7 @@ def test_the_region_has_both_kinds_of_cells(name, share):
 @pytest.mark.slow
 def test_the_region_of_the_friction_wheel_is_nearly_decided():
     text = (ROOT / "problems/friction-wheel.toml").read_text()
-    problem = posed(text.replace("[stability]\n", '[stability]\ncriterion = "hands"\n'))
+    problem = posed(text.replace('criterion = "passive"', 'criterion = "hands"'))
     across = plane(problem, "gains.velocity", "gains.position", 8)
     region_ = region(problem, across, across.coarsest_squares())
     assert region_.area(Kind.UNDECIDED) < 0.05 and region_.area(Kind.FEASIBLE) > 0.2
