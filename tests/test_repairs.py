@@ -407,7 +407,9 @@ def test_odd_bands_have_valid_levers(band):
                 raise AssertionError(f"{change.line(new)}: {error}") from None
 
 
-IDLE = "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = 5e-4\n[stability]\nband_hz = [0.25, 200.0]\n"
+IDLE = for_passive_hands(
+    "[device]\nmass = 0.35\ndamping = 1.2\nsample_time = 5e-4\ndelay = 5e-4\n[stability]\nband_hz = [0.25, 200.0]\n"
+)
 """One sample late, and stable far beyond what its loop can follow."""
 
 
