@@ -19,9 +19,10 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, SimulationRecord, simulation_of
+from vctune.document.supported import of_admittance_display, only_admittance
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run
 from vctune.simulation.library import CompiledController
@@ -70,7 +71,7 @@ class Simulation:
 def simulate(
     problem: ProblemSource,
     gains: Gains | str | Path | None = None,
-    coupling: Coupling | None = None,
+    coupling: AnyCoupling | None = None,
     experiment: Experiment | str | None = None,
     *,
     controller: str | Path | None = None,
@@ -99,7 +100,9 @@ def simulate(
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
+    only_admittance(file.source, file.problem.device, "simulating")
+    law, found = _found(file, progress) if gains is None else plain_design(gains, coupling)
+    coupling = of_admittance_display(file.source, found, "simulating")
     compiled = None if controller is None else CompiledController(Path(controller))
     runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
     told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
@@ -166,7 +169,7 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     return value
 
 
-def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, Coupling]:
+def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
     from vctune.design.solve import solve
 
     solved = solve(file.problem, progress)

@@ -18,8 +18,9 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
+from vctune.document.supported import of_admittance_display
 from vctune.firmware.firmware import Firmware, Precision, certified, firmware
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"
@@ -45,7 +46,7 @@ class Exported:
 def export(
     source: ProblemSource | DesignRecord,
     gains: Gains | str | Path | None = None,
-    coupling: Coupling | None = None,
+    coupling: AnyCoupling | None = None,
     *,
     to: Format = "c",
     precision: Precision = "double",
@@ -79,7 +80,8 @@ def export(
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
             raise InputError(name, [Mistake("", f"is {value!r}; one of {', '.join(get_args(known))}")])
-    file, design = stated_design(source, gains, coupling)
+    file, (law, found) = stated_design(source, gains, coupling)
+    design = law, of_admittance_display(file.source, found, "exporting")
     progress("proving")
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
@@ -123,8 +125,8 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def stated_design(
-    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: Coupling | None
-) -> tuple[ProblemFile, tuple[Gains, Coupling]]:
+    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: AnyCoupling | None
+) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design that are meant.
 
     Parameters

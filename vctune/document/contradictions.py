@@ -7,10 +7,11 @@ from math import floor, inf, isfinite
 from typing import Any
 
 from vctune.document.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
+from vctune.document.display_contradictions import impossible_display
 from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.raw import number_at
 from vctune.document.validation import Fault
-from vctune.model.keys import KEYS
+from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.quantities import HAND, PARTS
 
 MAX_DECADES = 12
@@ -23,12 +24,13 @@ def contradictions(raw: dict[str, Any]) -> list[Fault]:
         *_impossible_bands(raw),
         *_impossible_numbers(raw),
         *_impossible_criterion(raw),
+        *impossible_display(raw),
         *impossible_experiments(raw),
     ]
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
-    for key in (*KEYS, *HAND):
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:

@@ -13,15 +13,24 @@ from pydantic import Field, Strict, model_validator
 
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Pair, Part
-from vctune.document.record import CouplingRecord, GainsRecord, NotNegative, ProblemRecord
+from vctune.document.record import (
+    CouplingRecord,
+    GainsRecord,
+    InjectionRecord,
+    NotNegative,
+    ProblemRecord,
+    SpringRecord,
+)
 from vctune.model.problem import Criterion
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 SCHEMA = "vctune/region/1"
 MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"
 
-Key = Literal["gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag"]
+Key = Literal[
+    "gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag", "coupling.stiffness"
+]
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
@@ -60,14 +69,22 @@ class ListedCoupling(CouplingRecord, extra="forbid"):
     """Their coupling."""
 
 
+class ListedInjection(InjectionRecord, extra="forbid"):
+    """The gain of an impedance display."""
+
+
+class ListedSpring(SpringRecord, extra="forbid"):
+    """Its coupling."""
+
+
 class DesignPoint(Part):
     """Gains and coupling that are proved on their own."""
 
-    gains: ListedGains
-    coupling: ListedCoupling
+    gains: Annotated[ListedGains | ListedInjection, Field(union_mode="left_to_right")]
+    coupling: Annotated[ListedCoupling | ListedSpring, Field(union_mode="left_to_right")]
 
     @property
-    def design(self) -> tuple[Gains, Coupling]:
+    def design(self) -> tuple[Gains, AnyCoupling]:
         """Gains and coupling."""
         return self.gains.plain, self.coupling.plain
 
