@@ -37,6 +37,8 @@ def with_alternatives(solved: Solved) -> Solved:
     problem = solved.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
+    if problem.device.renders_force and problem.uncertainty is not None:
+        return solved  # a box of devices in a box of hands takes minutes
     found = []
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
     for one in others:

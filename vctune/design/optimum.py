@@ -89,14 +89,14 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     return Optimum(judgement, best, len(optima), seconds)
 
 
-def nominal_start(prepared: Prepared) -> Start | None:
-    """Return the best design for the nominal device of an uncertain one: its basin may be the best, too."""
+def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
+    """Return the best design for the nominal device of an uncertain one, whose basin may be the best, and its error."""
     nominal = prepare(replace(prepared.problem, uncertainty=None))
     judgement = optimum(nominal, scan(nominal.scaled)).judgement
     if judgement is None:
         return None
     law = design_of(prepared.units.to_dimensionless(point(judgement.gains, judgement.coupling)))
-    return Start(*law, prepared.scaled.error(*law))
+    return Start(*law, nominal.scaled.error(*law)), judgement.error
 
 
 @np.errstate(all="ignore")

@@ -17,7 +17,6 @@ import numpy as np
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.destabilising import destabilising
 from vctune.analysis.margins import loop_margins, unstable_poles
-from vctune.design.criteria import Alternative
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair
@@ -35,6 +34,7 @@ from vctune.document.record import (
     ClaimRecord,
     DesignRecord,
     EnvironmentRecord,
+    GainsRecord,
     GlanceRecord,
     HandRecord,
     HandsRecord,
@@ -45,7 +45,7 @@ from vctune.document.record import (
     RepairRecord,
     TransparencyRecord,
     WithoutOperatorRecord,
-    law_records,
+    coupling_record,
 )
 from vctune.model.frequency import hertz
 from vctune.model.problem import Problem
@@ -57,6 +57,7 @@ from vctune.version import __version__
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+    from vctune.design.criteria import Alternative
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
@@ -202,10 +203,10 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
     also |= _in_any_hand(problem, judgement)
-    display, (of_gains, of_coupling) = _display(problem), law_records(gains, coupling)
+    display = _display(problem)
     return {
-        "gains": of_gains,
-        "coupling": of_coupling,
+        "gains": GainsRecord(**asdict(gains)),
+        "coupling": coupling_record(coupling),
         "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,

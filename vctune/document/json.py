@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from vctune.document.errors import InputError, Mistake
 from vctune.document.part import Part
-from vctune.document.validation import MAX_MISTAKES, dotted
+from vctune.document.validation import MAX_MISTAKES, dotted, untagged
 
 Record = TypeVar("Record", bound=Part)
 
@@ -69,7 +69,7 @@ def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind:
         return part.model_validate(value)
     except ValidationError as error:
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
-        mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
+        mistakes = [Mistake(dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
         raise InputError(source, [*mistakes, Mistake("", f"is damaged; {remedy}")]) from None
 
 

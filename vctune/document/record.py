@@ -11,7 +11,7 @@ from dataclasses import asdict
 from math import radians
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from vctune.document.part import Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
@@ -46,17 +46,6 @@ class GainsRecord(Part):
         return Gains(self.velocity, self.position)
 
 
-class InjectionRecord(Part):
-    """The gain of an impedance display."""
-
-    velocity: Annotated[NotNegative, Shown("velocity K_v", "N s/m", 8)]
-
-    @property
-    def plain(self) -> Gains:
-        """The gains."""
-        return Gains(self.velocity, 0.0)
-
-
 class CouplingRecord(Part):
     """The virtual coupling."""
 
@@ -82,13 +71,20 @@ class SpringRecord(Part):
         return SpringDamper(self.damping, self.stiffness)
 
 
-def law_records(
-    gains: Gains, coupling: AnyCoupling
-) -> tuple[GainsRecord | InjectionRecord, CouplingRecord | SpringRecord]:
-    """Return the records of a design's gains and of its coupling."""
-    if isinstance(coupling, SpringDamper):
-        return InjectionRecord(velocity=gains.velocity), SpringRecord(**asdict(coupling))
-    return GainsRecord(**asdict(gains)), CouplingRecord(**asdict(coupling))
+def of_spring(value: Any) -> str:
+    """Return the tag of a coupling, tables or a record: an impedance display's has a stiffness."""
+    stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
+    return "<spring>" if stiff else "<mass>"
+
+
+AnyCouplingRecord = Annotated[
+    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(of_spring)
+]
+
+
+def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
+    """Return the record of a coupling."""
+    return (SpringRecord if isinstance(coupling, SpringDamper) else CouplingRecord)(**asdict(coupling))
 
 
 class DisplayPart(Part):
@@ -417,8 +413,8 @@ class DesignRecord(Part):
     problem: ProblemRecord
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
-    gains: Annotated[GainsRecord | InjectionRecord | None, Field(union_mode="left_to_right")]
-    coupling: Annotated[CouplingRecord | SpringRecord | None, Field(union_mode="left_to_right")]
+    gains: GainsRecord | None
+    coupling: AnyCouplingRecord | None
     transparency: TransparencyRecord | None
     certificate: CertificateRecord | None
     inner_loop: InnerLoopRecord | None
@@ -489,4 +485,7 @@ class DesignRecord(Part):
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        return {title: list(part.rows()) for title, part in parts.items() if part is not None}
+        found = {title: list(part.rows()) for title, part in parts.items() if part is not None}
+        if isinstance(self.coupling, SpringRecord):  # which has no K_p
+            found["gains"] = found["gains"][:1]
+        return found

@@ -9,17 +9,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Pair, Part
 from vctune.document.record import (
     CouplingRecord,
     GainsRecord,
-    InjectionRecord,
     NotNegative,
     ProblemRecord,
     SpringRecord,
+    of_spring,
 )
 from vctune.model.problem import Criterion
 from vctune.model.quantities import AnyCoupling, Gains
@@ -69,19 +69,17 @@ class ListedCoupling(CouplingRecord, extra="forbid"):
     """Their coupling."""
 
 
-class ListedInjection(InjectionRecord, extra="forbid"):
-    """The gain of an impedance display."""
-
-
 class ListedSpring(SpringRecord, extra="forbid"):
-    """Its coupling."""
+    """Their coupling on an impedance display."""
 
 
 class DesignPoint(Part):
     """Gains and coupling that are proved on their own."""
 
-    gains: Annotated[ListedGains | ListedInjection, Field(union_mode="left_to_right")]
-    coupling: Annotated[ListedCoupling | ListedSpring, Field(union_mode="left_to_right")]
+    gains: ListedGains
+    coupling: Annotated[
+        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(of_spring)
+    ]
 
     @property
     def design(self) -> tuple[Gains, AnyCoupling]:

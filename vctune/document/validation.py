@@ -16,7 +16,7 @@ from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 
 MAX_MISTAKES = 25
-TAGS = ("<number>", "<range>", "<text>", "<column>")
+TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
 """What tells the forms of a key apart, which is no part of its path."""
 LONG = 60
 
@@ -109,7 +109,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def _fault(model: type[BaseModel], details: Any) -> Fault:
-    path = tuple(step for step in details["loc"] if step not in TAGS)
+    path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         return path, MOVED.get(path[-2:], f"unknown key{_suggestion(model, path)}")
@@ -140,6 +140,11 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
         "string_too_long": lambda: f"{shown(value)} is too long: at most {context['max_length']}",
     }
     return path, messages[kind]() if kind in messages else f"{shown(value)}: {details['msg']}"
+
+
+def untagged(path: KeyPath) -> KeyPath:
+    """Return a path without the tags of what a key may hold."""
+    return tuple(step for step in path if step not in TAGS)
 
 
 def shown(value: Any) -> str:

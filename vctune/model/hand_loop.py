@@ -374,15 +374,15 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     if plant.renders_force:
         turned, unit = late(delays.loop), T / plant.mass
         open_loop, position = found[n], found[0] * turned
-        velocity, seen = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
+        velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
         if plant.low_pass is not None:
-            # a quotient, unlike below: what is seen stays free of the filter, and boxes of hands tight
+            # a quotient, unlike below: what is met stays free of the filter, and boxes of hands tight
             a, rest = plant.low_pass, 2 - plant.low_pass
             below = 1 / (a * a * (cos * cos) + rest * rest * square)
             passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
             for _ in range(plant.order):
                 velocity = velocity * passed
-        return ForceInHand(open_loop, velocity.scaled(unit), seen.scaled(unit))
+        return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
     felt_states = found if plant.felt_older is plant.older else states(plant.felt_older)
     turned, felt_turned = late(delays.loop), late(delays.felt)
     open_loop, position = found[n], found[0] * turned

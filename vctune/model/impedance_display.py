@@ -37,17 +37,17 @@ them R is known to a thousandth at the Nyquist frequency, with twice as many to 
 
 
 class ForceInHand(NamedTuple):
-    """The loop of an impedance display in a hand: F = open + K_v velocity, and G_y/s^2 = seen/(2 j s F) without f_c.
+    """The loop of an impedance display in a hand: F = open + K_v velocity, and G_y/s^2 = met/(2 j s F) without f_c.
 
     Attributes
     ----------
     open, velocity : parts of F
-    seen : what the environment meets, N s/m inverse with the gains in N s/m
+    met : by the environment, of the units of the gains' inverse
     """
 
     open: EvenOdd
     velocity: EvenOdd
-    seen: EvenOdd
+    met: EvenOdd
 
     def closed(self, gains: Gains) -> EvenOdd:
         """Return F."""
@@ -55,7 +55,7 @@ class ForceInHand(NamedTuple):
 
     def numerator(self, _gains: Gains) -> EvenOdd:
         """Return what is over 2 j s F, which no gain is in."""
-        return self.seen
+        return self.met
 
 
 def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | None:

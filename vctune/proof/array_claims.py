@@ -26,7 +26,7 @@ from vctune.proof.box_tests import Curve, Margin
 from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims import (
     Design,
-    WholeSamples,
+    LoopDelay,
     across_position,
     along_drive,
     any_hand_margin,
@@ -198,7 +198,7 @@ def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delay
     delays : whole samples, the same for all of them
     """
     device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
-    delay = WholeSamples(delays.loop, delays.loop_fractional)
+    delay = LoopDelay(delays.loop, delays.loop_fractional)
 
     def margins(theta: Number, v: Values) -> tuple[Number, Number]:
         return any_hand_margin(Design(device(v), gains_of(v), coupling_of(v)), delay, theta, factor, OPS)

@@ -21,10 +21,10 @@ HALF_TURN = nextafter(pi, inf)
 
 
 @dataclass(frozen=True, slots=True)
-class WholeSamples:
+class LoopDelay:
     """A delay's whole samples, and whether a part of one remains."""
 
-    whole: Number
+    whole_samples: Number
     fractional: bool
 
 
@@ -187,7 +187,7 @@ def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Numbe
 
 
 def any_hand_margin(
-    design: Design, delay: WholeSamples, theta: Number, factor: Number, ops: Arithmetic
+    design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
 ) -> tuple[Number, Number]:
     """Return size (Re 1/Z_c - factor R)/s^2 in any passive hand on an impedance display, and size.
 
@@ -201,7 +201,7 @@ def any_hand_margin(
     factor : least Re(1/Z_c)/R
     ops : arithmetic of all of these
     """
-    hand = any_hand(design.device, delay.whole, theta, ops, fractional=delay.fractional)
+    hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
     required = hand.required(design.gains)
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
 

@@ -24,7 +24,7 @@ from vctune.proof.array_intervals import Floats, decimal
 from vctune.proof.box_tests import Margin, positive
 from vctune.proof.boxes import Boxes, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
-from vctune.proof.claims import HALF_TURN, Design, WholeSamples, any_hand_margin, hand_curve, hand_margin
+from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import in_rad_per_s
@@ -262,7 +262,7 @@ def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -
     """Return the margin in a hand, or in any, at one angle, in balls."""
     exact, delays = design_ball(design), delays_of(design.device)
     if hand is None:
-        delay = WholeSamples(delays.loop, delays.loop_fractional)
+        delay = LoopDelay(delays.loop, delays.loop_fractional)
         return any_hand_margin(exact, delay, arb(theta), ball(factor), BALLS)[0]
     plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays, BALLS)
     return hand_margin(plant, exact, arb(theta), ball(factor), BALLS)

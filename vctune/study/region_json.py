@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.design.record import versions
 from vctune.document.reading import ProblemFile
-from vctune.document.record import ProblemRecord, law_records
+from vctune.document.record import ProblemRecord
 from vctune.document.region import (
     AxesRecord,
     DemandsRecord,
@@ -51,13 +51,8 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
         designs=[
-            DesignPoint.model_validate(
-                {
-                    name: record.model_dump()
-                    for name, record in zip(("gains", "coupling"), law_records(*design), strict=True)
-                }
-            )
-            for design in designs
+            DesignPoint.model_validate({"gains": asdict(gains), "coupling": asdict(coupling)})
+            for gains, coupling in designs
         ],
         edges=EdgesRecord(x=x_edges, y=y_edges),
         cells=[(*square, Kind(kind).name.lower(), b_c) for square, kind, b_c in cells],
