@@ -19,10 +19,9 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, SimulationRecord, simulation_of
-from vctune.document.supported import of_admittance_display, only_admittance
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
-from vctune.model.quantities import AnyCoupling, Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run
 from vctune.simulation.library import CompiledController
@@ -44,7 +43,7 @@ class Simulation:
 
     file: ProblemFile
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     experiments: tuple[Simulated, ...]
     controller: str | None = None
     made_for: str | None = None
@@ -100,9 +99,7 @@ def simulate(
     """
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    only_admittance(file.source, file.problem.device, "simulating")
-    law, found = _found(file, progress) if gains is None else plain_design(gains, coupling)
-    coupling = of_admittance_display(file.source, found, "simulating")
+    law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
     compiled = None if controller is None else CompiledController(Path(controller))
     runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
     told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)

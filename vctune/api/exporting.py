@@ -18,7 +18,6 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
-from vctune.document.supported import of_admittance_display
 from vctune.firmware.firmware import Firmware, Precision, certified, firmware
 from vctune.model.quantities import AnyCoupling, Gains
 
@@ -80,8 +79,7 @@ def export(
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
             raise InputError(name, [Mistake("", f"is {value!r}; one of {', '.join(get_args(known))}")])
-    file, (law, found) = stated_design(source, gains, coupling)
-    design = law, of_admittance_display(file.source, found, "exporting")
+    file, design = stated_design(source, gains, coupling)
     progress("proving")
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:

@@ -79,7 +79,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             objective.norm,
             Terms(weights.admittance, weights.tracking, weights.coupling),
         ),
-        stability=_stability(document.stability, lag, f1),
+        stability=_stability(document.stability, lag, f1, 0.5 / device.sample_time if device.renders_force else None),
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
@@ -97,8 +97,9 @@ def _hands(table: OperatorTable) -> Hands:
     return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
 
 
-def _stability(table: StabilityTable, lag: float, f1: float) -> Stability:
-    low, high = table.band_hz or (f1, 0.05 / lag)
+def _stability(table: StabilityTable, lag: float, f1: float, nyquist: float | None) -> Stability:
+    """Return the demands; those of an impedance display, of which the Nyquist frequency is given, are up to there."""
+    low, high = table.band_hz or (f1, nyquist if nyquist is not None else 0.05 / lag)
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf),
         table.safety_factor,

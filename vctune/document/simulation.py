@@ -15,7 +15,7 @@ from vctune.document.errors import InputError
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Number, Part
 from vctune.document.reading import parse_problem
-from vctune.document.record import CouplingRecord, DesignRecord, GainsRecord
+from vctune.document.record import AnyCouplingRecord, DesignRecord, GainsRecord
 
 SCHEMA = "vctune/simulation/1"
 FILE = "simulation.json"
@@ -117,7 +117,7 @@ class SimulationRecord(Part):
 
     problem: SimulatedProblemRecord
     gains: GainsRecord
-    coupling: CouplingRecord
+    coupling: AnyCouplingRecord
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
     controller: str | None = None

@@ -1,28 +1,9 @@
-"""What cannot be done yet with a design of an impedance display."""
+"""What cannot be done yet with an impedance display."""
 
 from __future__ import annotations
 
 from vctune.document.errors import InputError, Mistake
-from vctune.model.quantities import AnyCoupling, Coupling, Device, SpringDamper
-
-
-def of_admittance_display(source: str, coupling: AnyCoupling, doing: str) -> Coupling:
-    """Return the coupling of an admittance display.
-
-    Parameters
-    ----------
-    source : what messages call the problem
-    coupling : of any display
-    doing : what was asked for, a gerund
-
-    Raises
-    ------
-    InputError
-        If it is that of an impedance display.
-    """
-    if isinstance(coupling, SpringDamper):
-        raise InputError(source, [_not_yet(doing)])
-    return coupling
+from vctune.model.quantities import Device
 
 
 def only_admittance(source: str, device: Device, doing: str) -> None:
@@ -35,8 +16,5 @@ def only_admittance(source: str, device: Device, doing: str) -> None:
     doing : what was asked for, a gerund
     """
     if device.renders_force:
-        raise InputError(source, [_not_yet(doing)])
-
-
-def _not_yet(doing: str) -> Mistake:
-    return Mistake("device.display", f'"impedance": {doing} is for admittance displays only, so far')
+        message = f'"impedance": {doing} is for admittance displays only, so far'
+        raise InputError(source, [Mistake("device.display", message)])

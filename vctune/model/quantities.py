@@ -403,5 +403,5 @@ AnyCoupling = Coupling | SpringDamper
 
 def series_coupling(coupling: AnyCoupling) -> Coupling:
     """Return the coupling of an admittance display as one, which it must be."""
-    assert isinstance(coupling, Coupling)
+    assert not isinstance(coupling, SpringDamper)
     return coupling

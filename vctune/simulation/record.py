@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.document.digest import experiments_digest
 from vctune.document.reading import ProblemFile
-from vctune.document.record import CouplingRecord, GainsRecord
+from vctune.document.record import GainsRecord, coupling_record
 from vctune.document.simulation import (
     DifferenceRecord,
     EnvironmentRecord,
@@ -23,7 +23,7 @@ from vctune.document.simulation import (
     SimulationRecord,
 )
 from vctune.model.experiment import Environment
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.simulation.experiment import Run, Simulated
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
@@ -36,7 +36,7 @@ simulation.json, the same picture. Twice: corners begin to show in print."""
 
 
 def simulation_record(
-    file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated], controller: str | None = None
+    file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated], controller: str | None = None
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
@@ -57,7 +57,7 @@ def simulation_record(
             experiments_sha256=experiments_digest(file.problem.experiments),
         ),
         gains=GainsRecord(**asdict(gains)),
-        coupling=CouplingRecord(**asdict(coupling)),
+        coupling=coupling_record(coupling),
         experiments=[_experiment(one) for one in simulated],
         versions={"vctune": __version__},
         **also,
