@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from dataclasses import replace
 from math import ceil, floor, pi
 
@@ -27,6 +29,9 @@ from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, Spring
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
+from vctune.simulation.record import quiet_stiffness
+from vctune.simulation.scene import designed_scene
+from vctune.simulation.stability import fastest_mode
 
 B, T = 0.8, 1e-3
 
@@ -385,3 +390,86 @@ def test_uncertain_damping_counts_with_its_least():
     assert solved.status is Status.CERTIFIED
     best = solved.judgement.coupling
     assert best.damping + best.stiffness * T / 2 == pytest.approx(0.75 * B, rel=1e-3)
+
+
+EXPERIMENT = {
+    "name": "mass",
+    "environment": {"stiffness": 900.0, "mass": 0.3, "damping": 0.4, "rule": "trapezoid"},
+    "operator": {"to": 0.01, "cycles": 1, "mass": 0.2, "stiffness": 300.0, "damping": 3.0},
+}
+
+
+@pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.parametrize("late", [0.0, 0.4, 1.7])
+def test_the_simulated_loop_is_that_of_the_state_matrix(order, late):
+    filter_hz = 60.0 if order else None
+    low_pass = 1 - np.exp(-2 * pi * 60.0 * T) if order else None
+    device = display(delay=late * T, velocity=VelocityEstimate("difference", filter_hz, order or 1))
+    problem = problem_of(
+        {"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [EXPERIMENT]}
+    ).problem
+    gains, coupling = Gains(0.3, 0.0), SpringDamper(0.4, 700.0)
+    mode = fastest_mode(designed_scene(device, gains, coupling, problem.experiments[0]))
+    elements = [Element("spring", 900.0), Element("mass", 0.3), Element("damper", 0.4)]
+    mechanics = Mechanics(0.1, B, hand=(0.2, 3.0, 300.0))
+    matrix = step_matrix(mechanics, T, late * T, 0.3, 0.4, 700.0, elements, low_pass=low_pass)
+    values = np.linalg.eigvals(matrix)
+    assert mode.radius == pytest.approx(np.abs(values[np.abs(values - 1) > 1e-6]).max(), abs=1e-9)
+
+
+def test_simulation_says_up_to_where_the_encoder_is_quiet():
+    problem = problem_of({"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [
+        EXPERIMENT | {"friction": {"coulomb": 0.02, "stiffness": 1e4}, "sensors": {"position_resolution": 1e-4}}
+    ]}).problem  # fmt: skip
+    experiment = problem.experiments[0]
+    assert quiet_stiffness(display(), experiment) == pytest.approx(400.0)  # 2 f_C/q
+    assert quiet_stiffness(display(damping=0.1), experiment) == pytest.approx(200.0)  # 2 b/T
+    assert quiet_stiffness(display(), replace(experiment, friction=None)) == 0.0
+
+
+def test_the_exported_controller_commands_what_was_simulated(tmp_path):
+    document = {
+        "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T,
+                   "velocity": {"filter_hz": 80.0, "filter_order": 2}},
+        "gains": {"velocity": 0.1},
+        "coupling": {"damping": 0.1, "stiffness": 500.0},
+    }  # fmt: skip
+    made = vctune.export(document)
+    assert made.firmware.record.status == "certified"
+    assert "POSITION_GAIN" not in made.files["vctune_controller.h"]
+    single = vctune.export(document, precision="single")
+    assert single.firmware.record.status == "certified"
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    for name, content in made.files.items():
+        (tmp_path / name).write_text(content)
+    done = subprocess.run(["make", "-s", "check"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 ulp" in done.stdout
+
+
+def test_a_gains_file_is_written_and_read_again(tmp_path):
+    from vctune.document.gains import gains_text
+    from vctune.document.reading import read_gains
+
+    path = tmp_path / "gains.toml"
+    path.write_text(gains_text(Gains(0.2, 0.0), SpringDamper(0.1, 700.0), {"problem": "x"}))
+    assert "position" not in path.read_text()
+    found = read_gains(path)
+    assert (found.gains, found.coupling) == (Gains(0.2, 0.0), SpringDamper(0.1, 700.0))
+
+
+def test_a_problem_says_itself_again():
+    problem = arm(uncertainty={"mass": 0.1})
+    again = problem_of(problem).problem
+    assert again == replace(problem, experiments=())
+
+
+def test_what_is_not_there_yet_is_refused():
+    with pytest.raises(InputError, match="bounding the error is for admittance displays only"):
+        vctune.bound(arm())
+
+
+def test_problems_that_are_shipped_are_certified():
+    for name in ("desktop-arm", "delta-4khz", "paddle"):
+        assert vctune.solve(f"problems/{name}.toml").status is Status.CERTIFIED

@@ -110,6 +110,7 @@ class ExperimentRecord(Part):
     baseline: RunRecord | None
     design: RunRecord
     difference: DifferenceRecord | None = None
+    quiet_stiffness: float | None = None
 
 
 class SimulationRecord(Part):
