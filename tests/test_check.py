@@ -61,7 +61,7 @@ def test_refusal_names_frequency_ratio_and_the_least_change(folder):
 
 
 def test_json_is_the_object_of_solve(folder):
-    one = json.loads(run("good.toml", "--format", "json", cwd=folder).stdout)
+    (one,) = json.loads(run("good.toml", "--format", "json", cwd=folder).stdout)
     assert (one["schema"], one["status"], one["certificate"]["verdict"]) == ("vctune/design/1", "certified", "proved")
     several = json.loads(run("good.toml", "bad.toml", "--format", "json", cwd=folder).stdout)
     assert [item["status"] for item in several] == ["certified", None]

@@ -218,7 +218,7 @@ def test_a_sweep_solves_each_point(wheel, tmp_path):
     for row in swept.table.rows():
         alone = vctune.solve({**WHEEL, "device": {**WHEEL["device"], "damping": row["device.damping"]}})
         assert row["error"] == alone.judgement.transparency.error
-    assert swept.summary["points"] == 2 and (tmp_path / "table.csv").exists()
+    assert swept.summary.points == 2 and (tmp_path / "table.csv").exists()
     assert vctune.sweep(wheel, {"device.damping": [1.0, 4.0]}, folder=tmp_path).dropped == 0
 
 

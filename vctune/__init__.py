@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
+    from vctune.api.comparing import compare as compare
     from vctune.api.experiments import simulate as simulate
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
@@ -72,6 +73,7 @@ _HOME = {
     "certify": "proof.certificate",
     "check": "api.checking",
     "check_region": "api.checking",
+    "compare": "api.comparing",
     "design_record": "design.record",
     "export": "api.exporting",
     "front": "api.studies",

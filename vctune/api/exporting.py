@@ -6,14 +6,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
-from vctune.api.files import claim_folder
+from vctune.api.files import claim_folder, known_record
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
-from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
@@ -136,7 +135,7 @@ def stated_design(
     InputError
         If there is no problem, or no design, or more than one.
     """
-    record = _record(source)
+    record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
@@ -159,17 +158,6 @@ def stated_design(
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
         raise InputError(named, [Mistake("problem.sha256", message)])
     return file, record.design
-
-
-def _record(source: Any) -> DesignRecord | None:
-    """Return the record of a design, from its file or its object; None for a problem."""
-    if isinstance(source, DesignRecord):
-        return source
-    if isinstance(source, str | Path) and Path(source).suffix == ".json":
-        return read_design(Path(source))
-    if isinstance(source, Mapping) and "schema" in source:
-        return design_of(dict(source), "design")
-    return None
 
 
 def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:

@@ -83,6 +83,27 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     return folder / REPORT
 
 
+def known_record(source: Any) -> DesignRecord | None:
+    """Return the record of a design, from its file or its object; None for what states a problem.
+
+    Parameters
+    ----------
+    source : path of a design.json or of a problem file, the object of either, a problem, or a record
+
+    Raises
+    ------
+    InputError
+        If the file or the object of a design is damaged.
+    """
+    if isinstance(source, DesignRecord):
+        return source
+    if isinstance(source, str | Path) and Path(source).suffix == ".json":
+        return read_design(Path(source))
+    if isinstance(source, Mapping) and "schema" in source:
+        return design_of(dict(source), "design")
+    return None
+
+
 def design_folder(file: ProblemFile, out: Path) -> Path:
     """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
 

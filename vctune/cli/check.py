@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option
+from vctune.cli.options import out_option, output_options
 
 if TYPE_CHECKING:
     from vctune.design.check import Checked
@@ -16,19 +16,12 @@ if TYPE_CHECKING:
 @click.command(short_help="Prove gains that already exist.")
 @click.argument("paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
 @click.option(
-    "--format",
-    "style",
-    type=click.Choice(["text", "json", "github", "junit", "sarif"]),
-    default="text",
-    show_default=True,
-    help="What to print.",
-)
-@click.option(
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
 )
 @click.option("--strict", is_flag=True, help="A warning fails the check.")
 @out_option("NAME/lost.json and its picture when a region has lost cells")
-def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bool, out: Path) -> int:
+@output_options("github", "junit", "sarif")
+def check(paths: tuple[Path, ...], style: str, quiet: bool, baseline: Path | None, strict: bool, out: Path) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
@@ -56,7 +49,8 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     else:
         found = check_files(files) if baseline is None else _against(baseline, files, out)
     checks = [replace(checked, strict=strict) for checked in found]
-    emit(FORMATS[style](checks))
+    if style != "text" or not quiet:
+        emit(FORMATS[style](checks))
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
     return max((of_check(checked.result) for checked in checks), key=severity.index)
 

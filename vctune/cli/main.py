@@ -9,6 +9,7 @@ import click
 from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
+from vctune.cli.compare import compare
 from vctune.cli.export import export
 from vctune.cli.front import front
 from vctune.cli.identify import identify
@@ -54,6 +55,7 @@ def main() -> None:
 
 main.add_command(solve)
 main.add_command(check)
+main.add_command(compare)
 main.add_command(sweep)
 main.add_command(front)
 main.add_command(simulate)

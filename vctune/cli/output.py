@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 
 @contextmanager
@@ -22,3 +23,22 @@ def emit(text: str) -> None:
     """Print a text to stdout."""
     with reader_may_leave():
         sys.stdout.write(text + "\n")
+
+
+def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:
+    """Print what came of a command.
+
+    Parameters
+    ----------
+    style : "json" for the object, "text" for people
+    quiet : whether people are told nothing
+    data : makes the object
+    people : prints it for them
+    """
+    if style == "json":
+        import json
+
+        emit(json.dumps(data(), indent=2, allow_nan=False))
+    elif not quiet:
+        with reader_may_leave():
+            people()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument
 
 if TYPE_CHECKING:
     from vctune.cli.progress import Progress
@@ -28,9 +28,9 @@ IN_THE_LOOP = "in-the-loop"
     type=click.Path(path_type=Path),
     help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print simulation.json instead of the table.")
+@output_options()
 def simulate(
-    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, as_json: bool
+    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, style: str, quiet: bool
 ) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
 
@@ -40,12 +40,10 @@ def simulate(
     With --controller a compiled firmware runs in the place of the design's own, and is compared with it; the files then
     are in the folder `in-the-loop` beside the design's.
     """
-    import json
-
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.files import design_folder
-    from vctune.cli.output import emit, reader_may_leave
+    from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
     from vctune.document.reading import read_gains, read_problem
@@ -58,7 +56,7 @@ def simulate(
         click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
     folder = design_folder(file, out)
 
-    with progress_on_stderr(f"vctune simulate {problem.name}", shown=True) as progress:
+    with progress_on_stderr(f"vctune simulate {problem.name}", shown=not quiet) as progress:
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
@@ -70,14 +68,14 @@ def simulate(
             folder = folder / IN_THE_LOOP
             make_folder(folder)
         record = write_simulation(simulation, folder)
-    if as_json:
-        emit(json.dumps(record, indent=1, allow_nan=False))
-    else:
+
+    def table() -> None:
         from vctune.cli.table import print_simulation
         from vctune.document.simulation import simulation_of
 
-        with reader_may_leave():
-            print_simulation(simulation_of(record), folder)
+        print_simulation(simulation_of(record), folder)
+
+    answer(style, quiet, lambda: record, table)
     return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 

@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from vctune.document.errors import InputError, Mistake
-from vctune.document.part import Part
+from vctune.document.part import Document
 from vctune.document.validation import MAX_MISTAKES, dotted
 
-Record = TypeVar("Record", bound=Part)
+Record = TypeVar("Record", bound=Document)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
@@ -46,14 +46,13 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
         raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
 
 
-def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind: str, remedy: str) -> Record:
+def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str) -> Record:
     """Return the record that the object of a JSON file states.
 
     Parameters
     ----------
     value : the object
     part : class of the record
-    schema : what the object has to call itself
     source : what messages call it
     kind : what to name instead of another object
     remedy : for one that is damaged
@@ -63,8 +62,8 @@ def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind:
     InputError
         If it is another object, or listing the parts that are missing or wrong.
     """
-    if not isinstance(value, dict) or value.get("schema") != schema:
-        raise InputError(source, [Mistake("schema", f"is not {schema}; name {kind}")])
+    if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
+        raise InputError(source, [Mistake("schema", f"is not {part.SCHEMA}; name {kind}")])
     try:
         return part.model_validate(value)
     except ValidationError as error:

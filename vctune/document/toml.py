@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from collections.abc import Sequence
 from itertools import chain
@@ -12,12 +13,14 @@ from typing import Any
 from vctune.document.errors import InputError, Mistake
 
 MAX_BYTES = 100_000
+STDIN = Path("-")
+"""What stands for standard input in the place of a file."""
 
 KeyPath = Sequence[str | int]
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a small UTF-8 file.
+    """Return the text of a small UTF-8 file, or of standard input for "-".
 
     Raises
     ------
@@ -25,7 +28,7 @@ def read_text(path: Path) -> str:
         If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
     """
     try:
-        with path.open("rb") as file:
+        with sys.stdin.buffer if path == STDIN else path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
         raise InputError(str(path), [Mistake("", "no such file")]) from None

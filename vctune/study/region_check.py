@@ -15,14 +15,12 @@ from vctune.design.variables import point, ranges
 from vctune.document import toml
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
-from vctune.document.region import RegionDocument, read_region
+from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region
 from vctune.study.region_json import Design
-
-SCHEMA = "vctune/region-check/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,16 +86,16 @@ class RegionFinding:
         x, y = (KEYS[axis] for axis in plane.axes)
         x_edges, y_edges = plane.edges
         lost_designs = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
-        return {
-            "schema": SCHEMA,
-            "problem": {"name": self.file.problem.name, "sha256": self.file.sha256},
-            "status": "lost" if again.lost else "kept",
-            "axes": {"x": x, "y": y},
-            "areas": {"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
-            "lost_cells": [[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in _lost(again).T],
-            "lost_designs": [dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in lost_designs],
-            "warnings": self.warnings,
-        }
+        cells = _lost(again).T.tolist()
+        return RegionCheckRecord(
+            problem=CheckedProblemRecord(name=self.file.problem.name, sha256=self.file.sha256),
+            status="lost" if again.lost else "kept",
+            axes=AxesRecord.model_validate({"x": x, "y": y}),
+            areas={"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
+            lost_cells=[[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in cells],
+            lost_designs=[dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in lost_designs],
+            warnings=self.warnings,
+        ).to_json()
 
 
 def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:

@@ -9,13 +9,12 @@ from typing import Any
 
 from vctune.design.result import Solved
 from vctune.design.solve import solve
-from vctune.design.variables import NAMES, point
+from vctune.design.variables import point
+from vctune.document.rows import NUMBERS
 from vctune.model.problem import Problem
 from vctune.study.rows import FAILED
 
 TERMS = ("error", "admittance", "tracking", "coupling")
-NUMBERS = (*TERMS, *NAMES, "min_ratio", "worst_hz", "peak_sensitivity")
-"""Columns of a row: the error and its terms, the five numbers of the design in SI units, its least ratio."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers and ball arithmetic are shared by the threads of a process."""

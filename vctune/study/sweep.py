@@ -9,6 +9,7 @@ from math import isfinite
 from typing import Any
 
 from vctune.document.errors import InputError, Mistake
+from vctune.document.rows import RowRecord
 from vctune.document.study import Study
 from vctune.document.validation import dotted
 from vctune.model.problem import Problem
@@ -85,7 +86,7 @@ def sweep(study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: 
 
 def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dict[str, Any]:
     point = {axis.key: value if isfinite(value) else str(value) for axis, value in zip(study.axes, values, strict=True)}
-    return {"key": key, "point": point, **content}
+    return RowRecord(key=key, point=point, **content).model_dump(exclude_unset=True)
 
 
 def _submit(state: _Sweep, task: Task) -> None:

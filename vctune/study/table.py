@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.judge import Status
+from vctune.document.axes import number_keys
+from vctune.document.rows import NUMBERS
 from vctune.document.study import Study
+from vctune.document.units import heading, unit_of
 from vctune.markup import html_table
 from vctune.study.points import points
-from vctune.study.row import NUMBERS
 from vctune.study.rows import Rows
 
 MOST_SHOWN = 50
@@ -32,7 +34,7 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    numbers : error, terms, design and ratio (`vctune.study.row.NUMBERS`), nan where there is none
+    numbers : error, terms, design and ratio (`vctune.document.rows.NumbersRecord`), nan where there is none
     """
 
     axes: dict[str, Floats]
@@ -48,6 +50,17 @@ class Table:
     def columns(self) -> dict[str, Any]:
         """Return every column by its name."""
         return {**self.axes, "status": self.status, **self.numbers, "reason": self.reason}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column that has one."""
+        of_axes = {key: unit_of(number_keys()[key]) for key in self.axes}
+        return {name: unit for name, unit in {**of_axes, **NUMBERS}.items() if unit}
+
+    def headed(self) -> dict[str, Any]:
+        """Return every column by its name with its unit, as files have them."""
+        units = self.units
+        return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
     def row(self, i: int) -> dict[str, Any]:
         """Return one row; what there is not is None."""
@@ -102,7 +115,7 @@ def csv_text(table: Table) -> str:
     """Return a table as CSV: numbers in their shortest exact decimals, nothing where there is none."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    columns = table.columns()
+    columns = table.headed()
     writer.writerow(columns)
     for i in range(len(table.status)):
         plain = (_plain(column[i]) for column in columns.values())
@@ -118,7 +131,7 @@ def parquet_bytes(table: Table) -> bytes | None:
     except ImportError:
         return None
     stream = pa.BufferOutputStream()
-    columns = {name: [_plain(value) for value in column] for name, column in table.columns().items()}
+    columns = {name: [_plain(value) for value in column] for name, column in table.headed().items()}
     types = {name: pa.string() if name in ("status", "reason") else pa.float64() for name in columns}
     pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
     return bytes(stream.getvalue().to_pybytes())
