@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from vctune.api.checking import check_region as check_region
     from vctune.api.comparing import compare as compare
     from vctune.api.experiments import simulate as simulate
+    from vctune.api.explaining import explain as explain
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
     from vctune.api.files import write_design as write_design
@@ -75,6 +76,7 @@ _HOME = {
     "check_region": "api.checking",
     "compare": "api.comparing",
     "design_record": "design.record",
+    "explain": "api.explaining",
     "export": "api.exporting",
     "front": "api.studies",
     "identify": "api.identifying",

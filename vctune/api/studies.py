@@ -12,7 +12,7 @@ from typing import Any
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import make_folder, write_together
 from vctune.document.rows import FrontRecord, SweepRecord
 from vctune.document.study import Study, build_study, read_study
@@ -166,7 +166,9 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
         return build_study(problem_of(problem), axes, sample)
     if isinstance(problem, str | Path):
         return read_study(Path(problem))
-    raise InputError("study", [Mistake("axes", 'is missing; name the numbers that vary, {"device.mass": [...]}')])
+    raise InputError.of(
+        "study", "missing-key", 'is missing; name the numbers that vary, {"device.mass": [...]}', key="axes"
+    )
 
 
 @contextmanager

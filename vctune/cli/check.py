@@ -76,24 +76,24 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
 def _admittances(problems: list[Path], admittances: list[Path]) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
     from vctune.design.admittance_check import check_admittance
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError
     from vctune.document.reading import read_problem
     from vctune.document.ros import read_admittance
 
     if len(problems) != 1:
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
-        raise InputError(str(admittances[0]), [Mistake("", message)])
+        raise InputError.of(str(admittances[0]), "ambiguous-files", message)
     problem = read_problem(problems[0])
     return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path))]
 
 
 def _files(path: Path) -> list[Path]:
     """Return the files that an argument stands for."""
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError
 
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.iterdir() if file.suffix == ".toml")
     if not files:
-        raise InputError(str(path), [Mistake("", "holds no .toml file")])
+        raise InputError.of(str(path), "ambiguous-files", "holds no .toml file")
     return files

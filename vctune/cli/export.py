@@ -46,7 +46,7 @@ def export(
     from vctune.api.exporting import NotCertifiedError, write_export
     from vctune.api.exporting import export as make
     from vctune.cli.exits import of_status
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
@@ -65,7 +65,7 @@ def export(
         click.echo(str(refused), err=True)
         return of_status(refused.status)
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
-        click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
+        warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
     made = exported.firmware
     lines = [printable(line) for line in statement(made) if line]
     record = ExportRecord(

@@ -8,6 +8,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import click
+
+from vctune.document.codes import Code, coded
+from vctune.document.errors import printable
+
 
 @contextmanager
 def reader_may_leave() -> Iterator[None]:
@@ -23,6 +28,17 @@ def emit(text: str) -> None:
     """Print a text to stdout."""
     with reader_may_leave():
         sys.stdout.write(text + "\n")
+
+
+def warn(code: Code, text: str) -> None:
+    """Say on stderr what the user should know beside the answer.
+
+    Parameters
+    ----------
+    code : what it is an instance of
+    text : what is said
+    """
+    click.echo(coded(printable(text), code), err=True)
 
 
 def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:

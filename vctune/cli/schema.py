@@ -6,7 +6,7 @@ import click
 
 KINDS = (
     "problem", "gains", "study", "log", "design", "region", "rows", "simulation", "identification", "check", "sweep",
-    "front", "comparison", "export", "report", "bench",
+    "front", "comparison", "export", "report", "bench", "explanation", "example",
 )  # fmt: skip
 
 
@@ -17,7 +17,7 @@ def schema(kind: str) -> None:
 
     Files that are read: problem, gains, study, log. Files that are written: design, region, rows (each line of
     rows.jsonl), simulation, identification. What --format json prints beside these: check, sweep, front, comparison,
-    export, report, bench.
+    export, report, bench, explanation, example.
     """
     import json
 

@@ -43,26 +43,28 @@ def simulate(
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.files import design_folder
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
     from vctune.document.reading import read_gains, read_problem
     from vctune.exit_codes import ExitCode
+    from vctune.simulation.library import CompiledController
 
+    compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
     chosen_experiments(file, name)
     given = read_gains(gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):
-        click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
+        warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
     folder = design_folder(file, out)
 
     with progress_on_stderr(f"vctune simulate {problem.name}", shown=not quiet) as progress:
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
-        simulation = run(file, *design, name, controller=controller, progress=progress)
+        simulation = run(file, *design, name, controller=compiled, progress=progress)
         if simulation.made_for not in (None, file.sha256):
-            click.echo(f"{controller}: made for another version of the problem (sha256 differs)", err=True)
+            warn("other-version", f"{controller}: made for another version of the problem (sha256 differs)")
         progress("writing and drawing")
         if controller is not None:
             folder = folder / IN_THE_LOOP
@@ -82,17 +84,17 @@ def simulate(
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, Coupling] | None:
     """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
     from vctune.api.files import write_record
+    from vctune.cli.output import warn
     from vctune.cli.solve import say_renamed
     from vctune.design.nlp import ipopt_version
     from vctune.design.prices import with_prices
     from vctune.design.record import record_of
     from vctune.design.solve import solve
-    from vctune.document.errors import printable
 
     solved = with_prices(solve(file.problem, progress), progress)
     judgement = solved.judgement
     say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
     if judgement is None:
-        click.echo(f"{printable(file.problem.name)}: nothing to simulate: {solved.reason}", err=True)
+        warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None
     return judgement.gains, judgement.coupling

@@ -54,8 +54,9 @@ def solve(
 
 def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
     from vctune.api.files import design_folder, write_record, write_report
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
+    from vctune.document.plausibility import doubts
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
@@ -68,6 +69,8 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     from vctune.design.record import record_of
     from vctune.exit_codes import ExitCode
 
+    for doubt in () if quiet else doubts(file.problem):  # before the work: what is meant otherwise need not be solved
+        warn(doubt.code, doubt.text)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
         record = record_of(file, solved, ipopt_version())

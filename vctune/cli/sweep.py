@@ -29,9 +29,9 @@ def sweep(
 
     Exit code 0 if there is a certified design and no point was left without an answer, else 1.
     """
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import bar_on_stderr
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError
     from vctune.document.files import folder_name
     from vctune.document.study import read_study
     from vctune.exit_codes import ExitCode
@@ -39,7 +39,7 @@ def sweep(
     plan = read_study(study)
     if plan.count >= MANY and not yes:
         message = f"has {plan.count:,} points, more than {MANY - 1:,}; confirm them with --yes"
-        raise InputError(str(study), [Mistake("", message)])
+        raise InputError.of(str(study), "many-points", message)
     folder = out / folder_name(plan.name)
 
     from vctune.api.studies import sweep as run
@@ -47,7 +47,7 @@ def sweep(
     with bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
         swept = run(plan, folder=folder, jobs=jobs, executor=executor, restart=not resume, on_done=on_done)
     if swept.dropped:
-        click.echo(f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped", err=True)
+        warn("rows-torn", f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped")
     found = swept.summary
 
     def table() -> None:

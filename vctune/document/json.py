@@ -34,16 +34,16 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
         with path.open("rb") as file:
             data = file.read(max_bytes + 1)
     except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+        raise InputError.of(str(path), "unreadable-file", f"cannot be read: {error.strerror}") from None
     if len(data) > max_bytes:
         message = f"is longer than {max_bytes} bytes; this is not {kind}"
-        raise InputError(str(path), [Mistake("", message)])
+        raise InputError.of(str(path), "unreadable-file", message)
     try:
         return json.loads(data.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite)
     except RecursionError:
-        raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
+        raise InputError.of(str(path), "not-json", "is not JSON: nested too deeply") from None
     except ValueError as error:
-        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+        raise InputError.of(str(path), "not-json", f"is not JSON: {error}") from None
 
 
 def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str) -> Record:
@@ -63,13 +63,13 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
         If it is another object, or listing the parts that are missing or wrong.
     """
     if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
-        raise InputError(source, [Mistake("schema", f"is not {part.SCHEMA}; name {kind}")])
+        raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")
     try:
         return part.model_validate(value)
     except ValidationError as error:
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
-        mistakes = [Mistake(dotted(fault["loc"]), fault["msg"]) for fault in faults]
-        raise InputError(source, [*mistakes, Mistake("", f"is damaged; {remedy}")]) from None
+        mistakes = [Mistake("damaged-document", dotted(fault["loc"]), fault["msg"]) for fault in faults]
+        raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
 
 
 def _finite(text: str) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 from vctune.document.part import Document, Part
 
@@ -56,3 +56,30 @@ class BenchRecord(Document):
     machine: str
     facts: list[str]
     table: list[dict[str, Any]]
+
+
+class EntryRecord(Part):
+    """What a guide says of a name, in Markdown; no text in a list of what there is."""
+
+    kind: Literal["code", "key", "term"]
+    name: str
+    text: str
+    guide: str
+
+
+class ExplanationRecord(Document):
+    """What `vctune explain` prints; `name` is what was asked for, null for the list of what can be."""
+
+    SCHEMA = "vctune/explanation/1"
+
+    name: str | None
+    entries: list[EntryRecord]
+
+
+class ExampleRecord(Document):
+    """What `vctune example` wrote, or can write, by name."""
+
+    SCHEMA = "vctune/example/1"
+
+    names: list[str]
+    file: str | None

@@ -174,4 +174,4 @@ def _empty_default_band(problem: Problem) -> Fault:
         f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
         f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
     )
-    return ("transparency", "band_hz"), message
+    return Fault(("transparency", "band_hz"), message, "contradiction")

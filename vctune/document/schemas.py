@@ -8,7 +8,14 @@ from typing import Any
 from vctune.document.comparison import ComparisonRecord
 from vctune.document.identification import IdentificationRecord
 from vctune.document.log_schema import LogDocument
-from vctune.document.outputs import BenchRecord, ExportRecord, RefusalRecord, ReportRecord
+from vctune.document.outputs import (
+    BenchRecord,
+    ExampleRecord,
+    ExplanationRecord,
+    ExportRecord,
+    RefusalRecord,
+    ReportRecord,
+)
 from vctune.document.part import Document, Part
 from vctune.document.record import DesignRecord
 from vctune.document.region import RegionCheckRecord, RegionDocument
@@ -54,5 +61,7 @@ SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
     "export": lambda: _of(ExportRecord),
     "report": lambda: _of(ReportRecord),
     "bench": lambda: _of(BenchRecord),
+    "explanation": lambda: _of(ExplanationRecord),
+    "example": lambda: _of(ExampleRecord),
 }
 """Makes the schema of each kind."""

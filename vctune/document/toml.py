@@ -10,7 +10,8 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
+from vctune.document.hints import hint_on_line
 
 MAX_BYTES = 100_000
 STDIN = Path("-")
@@ -27,25 +28,29 @@ def read_text(path: Path) -> str:
     InputError
         If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
     """
+    if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
+        raise InputError.of("stdin", "unreadable-file", "is closed, or has been read already; name a file")
     try:
         with sys.stdin.buffer if path == STDIN else path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise InputError(str(path), [Mistake("", "no such file")]) from None
+        raise InputError.of(str(path), "unreadable-file", "no such file") from None
     except IsADirectoryError:
-        raise InputError(str(path), [Mistake("", "is a directory; name the .toml file in it")]) from None
+        raise InputError.of(str(path), "unreadable-file", "is a directory; name the .toml file in it") from None
     except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+        raise InputError.of(str(path), "unreadable-file", f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise InputError(str(path), [Mistake("", "is no path: it contains a null character")]) from None
+        raise InputError.of(str(path), "unreadable-file", "is no path: it contains a null character") from None
     if len(data) > MAX_BYTES:
-        raise InputError(str(path), [Mistake("", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")])
+        raise InputError.of(
+            str(path), "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file"
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
-        raise InputError(str(path), [Mistake("", message, line)]) from None
+        raise InputError.of(str(path), "unreadable-file", message, line=line) from None
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
@@ -67,11 +72,12 @@ def parse(text: str, source: str) -> dict[str, Any]:
         found = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = int(found[1]) if found and found[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
-        raise InputError(source, [Mistake("", f"not valid TOML: {message[:200]}", line)]) from None
+        hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
+        raise InputError.of(source, "not-toml", f"not valid TOML: {message[:200]}{hint}", line=line) from None
     except RecursionError:
-        raise InputError(source, [Mistake("", "not valid TOML: nested too deeply")]) from None
+        raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None
     except ValueError:
-        raise InputError(source, [Mistake("", "not valid TOML: a number has thousands of digits")]) from None
+        raise InputError.of(source, "not-toml", "not valid TOML: a number has thousands of digits") from None
 
 
 class Lines:

@@ -13,6 +13,7 @@ from vctune.design.check import Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
 from vctune.design.variables import point, ranges
 from vctune.document import toml
+from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
 from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
@@ -121,7 +122,8 @@ def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old)
-    warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]
+    other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
+    warnings = [] if old.problem.sha256 == file.sha256 else [other.line]
     finding = RegionFinding(file, again, warnings, perf_counter() - began)
     verdict = CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1

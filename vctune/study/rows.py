@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.digest import digest, problem_digest
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import write_together
 from vctune.document.rows import RowsHeader
 from vctune.document.study import Study
@@ -173,4 +173,4 @@ def _check_header(path: Path, line: bytes, study: Study) -> None:
 
 
 def _refusal(path: Path, message: str) -> InputError:
-    return InputError(str(path), [Mistake("", message)])
+    return InputError.of(str(path), "rows-file", message)
