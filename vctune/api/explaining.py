@@ -116,7 +116,7 @@ def _cells(row: str) -> list[str]:
 
 def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
     """Return a row of the glossary; several words or symbols in it are names of it each."""
-    row = dict(zip(heads, cells, strict=True))
+    row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
     names = [*row["term"].split(", "), *(symbol.split(" = ")[0] for symbol in symbols)]
     said = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]

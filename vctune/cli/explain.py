@@ -46,7 +46,7 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 def _contents(every: list[EntryRecord]) -> str:
     """Return what can be explained, by its kind."""
     titles = {"code": "Codes", "key": "Keys of files", "term": "Words"}
-    lists = {kind: ", ".join(each.name for each in every if each.kind == kind) for kind in titles}
+    lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 
 
