@@ -85,7 +85,10 @@ def test_documents_are_as_their_schemas_say(folder, kind):
     for broken in damaged(document):
         assert not VALID[kind].is_valid(broken)
     quiet = run(*words.split(), "--quiet", cwd=folder)
-    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (code, "", "")
+    refused = ["bad.toml"] * (kind == "check")
+    assert (quiet.returncode, quiet.stdout) == (code, "")
+    assert [line.split()[2].partition(":")[0] for line in quiet.stderr.splitlines() if "bad input" in line] == refused
+    assert bool(quiet.stderr) == bool(refused)
 
 
 def damaged(document):
@@ -180,6 +183,13 @@ def test_standard_input(folder, monkeypatch):
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(b"[device]\nmass = -1.0\n")))
     done = run("solve", "-", cwd=folder)
     assert done.returncode == ExitCode.BAD_INPUT and "stdin:2: device.mass: -1.0 is too small" in done.stderr
+    for words in ("check -", "compare - -", "export -"):
+        monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(text.encode())))
+        done = run(*words.split(), "--json", cwd=folder)
+        assert done.returncode == (ExitCode.BAD_INPUT if "- -" in words else ExitCode.OK), done.stderr
+        assert ("stdin: is closed, or has been read already" in done.stderr) == ("- -" in words)
+    monkeypatch.setattr(sys, "stdin", None)
+    assert "stdin: is closed" in run("check", "-", cwd=folder).stdout
     assert "--watch needs a file" in run("solve", "-", "--watch", cwd=folder).stderr
 
 
@@ -225,3 +235,21 @@ def test_watch_solves_again_when_the_file_is_saved(folder):
     running.send_signal(signal.SIGINT)
     out, err = running.communicate(timeout=60)
     assert (running.returncode, out) == (ExitCode.INTERRUPTED, "") and err.endswith("interrupted\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "begun", "whole"),
+    [
+        ("", "comp", "compare"),
+        ("schema", "simul", "simulation"),
+        ("example", "friction-wheel-h", "friction-wheel-hands"),
+        ("explain", "unknown-k", "unknown-key"),
+        ("explain", "device.ma", "device.mass"),
+        ("check --format", "sar", "sarif"),
+    ],
+)
+def test_the_shell_completes(words, begun, whole):
+    from click.shell_completion import ShellComplete
+
+    found = ShellComplete(main, {}, "vctune", "_VCTUNE_COMPLETE").get_completions(words.split(), begun)
+    assert whole in [item.value for item in found] and all(item.value.startswith(begun) for item in found)

@@ -51,6 +51,8 @@ def check(paths: tuple[Path, ...], style: str, quiet: bool, baseline: Path | Non
     checks = [replace(checked, strict=strict) for checked in found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
+    elif refused := [checked for checked in checks if checked.finding is None]:
+        click.echo(FORMATS[style](refused), err=True)
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
     return max((of_check(checked.result) for checked in checks), key=severity.index)
 

@@ -9,8 +9,15 @@ import click
 from vctune.cli.options import output_options
 
 
+def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the names that begin as what is there."""
+    from vctune.api.examples import example_names
+
+    return [name for name in example_names() if name.startswith(incomplete)]
+
+
 @click.command(short_help="Write one of the problems that are shipped with vctune.")
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=_names)
 @click.option("--out", type=click.Path(path_type=Path), default=".", show_default=True, help="Folder for NAME.toml.")
 @output_options()
 def example(name: str | None, out: Path, style: str, quiet: bool) -> int:

@@ -18,8 +18,15 @@ WIDEST = 100
 """Of the lines of a page."""
 
 
+def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the names that begin as what is there."""
+    from vctune.api.explaining import entries
+
+    return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
+
+
 @click.command(short_help="Say what a code, a key of a file or a word means.")
-@click.argument("name", required=False, metavar="[CODE|KEY|TERM]")
+@click.argument("name", required=False, metavar="[CODE|KEY|TERM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
     """Say what NAME means, from the guides of the project; without it, list what can be explained.

@@ -33,7 +33,12 @@ def _page(least_width: int, folder: Path) -> Iterator[Console]:
     with console.capture() as page:
         yield console
         console.print(f"written to {escape(str(folder))}", soft_wrap=True)
-    console.file.write(page.get())
+    _write(console, page.get())
+
+
+def _write(console: Console, text: str) -> None:
+    """Write a text without the blanks that a table leaves at the ends of lines."""
+    console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
 def print_design(record: DesignRecord, folder: Path) -> None:
@@ -202,7 +207,7 @@ def print_comparison(found: ComparisonRecord) -> None:
         group = value.group
     with console.capture() as page:
         console.print(table)
-    console.file.write("".join(f"{line.rstrip()}\n" for line in page.get().splitlines()))
+    _write(console, page.get())
     for name, side in zip("AB", sides, strict=True):
         if side.reason:
             console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=True)

@@ -184,10 +184,10 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
 def _read(path: Path) -> _Input:
     try:
         text = toml.read_text(path)
-        document = toml.parse(text, str(path))
+        document = toml.parse(text, str(toml.called(path)))
     except InputError as error:
-        return _Input(path, "", error, False)
-    return _Input(path, text, None, "gains" in document and "device" not in document)
+        return _Input(toml.called(path), "", error, False)
+    return _Input(toml.called(path), text, None, "gains" in document and "device" not in document)
 
 
 def _refused(given: _Input, error: InputError | None = None) -> Checked:

@@ -76,7 +76,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    path = Path("stdin") if path == toml.STDIN else path
+    path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
     return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 

@@ -28,29 +28,33 @@ def read_text(path: Path) -> str:
     InputError
         If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
     """
+    source = str(called(path))
     if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
-        raise InputError.of("stdin", "unreadable-file", "is closed, or has been read already; name a file")
+        raise InputError.of(source, "unreadable-file", "is closed, or has been read already; name a file")
     try:
         with sys.stdin.buffer if path == STDIN else path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise InputError.of(str(path), "unreadable-file", "no such file") from None
+        raise InputError.of(source, "unreadable-file", "no such file") from None
     except IsADirectoryError:
-        raise InputError.of(str(path), "unreadable-file", "is a directory; name the .toml file in it") from None
+        raise InputError.of(source, "unreadable-file", "is a directory; name the .toml file in it") from None
     except OSError as error:
-        raise InputError.of(str(path), "unreadable-file", f"cannot be read: {error.strerror}") from None
+        raise InputError.of(source, "unreadable-file", f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise InputError.of(str(path), "unreadable-file", "is no path: it contains a null character") from None
+        raise InputError.of(source, "unreadable-file", "is no path: it contains a null character") from None
     if len(data) > MAX_BYTES:
-        raise InputError.of(
-            str(path), "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file"
-        )
+        raise InputError.of(source, "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
-        raise InputError.of(str(path), "unreadable-file", message, line=line) from None
+        raise InputError.of(source, "unreadable-file", message, line=line) from None
+
+
+def called(path: Path) -> Path:
+    """Return what messages call a file: its path, or "stdin"."""
+    return Path("stdin") if path == STDIN else path
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
