@@ -72,7 +72,7 @@ def reference(schema: dict) -> str:
             name = f"{prefix}{key}"
             if target and "properties" in target:
                 shown = f"[{name}]" if form is entry else f"[[{name}]]"
-                rows.append(f"| **`{shown}`** | {target['description']} |")
+                rows.append(f"| **`{shown}`** | {' '.join(target['description'].split())} |")
                 add(f"{name}.", target)
             else:
                 default = entry.get("default")

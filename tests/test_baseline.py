@@ -103,7 +103,7 @@ def test_a_worse_device_loses_cells(baseline, tmp_path, style):
     assert all(a <= b and c <= d for a, b, c, d in lost["lost_cells"]) and lost["lost_cells"]
     assert {path.name for path in (tmp_path / "results/device").iterdir()} == {"lost.json", "lost.svg"}
     if style == "json":
-        assert json.loads(out) == lost
+        assert json.loads(out) == [lost]
 
 
 def test_a_heavier_device_loses_cells_and_a_lighter_hand_keeps_them(baseline, tmp_path):

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from conftest import ROOT, for_passive_hands
+from jsonschema import Draft202012Validator
 
 from vctune.bench import evaluator, peers, solvers, stress
 from vctune.bench import judged as judging
-from vctune.bench.benchmark import csv_of
+from vctune.bench.benchmark import Measured, csv_of, record_of
 from vctune.bench.dense import dense
 from vctune.bench.devices import device
 from vctune.bench.digits import exact, stable
@@ -26,6 +27,7 @@ from vctune.design.scan import scan
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
+from vctune.document.schemas import SCHEMAS
 from vctune.model.quantities import Coupling, Gains
 from vctune.model.transparency import Terms
 
@@ -193,9 +195,18 @@ class Cell:
     value: float
 
 
+CELLS = [Cell("a, b", True, 0.1), Cell("c", False, nan), Cell("d", True, float("inf"))]
+
+
+def test_json_has_no_nan():
+    made = record_of("cells", Measured("Cells", "", CELLS, ["three"], []), "here").to_json()
+    assert [row["value"] for row in made["table"]] == [0.1, None, None]
+    assert list(Draft202012Validator(SCHEMAS["bench"]()).iter_errors(made)) == []
+
+
 def test_csv_has_no_nan(tmp_path):
     path = tmp_path / "cells.csv"
-    path.write_text(csv_of([Cell("a, b", True, 0.1), Cell("c", False, nan), Cell("d", True, float("inf"))]))
+    path.write_text(csv_of(CELLS))
     assert rows_of(path) == [
         {"name": "a, b", "good": "yes", "value": "0.1"},
         {"name": "c", "good": "no", "value": ""},

@@ -108,7 +108,7 @@ FAULTS = {
         ("6", "uncertainty.unmodelled[0][1]", "is missing; write two numbers [Hz, radius]"),
         ("6", "uncertainty.unmodelled[1]", "[10.0, 0.1, 0.2] has more than two numbers; write [Hz, radius]"),
         ("6", "uncertainty.unmodelled[2]", "20.0 is not a pair of numbers [Hz, radius]"),
-        ("6", "uncertainty.unmodelled[3][0]", '"30 Hz" is not a number; write a number'),
+        ("6", "uncertainty.unmodelled[3][0]", '"30 Hz" is not a number; write 30 alone'),
         ("6", "uncertainty.unmodelled[4][1]", "-0.1 is too small"),
     ],
     "unmodelled-as-a-number": [

@@ -199,7 +199,7 @@ def test_warnings_reach_every_format(verdict, strict):
     assert found.result is (CheckVerdict.FAILED if strict else verdict)
     assert text([found]).splitlines()[1:] == ["           warning: mind, the: gap", "           warning: and more"]
     assert text([found]).startswith("passed") == (found.result is CheckVerdict.PASSED)
-    assert json.loads(as_json([found]))["warnings"] == found.warnings
+    assert json.loads(as_json([found]))[0]["warnings"] == found.warnings
     level = "error" if strict else "warning"
     first = {CheckVerdict.PASSED: "notice", CheckVerdict.FAILED: "error", CheckVerdict.UNDECIDED: "warning"}[verdict]
     commands = [(command, data) for command, _, data in workflow_commands(github([found]))]
@@ -226,7 +226,7 @@ def test_a_reserve_that_is_missed_is_refused_in_every_format(tmp_path, style):
     assert (done.returncode, done.stderr) == (ExitCode.FAILED, "")
     said = done.stdout
     if style == "json":
-        found = json.loads(said)
+        (found,) = json.loads(said)
         assert (found["status"], found["certificate"]["verdict"], found["certificate"]["proved_ratio"]) == (
             "violated", "refuted", 1.0,
         )  # fmt: skip

@@ -218,7 +218,7 @@ def test_a_sweep_solves_each_point(wheel, tmp_path):
     for row in swept.table.rows():
         alone = vctune.solve({**WHEEL, "device": {**WHEEL["device"], "damping": row["device.damping"]}})
         assert row["error"] == alone.judgement.transparency.error
-    assert swept.summary["points"] == 2 and (tmp_path / "table.csv").exists()
+    assert swept.summary.points == 2 and (tmp_path / "table.csv").exists()
     assert vctune.sweep(wheel, {"device.damping": [1.0, 4.0]}, folder=tmp_path).dropped == 0
 
 
@@ -275,7 +275,7 @@ def test_the_example_script():
     lines = done.stdout.splitlines()
     assert lines[0].startswith("certified: error") and lines[0].endswith("Hz")
     assert sum(line.startswith("damping ") for line in lines) == 5
-    assert lines[-1] == "refused: Device: mass: -0.4 is too small: must be at least 1e-20"
+    assert lines[-1] == "refused: Device: mass: -0.4 is too small: must be at least 1e-20 [out-of-range]"
     assert done.stderr == ""
 
 

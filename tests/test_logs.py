@@ -6,11 +6,13 @@ import gzip
 
 import numpy as np
 import pytest
-from command import run
+from command import run, strict
 from identification_logs import driven, encoded
+from jsonschema import Draft202012Validator
 
 from vctune import identify
 from vctune.document.errors import InputError
+from vctune.document.schemas import SCHEMAS
 from vctune.model.experiment import Friction
 from vctune.model.quantities import Device
 
@@ -149,6 +151,9 @@ def test_the_command_writes_a_device_that_solves(log, tmp_path):
     assert "limited by" in done.stdout
     folder = tmp_path / "out" / "log"
     assert sorted(path.name for path in folder.iterdir()) == ["device.toml", "identification.json"]
+    said = strict(run("identify", "log.csv", "--out", "out", "--no-report", "--json", cwd=tmp_path).stdout)
+    assert said == strict((folder / "identification.json").read_text())
+    assert list(Draft202012Validator(SCHEMAS["identification"]()).iter_errors(said)) == []
     solved = run("solve", folder / "device.toml", "--out", "solved", cwd=tmp_path)
     assert solved.returncode == 0, solved.stdout + solved.stderr
 

@@ -161,7 +161,7 @@ def test_a_stiffness_of_nothing_is_no_damping_at_all(arm):
     (arm / "arm.toml").write_text(ARM + "[operator]\ndamping = 60.0\n".replace("60.0", "{ min = 40.0, max = 60.0 }"))
     changed(arm, stiffness=six(0.0), filter_coefficient="0.9")
     done = vctune("check", "arm.toml", "ros.yaml", "--format", "json", cwd=arm)
-    warned = strict(done.stdout)[0] if isinstance(strict(done.stdout), list) else strict(done.stdout)
+    (warned,) = strict(done.stdout)
     assert "stiffness 0 means no damping at all" in str(warned["warnings"])
     assert warned["coupling"]["drag"] == 0
 

@@ -40,6 +40,9 @@ FREE = (
     "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
     "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
 )
+DAMPING = "device.damping [N s/m]"
+"""The heading of its column."""
+TERMS = ("admittance", "tracking", "coupling")
 FIXED = FREE + ("[gains]\nvelocity = 300.0\nposition = 3000.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 0.1\n")
 """Judged, not solved: a few milliseconds a point."""
 FEW = '"device.damping" = [1.0, 2.0, 4.0]\n"stability.band_hz[1]" = [50.0, 600.0]\n'
@@ -57,7 +60,7 @@ def write_study(folder, axes, problem=FREE, name="study"):
 def rows_in(path):
     """Return the rows of a file by key, without the seconds they took; every line must be whole, no key twice."""
     header, *lines = path.read_text().splitlines()
-    assert json.loads(header)["schema"] == "vctune/rows/1"
+    assert json.loads(header)["schema"] == "vctune/rows/2"
     rows = {}
     for line in lines:
         row = json.loads(line)
@@ -82,7 +85,7 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
     folder = tmp_path / "results" / "study"
     with (folder / "table.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert [(row["device.damping"], row["stability.band_hz[1]"]) for row in rows[:3]] == [
+    assert [(row[DAMPING], row["stability.band_hz[1]"]) for row in rows[:3]] == [
         ("1.0", "50.0"), ("1.0", "600.0"), ("2.0", "50.0"),
     ]  # fmt: skip
     errors = []
@@ -90,15 +93,16 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
         if row["stability.band_hz[1]"] == "600.0":
             assert row["status"] == "invalid" and row["error"] == "" and "Nyquist" in row["reason"]
             continue
-        text = FREE.replace("2.0", row["device.damping"]).replace("100.0", "50.0")
+        text = FREE.replace("2.0", row[DAMPING]).replace("100.0", "50.0")
         judgement = solve(parse_problem(text, "x", "x")).judgement
         assert float(row["error"]) == judgement.transparency.error and row["reason"] == ""
-        assert float(row["velocity"]) == judgement.gains.velocity and float(row["mass"]) == judgement.coupling.mass
+        assert float(row["velocity_gain [N s/m]"]) == judgement.gains.velocity
+        assert float(row["coupling_mass [kg]"]) == judgement.coupling.mass
         errors.append(float(row["error"]))
     assert found["best"]["error"] == min(errors) and found["worst"]["error"] == max(errors)
     corner = found["corner"]
     assert corner["points"] == 3 and corner["share"] == 1.0
-    assert corner["from"] == {"device.damping": 1.0, "stability.band_hz[1]": 600.0}
+    assert corner["low"] == {"device.damping": 1.0, "stability.band_hz[1]": 600.0}
     assert {file.name for file in folder.iterdir()} == {
         "rows.jsonl", "table.csv", "table.parquet", "error.svg",
     }  # fmt: skip
@@ -448,9 +452,9 @@ def test_parquet_and_csv_say_the_same(tmp_path):
 def test_summary_of_a_table(tmp_path):
     table = swept(write_study(tmp_path, FEW, FIXED), tmp_path)
     found = summary("x", table)
-    assert sum(found["status"].values()) == found["points"] == 6
-    assert found["corner"]["to"]["stability.band_hz[1]"] == 600.0
-    json.dumps(found, allow_nan=False)
+    assert sum(found.status.values()) == found.points == 6
+    assert found.corner.high["stability.band_hz[1]"] == 600.0
+    json.dumps(found.to_json(), allow_nan=False)
 
 
 @given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=30))
@@ -479,9 +483,7 @@ def test_front_of_a_problem(tmp_path):
     edges, errors = ([float(row[key]) for row in band] for key in ("stability.band_hz[1]", "error"))
     assert edges == sorted(edges) and errors == sorted(errors) and len(edges) > 20
     with (folder / "terms.csv").open(newline="") as file:
-        terms = [
-            tuple(float(row[key]) for key in ("admittance", "tracking", "coupling")) for row in csv.DictReader(file)
-        ]
+        terms = [tuple(float(row[f"{key}_term"]) for key in TERMS) for row in csv.DictReader(file)]
     assert terms and not any(a != b and all(x <= y for x, y in zip(a, b, strict=True)) for a in terms for b in terms)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
     assert run("front", "device.toml", "--jobs", 1, cwd=tmp_path).returncode == ExitCode.OK
@@ -494,7 +496,7 @@ def front_of(name, folder):
     assert done.returncode == ExitCode.OK
     with (folder / f"results/{name}/front/terms.csv").open(newline="") as file:
         rows = csv.DictReader(file)
-        return np.array([[float(row[term]) for term in ("admittance", "tracking", "coupling")] for row in rows])
+        return np.array([[float(row[f"{term}_term"]) for term in TERMS] for row in rows])
 
 
 @pytest.mark.slow

@@ -11,7 +11,9 @@ if TYPE_CHECKING:
     from vctune.api.bounding import bound as bound
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
+    from vctune.api.comparing import compare as compare
     from vctune.api.experiments import simulate as simulate
+    from vctune.api.explaining import explain as explain
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
     from vctune.api.files import write_design as write_design
@@ -72,7 +74,9 @@ _HOME = {
     "certify": "proof.certificate",
     "check": "api.checking",
     "check_region": "api.checking",
+    "compare": "api.comparing",
     "design_record": "design.record",
+    "explain": "api.explaining",
     "export": "api.exporting",
     "front": "api.studies",
     "identify": "api.identifying",

@@ -24,7 +24,7 @@ from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.design import read_design
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
@@ -157,7 +157,7 @@ def require_free(file: ProblemFile, purpose: str = "choose") -> ProblemFile:
         If it fixes every number.
     """
     if file.problem.bounds.fixed:
-        raise InputError(file.source, [Mistake("", f"fixes every number: there is nothing to {purpose}; free one")])
+        raise InputError.of(file.source, "nothing-free", f"fixes every number: there is nothing to {purpose}; free one")
     return file
 
 
@@ -227,13 +227,15 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     """Return a design.json of the problem and what is proved of it today."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
-        raise InputError(str(path), [Mistake("problem.sha256", "is of another version of the problem; solve it again")])
+        raise InputError.of(
+            str(path), "other-version", "is of another version of the problem; solve it again", key="problem.sha256"
+        )
     if record.design is None:
         return record, None
     best = judge(file.problem, *record.design)
     if best.status is not Status.CERTIFIED:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
-        raise InputError(str(path), [Mistake("gains", message)])
+        raise InputError.of(str(path), "not-certified", message, key="gains")
     return record, best
 
 

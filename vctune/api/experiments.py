@@ -15,7 +15,7 @@ from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
 from vctune.document.design import read_design
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, SimulationRecord, simulation_of
@@ -73,7 +73,7 @@ def simulate(
     coupling: AnyCoupling | None = None,
     experiment: Experiment | str | None = None,
     *,
-    controller: str | Path | None = None,
+    controller: str | Path | CompiledController | None = None,
     progress: Progress = lambda stage: None,
 ) -> Simulation:
     """Simulate a design in the experiments of a problem.
@@ -84,8 +84,8 @@ def simulate(
     gains : N s/m and N/m, with their coupling; or the path of a gains file; None for what `solve` finds
     coupling : N s/m and kg
     experiment : the only one to simulate, by name or as it is; None for all of the problem
-    controller : path of a compiled controller, or of its folder, to run in the place of the design's own; each
-        experiment then has its `difference`
+    controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
+        each experiment then has its `difference`
     progress : told the stage of the work
 
     Returns
@@ -97,10 +97,10 @@ def simulate(
     InputError
         If problem or design are none, there is no such experiment or controller, or solving finds no design.
     """
+    compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
     law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
-    compiled = None if controller is None else CompiledController(Path(controller))
     runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
     told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
     return Simulation(file, law, coupling, runs, *told)
@@ -122,11 +122,13 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
     experiments = file.problem.experiments
     if not experiments:
         message = "there is none to simulate; add an [[experiment]] table"
-        raise InputError(file.source, [Mistake("experiment", message)])
+        raise InputError.of(file.source, "no-experiment", message, key="experiment")
     chosen = tuple(one for one in experiments if name in (None, one.name))
     if not chosen:
         known = ", ".join(one.name for one in experiments)
-        raise InputError(file.source, [Mistake("experiment", f"none is called {name!r}; there are: {known}")])
+        raise InputError.of(
+            file.source, "no-experiment", f"none is called {name!r}; there are: {known}", key="experiment"
+        )
     return chosen
 
 
@@ -171,5 +173,5 @@ def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
 
     solved = solve(file.problem, progress)
     if solved.judgement is None:
-        raise InputError(file.source, [Mistake("", f"nothing to simulate: {solved.reason}")])
+        raise InputError.of(file.source, "no-design", f"nothing to simulate: {solved.reason}")
     return solved.judgement.gains, solved.judgement.coupling

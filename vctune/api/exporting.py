@@ -6,14 +6,13 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
-from vctune.api.files import claim_folder
+from vctune.api.files import claim_folder, known_record
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of
-from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
@@ -78,7 +77,7 @@ def export(
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
-            raise InputError(name, [Mistake("", f"is {value!r}; one of {', '.join(get_args(known))}")])
+            raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
     file, design = stated_design(source, gains, coupling)
     progress("proving")
     made = firmware(file, *design, precision)
@@ -94,7 +93,7 @@ class NotCertifiedError(InputError):
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
         self.status = Status(made.record.status)
         message = f"not exported: {self.status.value}{single}: {made.doubt}; --unproved exports it, and says so"
-        super().__init__(made.name, [Mistake("", message)])
+        super().__init__(made.name, [Mistake("not-certified", "", message)])
 
 
 def write_export(exported: Exported, folder: str | Path) -> Path:
@@ -136,7 +135,7 @@ def stated_design(
     InputError
         If there is no problem, or no design, or more than one.
     """
-    record = _record(source)
+    record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
@@ -145,31 +144,22 @@ def stated_design(
             message = (
                 "nothing to export: not every gain is fixed; name a gains file, or a design.json of `vctune solve`"
             )
-            raise InputError(file.source, [Mistake("gains", message)])
+            raise InputError.of(file.source, "not-fixed", message, key="gains")
         return file, file.problem.fixed_design
     named = str(source) if isinstance(source, str | Path) else "design"
     if gains is not None:
-        raise InputError(named, [Mistake("gains", "is a design of its own; name a problem file with other gains")])
+        raise InputError.of(
+            named, "ambiguous-files", "is a design of its own; name a problem file with other gains", key="gains"
+        )
     if record.design is None:
-        raise InputError(named, [Mistake("gains", f"nothing to export: {record.reason or record.status}")])
+        raise InputError.of(named, "no-design", f"nothing to export: {record.reason or record.status}", key="gains")
     file = ProblemFile(
         parse_problem(record.problem.text, named, record.problem.name), record.problem.text, record.problem.name
     )
     if file.sha256 != record.problem.sha256:
         message = "does not belong to the problem's text: one of them was changed; solve the problem again"
-        raise InputError(named, [Mistake("problem.sha256", message)])
+        raise InputError.of(named, "damaged-document", message, key="problem.sha256")
     return file, record.design
-
-
-def _record(source: Any) -> DesignRecord | None:
-    """Return the record of a design, from its file or its object; None for a problem."""
-    if isinstance(source, DesignRecord):
-        return source
-    if isinstance(source, str | Path) and Path(source).suffix == ".json":
-        return read_design(Path(source))
-    if isinstance(source, Mapping) and "schema" in source:
-        return design_of(dict(source), "design")
-    return None
 
 
 def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:

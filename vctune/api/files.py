@@ -12,7 +12,7 @@ from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.design import design_of, read_design
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import folder_name, make_folder, previous, write_together
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile
@@ -74,13 +74,34 @@ def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: 
     if isinstance(design, str | Path):
         record, beside = read_design(Path(design)), Path(design).parent
     elif folder is None:
-        raise InputError("folder", [Mistake("", "is missing; name the folder of the report")])
+        raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
     else:
         record, beside = design if isinstance(design, DesignRecord) else design_of(dict(design), "design"), Path(folder)
     folder = beside if folder is None else Path(folder)
     make_folder(folder)
     write(record, folder, simulation_beside(beside, record))
     return folder / REPORT
+
+
+def known_record(source: Any) -> DesignRecord | None:
+    """Return the record of a design, from its file or its object; None for what states a problem.
+
+    Parameters
+    ----------
+    source : path of a design.json or of a problem file, the object of either, a problem, or a record
+
+    Raises
+    ------
+    InputError
+        If the file or the object of a design is damaged.
+    """
+    if isinstance(source, DesignRecord):
+        return source
+    if isinstance(source, str | Path) and Path(source).suffix == ".json":
+        return read_design(Path(source))
+    if isinstance(source, Mapping) and "schema" in source:
+        return design_of(dict(source), "design")
+    return None
 
 
 def design_folder(file: ProblemFile, out: Path) -> Path:
@@ -116,14 +137,16 @@ def claim_folder(file: ProblemFile, folder: Path) -> None:
     """
     make_folder(folder)
     if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
-        raise InputError(file.source, [Mistake("", "would be overwritten by its own design; choose another folder")])
+        raise InputError.of(
+            file.source, "folder-in-use", "would be overwritten by its own design; choose another folder"
+        )
     try:
         owner = json.loads((folder / DESIGN_FILE).read_text())["problem"]["name"]
     except (OSError, ValueError, KeyError, TypeError):
         return
     if owner != file.problem.name:
         message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or folder"
-        raise InputError(str(folder), [Mistake("", message)])
+        raise InputError.of(str(folder), "folder-in-use", message)
 
 
 def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path | None:

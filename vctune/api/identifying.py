@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import Content, make_folder, write_together
 from vctune.document.identification import DEVICE_FILE, EXCITATION_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.log import read_log, read_log_map
@@ -71,16 +71,16 @@ def identify(
     InputError
         If a file cannot be read or says nothing, with line, column and remedy, or SciPy is not there.
     """
+    paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
+    if not paths:
+        raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
+    known = read_log_map(None if config is None else Path(config))
+    recordings = [read_log(path, known) for path in paths]
     require_scipy()
     from vctune.identification.excitation import excitation as suggested
     from vctune.identification.identify import identify as run
     from vctune.identification.record import identification_record
 
-    paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
-    if not paths:
-        raise InputError("logs", [Mistake("", "there is none; name at least one CSV file")])
-    known = read_log_map(None if config is None else Path(config))
-    recordings = [read_log(path, known) for path in paths]
     name = known.document.name or paths[0].name.removesuffix(".gz").removesuffix(".csv") or "device"
     found = run(recordings, known, name, progress)
     next_one = suggested(found) if excitation else None
@@ -140,7 +140,7 @@ def require_scipy() -> None:
         If it is not, with how to install it.
     """
     if find_spec("scipy") is None:
-        raise InputError("vctune identify", [Mistake("", "needs SciPy; pip install 'vctune[identify]'")])
+        raise InputError.of("vctune identify", "missing-package", "needs SciPy; pip install 'vctune[identify]'")
 
 
 def _versions() -> dict[str, str | None]:

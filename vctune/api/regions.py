@@ -106,7 +106,7 @@ def region(
     finest, coarsest = RESOLUTIONS
     if not finest <= resolution <= coarsest:
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
-        raise InputError("resolution", [Mistake("", message)])
+        raise InputError.of("resolution", "bad-option", message)
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
     found = divide(file.problem, across, across.coarsest_squares(), progress)
     return AdmissibleGains(file, found, solve(file.problem, progress))
@@ -138,7 +138,8 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
         If it has none.
     """
     keys = keys_for(file.problem)
-    unknown = [Mistake(key, f"is no variable; there are: {', '.join(keys)}") for key in (x, y) if key not in keys]
+    said = f"is no variable; there are: {', '.join(keys)}"
+    unknown = [Mistake("no-plane", key, said) for key in (x, y) if key not in keys]
     if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file

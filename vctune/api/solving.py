@@ -11,7 +11,7 @@ from vctune.design.result import Solved
 from vctune.design.solve import solve as find
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.supported import only_admittance
 
 
@@ -63,4 +63,4 @@ def require_gap(gap: float) -> None:
     """
     low, high = GAPS
     if not low <= gap <= high:
-        raise InputError("gap", [Mistake("", f"{gap:g} is out of range: must be from {low:g} to {high:g}")])
+        raise InputError.of("gap", "bad-option", f"{gap:g} is out of range: must be from {low:g} to {high:g}")

@@ -12,8 +12,9 @@ from typing import Any
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import make_folder, write_together
+from vctune.document.rows import FrontRecord, SweepRecord
 from vctune.document.study import Study, build_study, read_study
 from vctune.study.executors import WorkerPool, available_cores, worker_pool
 from vctune.study.front import band_front, band_study, terms_front, terms_study
@@ -43,7 +44,7 @@ class Swept:
     dropped: int
 
     @property
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> SweepRecord:
         """Counts by status, best and worst design, and the corner without designs."""
         return summary(self.study.name, self.table)
 
@@ -63,6 +64,11 @@ class Fronts:
 
     terms: Table
     band: Table | None
+
+    def record(self, problem: str) -> FrontRecord:
+        """Return both as an object; their units are the same."""
+        band = None if self.band is None else self.band.rows()
+        return FrontRecord(problem=problem, units=self.terms.units, terms=self.terms.rows(), band=band)
 
     def _repr_html_(self) -> str:
         return self.terms._repr_html_() + (self.band._repr_html_() if self.band is not None else "")
@@ -160,7 +166,9 @@ def _study(problem: ProblemSource | Study, axes: Mapping[str, Any] | None, sampl
         return build_study(problem_of(problem), axes, sample)
     if isinstance(problem, str | Path):
         return read_study(Path(problem))
-    raise InputError("study", [Mistake("axes", 'is missing; name the numbers that vary, {"device.mass": [...]}')])
+    raise InputError.of(
+        "study", "missing-key", 'is missing; name the numbers that vary, {"device.mass": [...]}', key="axes"
+    )
 
 
 @contextmanager

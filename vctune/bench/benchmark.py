@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.files import Content, write_together
+from vctune.document.outputs import BenchRecord
 from vctune.report.benchmarks import Panel, benchmark_figure
 from vctune.report.page import svg
 
@@ -78,6 +79,23 @@ def page(name: str, measured: Measured, command: str, machine: str) -> str:
         *(f"- {fact}" for fact in measured.facts),
     ]
     return "\n".join(lines) + "\n"
+
+
+def record_of(name: str, measured: Measured, machine: str) -> BenchRecord:
+    """Return a benchmark as an object; a number that does not exist is null.
+
+    Parameters
+    ----------
+    name : of the benchmark
+    measured : what it found
+    machine : on which it ran
+    """
+    rows = [{key: _existing(value) for key, value in asdict(row).items()} for row in measured.rows]
+    return BenchRecord(name=name, title=measured.title, machine=machine, facts=measured.facts, table=rows)
+
+
+def _existing(value: Any) -> Any:
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def write_measured(folder: Path, name: str, measured: Measured, command: str, machine: str) -> None:

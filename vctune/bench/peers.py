@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from vctune.bench.dense import Dense, Stopped
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 
 PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}
 
@@ -23,7 +23,7 @@ def need(package: str) -> None:
     """
     if find_spec(package) is None:
         lacking = f"needs {PACKAGES[package]}; install what it compares with: pip install 'vctune[bench]'"
-        raise InputError("vctune bench", [Mistake("", lacking)])
+        raise InputError.of("vctune bench", "missing-package", lacking)
 
 
 def slsqp(dense: Dense) -> Stopped:

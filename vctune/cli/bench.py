@@ -9,6 +9,8 @@ from typing import Any
 
 import click
 
+from vctune.cli.options import out_option, output_options
+
 ABOUT = {
     "solvers": "vctune against other solvers and fixed grids: error against run time.",
     "stress": "Thousands of devices over ten decades, every verdict checked.",
@@ -28,11 +30,10 @@ def _command(name: str) -> Any:
     @click.command(name, short_help=ABOUT[name], help=ABOUT[name])
     @click.option("--quick/--full", default=True, help="Under a minute, or everything.  [default: quick]")
     @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of what is random.")
-    @click.option(
-        "--out", type=click.Path(path_type=Path), default=Path("results/bench"), show_default=True, help="Folder."
-    )
-    def command(quick: bool, seed: int, out: Path) -> int:
-        return _run(name, quick, seed, out)
+    @out_option("", "results/bench")
+    @output_options()
+    def command(quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
+        return _run(name, quick, seed, out, style, quiet)
 
     return command
 
@@ -41,12 +42,12 @@ for _name in ABOUT:
     bench.add_command(_command(_name))
 
 
-def _run(name: str, quick: bool, seed: int, out: Path) -> int:
+def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
     for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
         os.environ[variable] = "1"
-    from vctune.bench.benchmark import write_measured
+    from vctune.bench.benchmark import record_of, write_measured
     from vctune.bench.timing import machine
-    from vctune.cli.output import emit
+    from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
     from vctune.exit_codes import ExitCode
@@ -54,8 +55,9 @@ def _run(name: str, quick: bool, seed: int, out: Path) -> int:
     make_folder(out)
     where, size = machine(), "quick" if quick else "full"
     command = f"vctune bench {name} --{size} --seed {seed}"
-    with progress_on_stderr(command, shown=True) as progress:
+    with progress_on_stderr(command, shown=not quiet) as progress:
         measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
         write_measured(out, name, measured, command, where)
-    emit("\n".join([measured.title, where, *measured.facts, f"written to {out}"]))
+    lines = [measured.title, where, *measured.facts, f"written to {out}"]
+    answer(style, quiet, record_of(name, measured, where).to_json, lambda: click.echo("\n".join(lines)))
     return ExitCode.OK

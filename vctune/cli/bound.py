@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.api.limits import GAPS
-from vctune.cli.options import out_option, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument
 
 
 @click.command(short_help="Prove how much better any design could be.")
@@ -17,9 +17,16 @@ from vctune.cli.options import out_option, problem_argument
 @click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Threads.")
 @click.option("--time-limit", type=click.FloatRange(0), metavar="S", help="Stop after so many seconds.")
 @out_option()
-@click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
+@output_options()
 def bound(
-    problem: Path, design: Path | None, gap: float, jobs: int, time_limit: float | None, out: Path, as_json: bool
+    problem: Path,
+    design: Path | None,
+    gap: float,
+    jobs: int,
+    time_limit: float | None,
+    out: Path,
+    style: str,
+    quiet: bool,
 ) -> int:
     """Prove a lower bound on the error of every admissible design of PROBLEM.
 
@@ -30,9 +37,9 @@ def bound(
 
     from vctune.api.bounding import bound as search
     from vctune.api.bounding import known_design, require_free, write_bounded
-    from vctune.api.files import DESIGN_FILE, design_folder, json_text, write_report
+    from vctune.api.files import DESIGN_FILE, design_folder, write_report
     from vctune.api.solving import solve
-    from vctune.cli.output import emit, reader_may_leave
+    from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.judge import Status
     from vctune.document.reading import read_problem
@@ -44,7 +51,7 @@ def bound(
     only_admittance(file.source, file.problem.device, "bounding the error")
     path = design or design_folder(file, out) / DESIGN_FILE
     limit = inf if time_limit is None else time_limit
-    with progress_on_stderr(f"vctune bound {problem.name}", shown=True) as progress:
+    with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
         with interrupt_noted() as stopped:  # from here on something would be lost
             bounded = search(file, known, gap=gap, jobs=jobs, time_limit=limit, stopped=stopped, progress=progress)
@@ -53,13 +60,13 @@ def bound(
         write_report(path)
     if bounded.improved:
         click.echo("found a better design than the one known, whose basin the scan had missed", err=True)
-    if as_json:
-        emit(json_text(bounded.record).rstrip())
-    else:
+
+    def table() -> None:
         from vctune.cli.table import print_design
 
-        with reader_may_leave():
-            print_design(bounded.record, path.parent)
+        print_design(bounded.record, path.parent)
+
+    answer(style, quiet, bounded.record.to_json, table)
     if bounded.status is Status.INFEASIBLE:
         return ExitCode.FAILED
     return ExitCode.OK if bounded.proved else ExitCode.UNDECIDED

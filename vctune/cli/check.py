@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option
+from vctune.cli.options import out_option, output_options
 
 if TYPE_CHECKING:
     from vctune.design.check import Checked
@@ -16,19 +16,12 @@ if TYPE_CHECKING:
 @click.command(short_help="Prove gains that already exist.")
 @click.argument("paths", type=click.Path(path_type=Path), nargs=-1, required=True, metavar="PROBLEM... [GAINS]...")
 @click.option(
-    "--format",
-    "style",
-    type=click.Choice(["text", "json", "github", "junit", "sarif"]),
-    default="text",
-    show_default=True,
-    help="What to print.",
-)
-@click.option(
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
 )
 @click.option("--strict", is_flag=True, help="A warning fails the check.")
 @out_option("NAME/lost.json and its picture when a region has lost cells")
-def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bool, out: Path) -> int:
+@output_options("github", "junit", "sarif")
+def check(paths: tuple[Path, ...], style: str, quiet: bool, baseline: Path | None, strict: bool, out: Path) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
@@ -56,7 +49,10 @@ def check(paths: tuple[Path, ...], style: str, baseline: Path | None, strict: bo
     else:
         found = check_files(files) if baseline is None else _against(baseline, files, out)
     checks = [replace(checked, strict=strict) for checked in found]
-    emit(FORMATS[style](checks))
+    if style != "text" or not quiet:
+        emit(FORMATS[style](checks))
+    elif refused := [checked for checked in checks if checked.finding is None]:
+        click.echo(FORMATS[style](refused), err=True)
     severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
     return max((of_check(checked.result) for checked in checks), key=severity.index)
 
@@ -82,24 +78,24 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
 def _admittances(problems: list[Path], admittances: list[Path]) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
     from vctune.design.admittance_check import check_admittance
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError
     from vctune.document.reading import read_problem
     from vctune.document.ros import read_admittance
 
     if len(problems) != 1:
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
-        raise InputError(str(admittances[0]), [Mistake("", message)])
+        raise InputError.of(str(admittances[0]), "ambiguous-files", message)
     problem = read_problem(problems[0])
     return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path))]
 
 
 def _files(path: Path) -> list[Path]:
     """Return the files that an argument stands for."""
-    from vctune.document.errors import InputError, Mistake
+    from vctune.document.errors import InputError
 
     if not path.is_dir():
         return [path]
     files = sorted(file for file in path.iterdir() if file.suffix == ".toml")
     if not files:
-        raise InputError(str(path), [Mistake("", "holds no .toml file")])
+        raise InputError.of(str(path), "ambiguous-files", "holds no .toml file")
     return files

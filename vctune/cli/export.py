@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option
+from vctune.cli.options import out_option, output_options
 
 if TYPE_CHECKING:
     from vctune.api.exporting import Format
@@ -27,7 +27,17 @@ if TYPE_CHECKING:
 )
 @click.option("--unproved", is_flag=True, help="Export what is not proved too; every file says so at its top.")
 @out_option("NAME/firmware/")
-def export(source: Path, gains: Path | None, to: Format, precision: Precision, unproved: bool, out: Path) -> int:
+@output_options()
+def export(
+    source: Path,
+    gains: Path | None,
+    to: Format,
+    precision: Precision,
+    unproved: bool,
+    out: Path,
+    style: str,
+    quiet: bool,
+) -> int:
     """Make firmware of a design.json of `vctune solve`, of PROBLEM with GAINS, or of a PROBLEM whose numbers are fixed.
 
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
@@ -36,10 +46,11 @@ def export(source: Path, gains: Path | None, to: Format, precision: Precision, u
     from vctune.api.exporting import NotCertifiedError, write_export
     from vctune.api.exporting import export as make
     from vctune.cli.exits import of_status
-    from vctune.cli.output import emit
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
+    from vctune.document.outputs import ExportRecord
     from vctune.document.reading import read_gains
     from vctune.exit_codes import ExitCode
     from vctune.firmware.c_source import statement
@@ -47,14 +58,20 @@ def export(source: Path, gains: Path | None, to: Format, precision: Precision, u
     given = read_gains(gains) if gains else None
     design = (given.gains, given.coupling) if given else ()
     try:
-        with progress_on_stderr(f"vctune export {source.name}", shown=True) as progress:
+        with progress_on_stderr(f"vctune export {source.name}", shown=not quiet) as progress:
             exported = make(source, *design, to=to, precision=precision, unproved=unproved, progress=progress)
             place = write_export(exported, out / folder_name(exported.firmware.name))
     except NotCertifiedError as refused:
         click.echo(str(refused), err=True)
         return of_status(refused.status)
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
-        click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
-    emit("\n".join(printable(line) for line in statement(exported.firmware) if line))
-    click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
+        warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
+    made = exported.firmware
+    lines = [printable(line) for line in statement(made) if line]
+    record = ExportRecord(
+        name=made.name, status=made.record.status, statement=lines, folder=str(place), files=list(exported.files)
+    )
+    answer(style, quiet, record.to_json, lambda: click.echo("\n".join(lines)))
+    if not quiet:
+        click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
     return ExitCode.OK

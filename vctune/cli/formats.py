@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 
 from vctune.design.check import Checked, CheckVerdict
 from vctune.document.errors import printable
-from vctune.document.record import SCHEMA
+from vctune.document.outputs import NamedRecord, RefusalRecord
 from vctune.version import __version__
 
 WORDS = {
@@ -39,18 +39,20 @@ def text(checks: list[Checked]) -> str:
 
 
 def as_json(checks: list[Checked]) -> str:
-    """Return the object of design.json, or a list of them for several checks."""
+    """Return a list of the objects of design.json, or of what became of a region, or of why there is none."""
     objects = [checked.finding.record() if checked.finding else _refused(checked) for checked in checks]
-    return json.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False)
+    return json.dumps(objects, indent=2, allow_nan=False)
 
 
 def _refused(checked: Checked) -> dict[str, Any]:
-    return {
-        "schema": SCHEMA,
-        "problem": {"name": printable(checked.name)},
-        "status": None,
-        "reason": checked.message,
-    }
+    return RefusalRecord(
+        problem=NamedRecord(name=printable(checked.name)),
+        source=printable(str(checked.source)),
+        line=checked.line,
+        status=None,
+        reason=checked.message,
+        warnings=[],
+    ).to_json()
 
 
 def github(checks: list[Checked]) -> str:

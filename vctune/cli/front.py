@@ -8,14 +8,15 @@ from pathlib import Path
 
 import click
 
-from vctune.cli.options import out_option, problem_argument, worker_options
+from vctune.cli.options import out_option, output_options, problem_argument, worker_options
 
 
 @click.command(short_help="Draw the two trade-offs that a designer asks about.")
 @problem_argument
 @out_option("NAME/front/")
 @worker_options
-def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
+@output_options()
+def front(problem: Path, out: Path, jobs: int | None, executor: str, style: str, quiet: bool) -> int:
     """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
 
     Two sweeps with a name: K_p over its range with the coupling's weight over six decades, and the stability band's
@@ -24,7 +25,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     """
     from vctune.api.bounding import require_free
     from vctune.api.studies import front as find
-    from vctune.cli.output import emit
+    from vctune.cli.output import answer
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import printable
     from vctune.document.files import folder_name
@@ -35,13 +36,13 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str) -> int:
     folder = out / folder_name(file.problem.name) / "front"
 
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
-        return bar_on_stderr(f"vctune front: {name}", points)
+        return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
 
     fronts = find(file, folder=folder, jobs=jobs, executor=executor, bar=bar)
     counts = [len(table.status) for table in (fronts.terms, fronts.band) if table is not None]
-    emit(f"{printable(file.problem.name)}: {counts[0]} designs on the front of the three terms,")
     against = "none of error against band, for hands are met at every frequency"
     if fronts.band is not None:
         against = f"{counts[1]} on the front of error against band"
-    emit(f"{against}; written to {folder}")
+    said = f"{printable(file.problem.name)}: {counts[0]} designs on the front of the three terms,\n{against}"
+    answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
     return ExitCode.OK if all(counts) else ExitCode.FAILED

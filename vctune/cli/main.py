@@ -9,6 +9,9 @@ import click
 from vctune.cli.bench import bench
 from vctune.cli.bound import bound
 from vctune.cli.check import check
+from vctune.cli.compare import compare
+from vctune.cli.example import example
+from vctune.cli.explain import explain
 from vctune.cli.export import export
 from vctune.cli.front import front
 from vctune.cli.identify import identify
@@ -18,6 +21,7 @@ from vctune.cli.schema import schema
 from vctune.cli.simulate import simulate
 from vctune.cli.solve import solve
 from vctune.cli.sweep import sweep
+from vctune.document.codes import coded
 from vctune.document.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
@@ -54,6 +58,7 @@ def main() -> None:
 
 main.add_command(solve)
 main.add_command(check)
+main.add_command(compare)
 main.add_command(sweep)
 main.add_command(front)
 main.add_command(simulate)
@@ -64,6 +69,8 @@ main.add_command(region)
 main.add_command(bound)
 main.add_command(bench)
 main.add_command(schema)
+main.add_command(explain)
+main.add_command(example)
 
 
 def execute() -> int:
@@ -73,21 +80,20 @@ def execute() -> int:
     except InputError as error:
         code = _complain(str(error), ExitCode.BAD_INPUT)
     except click.ClickException as error:
-        error.show()
+        click.UsageError(coded(error.format_message(), "usage"), getattr(error, "ctx", None)).show()
         code = ExitCode.BAD_INPUT
     except click.Abort:
         raise KeyboardInterrupt from None
     except SystemExit:  # click's way out when the reader of --help or --version has gone away
         code = ExitCode.OK
     except OSError as error:
-        code = _complain(f"{error.filename or 'output'}: {error.strerror}", ExitCode.BAD_INPUT)
+        code = _complain(coded(f"{error.filename or 'output'}: {error.strerror}", "cannot-write"), ExitCode.BAD_INPUT)
     except Exception as error:  # the last line of defence: a fault of ours, said without a traceback
         if RECEIVED:
             raise KeyboardInterrupt from None
         place = _innermost(error)
-        code = _complain(
-            f"internal error at {place}: {type(error).__name__}: {error}; please report it", ExitCode.INTERNAL
-        )
+        said = f"internal error at {place}: {type(error).__name__}: {error}; please report it"
+        code = _complain(coded(said, "internal-error"), ExitCode.INTERNAL)
     return int(code or ExitCode.OK)
 
 

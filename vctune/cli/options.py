@@ -10,14 +10,65 @@ import click
 
 Added = Callable[[Any], Any]
 """Adds an argument or an option to a command."""
+SHORT = "vctune.json"
+"""Where click keeps whether --json was given."""
 
 problem_argument: Added = click.argument("problem", type=click.Path(path_type=Path))
 
 
-def out_option(holds: str = "NAME/") -> Added:
-    """Return the option `--out`, with what the folder holds."""
-    path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}."
-    return click.option("--out", type=path, default=Path("results"), show_default=True, help=text)
+def out_option(holds: str = "NAME/", default: str | None = "results") -> Added:
+    """Return the option `--out`.
+
+    Parameters
+    ----------
+    holds : what the folder holds
+    default : the folder; None where the command says which it is
+    """
+    path, text = click.Path(path_type=Path), f"Folder for OUT/{holds}." if holds else "Folder."
+    return click.option("--out", type=path, default=default, show_default=default is not None, help=text)
+
+
+def output_options(*more: str) -> Added:
+    """Return the options `--format`, `--json` and `--quiet` of a command, which is given `style` and `quiet`.
+
+    Parameters
+    ----------
+    more : formats beside text and json
+    """
+    options = (
+        click.option(
+            "--format",
+            "style",
+            type=click.Choice(["text", "json", *more]),
+            default="text",
+            show_default=True,
+            callback=_style,
+            help="What to print.",
+        ),
+        click.option(
+            "--json", is_flag=True, is_eager=True, expose_value=False, callback=_short, help="Short for --format json."
+        ),
+        click.option("--quiet", is_flag=True, help="No progress and no text; what --format asks for is printed."),
+    )
+
+    def add(command: Any) -> Any:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return add
+
+
+def _short(context: click.Context, parameter: click.Parameter, value: bool) -> None:
+    context.meta[SHORT] = value
+
+
+def _style(context: click.Context, parameter: click.Parameter, value: str) -> str:
+    if not context.meta.get(SHORT):
+        return value
+    if value not in ("text", "json"):
+        raise click.UsageError(f"--json and --format {value} exclude each other; leave one of them out")
+    return "json"
 
 
 def worker_options(command: Any) -> Any:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
+
+import click
+
+from vctune.document.codes import Code, coded
+from vctune.document.errors import printable
 
 
 @contextmanager
@@ -22,3 +28,33 @@ def emit(text: str) -> None:
     """Print a text to stdout."""
     with reader_may_leave():
         sys.stdout.write(text + "\n")
+
+
+def warn(code: Code, text: str) -> None:
+    """Say on stderr what the user should know beside the answer.
+
+    Parameters
+    ----------
+    code : what it is an instance of
+    text : what is said
+    """
+    click.echo(coded(printable(text), code), err=True)
+
+
+def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:
+    """Print what came of a command.
+
+    Parameters
+    ----------
+    style : "json" for the object, "text" for people
+    quiet : whether people are told nothing
+    data : makes the object
+    people : prints it for them
+    """
+    if style == "json":
+        import json
+
+        emit(json.dumps(data(), indent=2, allow_nan=False))
+    elif not quiet:
+        with reader_may_leave():
+            people()

@@ -28,15 +28,16 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
 
 
 @contextmanager
-def bar_on_stderr(title: str, total: int) -> Iterator[Callable[[], None]]:
+def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[], None]]:
     """Show a bar with the rate and the time left; yield a function that counts one more done.
 
     Parameters
     ----------
     title : before the bar
     total : how many there are to do
+    shown : whether to show it, on a terminal
     """
-    if not sys.stderr.isatty():
+    if not (shown and sys.stderr.isatty()):
         yield lambda: None
         return
     from rich.console import Console

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from vctune.api.limits import RESOLUTIONS
-from vctune.cli.options import out_option, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument
 from vctune.model.keys import KEYS, SPRING_KEYS
 
 NAMED = (*KEYS, *SPRING_KEYS[3:])
@@ -26,7 +26,8 @@ SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stif
     help="Side of the smallest cell as a share of the plane's.",
 )
 @out_option()
-def region(problem: Path, x: str | None, y: str | None, resolution: float, out: Path) -> int:
+@output_options()
+def region(problem: Path, x: str | None, y: str | None, resolution: float, out: Path, style: str, quiet: bool) -> int:
     """Find the gains of PROBLEM for which its demands hold.
 
     The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
@@ -38,7 +39,7 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     from vctune.api.regions import axes_of, require_plane, write_region
     from vctune.api.regions import region as find
     from vctune.cli.exits import of_status
-    from vctune.cli.output import emit
+    from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
@@ -48,11 +49,11 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     file = require_plane(read, x, y)
     folder = out / folder_name(file.problem.name)
     make_folder(folder)
-    with progress_on_stderr(f"vctune region {problem.name}", shown=True) as progress:
+    with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         found = find(file, x, y, resolution=resolution, progress=progress)
         progress("drawing")
         write_region(found, folder)
-    for kind, share in found.areas.items():
-        emit(f"{kind:10} {100 * share:7.2f} %")
-    emit(f"of the plane {x} by {y}; written to {folder}")
+    lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
+    lines.append(f"of the plane {x} by {y}; written to {folder}")
+    answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
     return of_status(found.status)

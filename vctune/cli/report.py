@@ -6,17 +6,23 @@ from pathlib import Path
 
 import click
 
+from vctune.cli.options import out_option, output_options
+
 
 @click.command(short_help="Make a design's report again, without solving.")
 @click.argument("design", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Folder for the report.  [default: beside DESIGN]")
-def report(design: Path, out: Path | None) -> int:
+@out_option("report.html; where it is not given, the folder of DESIGN", None)
+@output_options()
+def report(design: Path, out: Path | None, style: str, quiet: bool) -> int:
     """Make the report of DESIGN, a design.json, again: report.html and its figures. Nothing is solved.
 
     A simulation.json of the same design beside it is drawn too.
     """
     from vctune.api.files import write_report
+    from vctune.cli.output import answer
+    from vctune.document.outputs import ReportRecord
     from vctune.exit_codes import ExitCode
 
-    click.echo(f"written to {write_report(design, out)}", err=True)
+    place = str(write_report(design, out))
+    answer(style, quiet, ReportRecord(report=place).to_json, lambda: click.echo(f"written to {place}", err=True))
     return ExitCode.OK

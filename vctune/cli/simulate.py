@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument
 
 if TYPE_CHECKING:
     from vctune.cli.progress import Progress
@@ -28,9 +28,9 @@ IN_THE_LOOP = "in-the-loop"
     type=click.Path(path_type=Path),
     help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print simulation.json instead of the table.")
+@output_options()
 def simulate(
-    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, as_json: bool
+    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, style: str, quiet: bool
 ) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
 
@@ -40,61 +40,61 @@ def simulate(
     With --controller a compiled firmware runs in the place of the design's own, and is compared with it; the files then
     are in the folder `in-the-loop` beside the design's.
     """
-    import json
-
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
     from vctune.api.files import design_folder
-    from vctune.cli.output import emit, reader_may_leave
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
     from vctune.document.reading import read_gains, read_problem
     from vctune.exit_codes import ExitCode
+    from vctune.simulation.library import CompiledController
 
+    compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
     chosen_experiments(file, name)
     given = read_gains(gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):
-        click.echo(f"{gains}: made for another version of the problem (sha256 differs)", err=True)
+        warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
     folder = design_folder(file, out)
 
-    with progress_on_stderr(f"vctune simulate {problem.name}", shown=True) as progress:
+    with progress_on_stderr(f"vctune simulate {problem.name}", shown=not quiet) as progress:
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
-        simulation = run(file, *design, name, controller=controller, progress=progress)
+        simulation = run(file, *design, name, controller=compiled, progress=progress)
         if simulation.made_for not in (None, file.sha256):
-            click.echo(f"{controller}: made for another version of the problem (sha256 differs)", err=True)
+            warn("other-version", f"{controller}: made for another version of the problem (sha256 differs)")
         progress("writing and drawing")
         if controller is not None:
             folder = folder / IN_THE_LOOP
             make_folder(folder)
         record = write_simulation(simulation, folder)
-    if as_json:
-        emit(json.dumps(record, indent=1, allow_nan=False))
-    else:
+
+    def table() -> None:
         from vctune.cli.table import print_simulation
         from vctune.document.simulation import simulation_of
 
-        with reader_may_leave():
-            print_simulation(simulation_of(record), folder)
+        print_simulation(simulation_of(record), folder)
+
+    answer(style, quiet, lambda: record, table)
     return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
     """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
     from vctune.api.files import write_record
+    from vctune.cli.output import warn
     from vctune.cli.solve import say_renamed
     from vctune.design.nlp import ipopt_version
     from vctune.design.prices import with_prices
     from vctune.design.record import record_of
     from vctune.design.solve import solve
-    from vctune.document.errors import printable
 
     solved = with_prices(solve(file.problem, progress), progress)
     judgement = solved.judgement
     say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
     if judgement is None:
-        click.echo(f"{printable(file.problem.name)}: nothing to simulate: {solved.reason}", err=True)
+        warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None
     return judgement.gains, judgement.coupling

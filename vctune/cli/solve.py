@@ -7,16 +7,15 @@ from pathlib import Path
 import click
 
 from vctune.api.limits import GAPS
-from vctune.cli.options import out_option, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument
 
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
 @problem_argument
 @out_option()
-@click.option("--json", "as_json", is_flag=True, help="Print design.json instead of the table.")
 @click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is removed.")
-@click.option("--quiet", is_flag=True, help="No progress and no table.")
 @click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
+@click.option("--watch", is_flag=True, help="Solve again each time that PROBLEM is saved, until Ctrl-C.")
 @click.option(
     "--prove-gap",
     "gap",
@@ -24,16 +23,40 @@ from vctune.cli.options import out_option, problem_argument
     metavar="GAP",
     help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
 )
+@output_options()
 def solve(
-    problem: Path, out: Path, as_json: bool, no_report: bool, quiet: bool, strict: bool, gap: float | None
+    problem: Path,
+    out: Path,
+    no_report: bool,
+    strict: bool,
+    watch: bool,
+    gap: float | None,
+    style: str,
+    quiet: bool,
 ) -> int:
     """Find the most transparent gains of PROBLEM and prove them stable.
 
-    PROBLEM is a TOML file; only [device] mass, damping and sample_time are required in it.
+    PROBLEM is a TOML file, or - for standard input; only [device] mass, damping and sample_time are required in it.
     """
-    from vctune.api.files import design_folder, json_text, write_record, write_report
-    from vctune.cli.output import emit, reader_may_leave
+
+    def once() -> int:
+        return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
+
+    if watch:
+        from vctune.cli.watch import on_every_save
+        from vctune.document.toml import STDIN
+
+        if problem == STDIN:
+            raise click.UsageError("--watch needs a file; standard input is read once")
+        on_every_save(problem, once)
+    return once()
+
+
+def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
+    from vctune.api.files import design_folder, write_record, write_report
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
+    from vctune.document.plausibility import doubts
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
@@ -46,20 +69,22 @@ def solve(
     from vctune.design.record import record_of
     from vctune.exit_codes import ExitCode
 
+    for doubt in () if quiet else doubts(file.problem):  # before the work: what is meant otherwise need not be solved
+        warn(doubt.code, doubt.text)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
-        solved = solve_problem(file, gap=gap, prices=not no_report, progress=progress)
+        solved = solve_problem(file, gap=gap, prices=report, progress=progress)
         record = record_of(file, solved, ipopt_version())
         say_renamed(write_record(folder, file, record))
-        if not no_report:
+        if report:
             progress("drawing the report")
             write_report(record, folder)
-    if as_json:
-        emit(json_text(record).rstrip())
-    elif not quiet:
+
+    def table() -> None:
         from vctune.cli.table import print_design
 
-        with reader_may_leave():
-            print_design(record, folder)
+        print_design(record, folder)
+
+    answer(style, quiet, record.to_json, table)
     if strict and record.warnings:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved

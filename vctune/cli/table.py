@@ -11,13 +11,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from vctune.document.comparison import ComparisonRecord
 from vctune.document.errors import printable
 from vctune.document.part import text
 from vctune.document.record import DesignRecord, RepairRecord, SpringRecord
+from vctune.document.rows import Cells, CornerRecord, SweepRecord
 from vctune.document.simulation import DifferenceRecord, LeastVirtualRecord, SimulationRecord
 
 LEAST_WIDTH = 80
 WIDE = 120
+WIDEST = 1000
+"""For what is not wrapped."""
 COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
 
 
@@ -29,7 +33,12 @@ def _page(least_width: int, folder: Path) -> Iterator[Console]:
     with console.capture() as page:
         yield console
         console.print(f"written to {escape(str(folder))}", soft_wrap=True)
-    console.file.write(page.get())
+    _write(console, page.get())
+
+
+def _write(console: Console, text: str) -> None:
+    """Write a text without the blanks that a table leaves at the ends of lines."""
+    console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
 def print_design(record: DesignRecord, folder: Path) -> None:
@@ -148,33 +157,74 @@ def _table(record: DesignRecord) -> Table:
     return table
 
 
-def print_sweep(found: dict[str, Any], folder: Path) -> None:
-    """Print the object of `vctune sweep --format json` and where the files are.
+def print_sweep(found: SweepRecord, folder: Path) -> None:
+    """Print what a sweep found and where the files are.
 
     Parameters
     ----------
-    found : of `vctune.study.summary.summary`
+    found : in a few numbers
     folder : named at the end
     """
     with _page(LEAST_WIDTH, folder) as console:
-        counts = ", ".join(f"{count} {status}" for status, count in found["status"].items())
-        console.print(f"[bold]{escape(printable(found['study']))}[/bold]: {found['points']} points, {counts}")
-        for label in ("best", "worst"):
-            if found[label]:
-                console.print(f"{label:<5}  {_design_line(found[label])}", soft_wrap=True)
-        if found["corner"]:
-            console.print(_corner_line(found["corner"]), soft_wrap=True)
+        counts = ", ".join(f"{count} {status}" for status, count in found.status.items())
+        console.print(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
+        for label, row in (("best", found.best), ("worst", found.worst)):
+            if row:
+                console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
+        if found.corner:
+            console.print(_corner_line(found.corner), soft_wrap=True)
 
 
-def _design_line(row: dict[str, Any]) -> str:
+def _design_line(row: Cells) -> str:
     axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
     return escape(f"error {text(row['error'])} at {axes}")
 
 
-def _corner_line(corner: dict[str, Any]) -> str:
+def _corner_line(corner: CornerRecord) -> str:
     spans = ", ".join(
         f"{key} from {text(low, 6)} to {text(high, 6)}"
-        for (key, low), high in zip(corner["from"].items(), corner["to"].values(), strict=True)
+        for (key, low), high in zip(corner.low.items(), corner.high.values(), strict=True)
     )
-    where = f"none   at {corner['points']} points, {corner['share']:.0%} of those with {spans}"
-    return escape(f"{where}\n       most often: {printable(corner['reason'])}")
+    where = f"none   at {corner.points} points, {corner.share:.0%} of those with {spans}"
+    return escape(f"{where}\n       most often: {printable(corner.reason)}")
+
+
+def print_comparison(found: ComparisonRecord) -> None:
+    """Print two designs side by side: the keys of the problems that differ, then what came of either.
+
+    Parameters
+    ----------
+    found : of both
+    """
+    console = Console(highlight=False, width=WIDEST)
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "", "A", "B", ""):
+        table.add_column(heading, no_wrap=True, justify="right" if heading in ("A", "B") else "left")
+    sides = (found.a, found.b)
+    for label, values in (
+        ("file", [side.source for side in sides]),
+        ("problem", [side.name for side in sides]),
+        ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
+    ):
+        table.add_row("", label, *(escape(printable(value)) for value in values), "")
+    for number, differs in enumerate(found.problem):
+        table.add_row("[dim]differs[/dim]" if number == 0 else "", differs.key, *map(_cell, (differs.a, differs.b)), "")
+    group = ""
+    for value in found.design:
+        shown = f"[dim]{value.group}[/dim]" if value.group != group else ""
+        table.add_row(
+            shown, escape(value.label), *(_cell(each, value.digits) for each in (value.a, value.b)), value.unit
+        )
+        group = value.group
+    with console.capture() as page:
+        console.print(table)
+    _write(console, page.get())
+    for name, side in zip("AB", sides, strict=True):
+        if side.reason:
+            console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=True)
+
+
+def _cell(value: Any, digits: int = 8) -> str:
+    if isinstance(value, list) and len(value) != 2:
+        return escape(printable(str(value)))
+    return "-" if value is None else escape(printable(text(value, digits)))

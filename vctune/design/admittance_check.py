@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from vctune.design.check import Checked, CheckVerdict, DesignFinding, check_problem
-from vctune.document.errors import InputError, Mistake
+from vctune.document.codes import Note
+from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.toml_text import toml_text
@@ -52,10 +53,10 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
-        raise InputError(problem.source, [Mistake("gains", message)])
+        raise InputError.of(problem.source, "not-fixed", message, key="gains")
     if sensor is not None and sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
         message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
-        raise InputError(problem.source, [Mistake("device.force_sensor.bandwidth_hz", message)])
+        raise InputError.of(problem.source, "contradiction", message, key="device.force_sensor.bandwidth_hz")
     document = {key: value for key, value in problem.document.items() if key not in ("experiment", "uncertainty")}
     document["stability"] = {**document.get("stability", {}), "criterion": "hands"}
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
@@ -100,12 +101,13 @@ def _checked(
     T, name = problem.problem.device.sample_time, f"{problem.problem.name} {axis.axis}"
     coupling = coupling_of_admittance(axis, T)
     if coupling.mass <= 0 or coupling.drag < 0:
-        return Checked(path, name, CheckVerdict.FAILED, f"{path}: {axis.axis}: {_explicit(axis, T)}", axis.line, None)
+        message = Note("ros-step", f"{path}: {axis.axis}: {_explicit(axis, T)}").line
+        return Checked(path, name, CheckVerdict.FAILED, message, axis.line, None)
     file = _pasted(document, coupling, problem)
     checked = check_problem(file)
     finding = checked.finding
     assert isinstance(finding, DesignFinding), "a problem whose numbers are fixed is judged"
-    told = [*_traps(axis, coefficient, T), *finding.warnings]
+    told = [*(note.line for note in _traps(axis, coefficient, T)), *finding.warnings]
     parts = [checked.message]
     if checked.verdict is not CheckVerdict.PASSED:
         parts += [_with_its_spring(file, axis, finding), *_in_its_words(document, axis, finding, problem)]
@@ -137,18 +139,20 @@ def _explicit(axis: Admittance, T: float) -> str:
     )
 
 
-def _traps(axis: Admittance, coefficient: float, T: float) -> list[str]:
+def _traps(axis: Admittance, coefficient: float, T: float) -> list[Note]:
     """Return what is easily overlooked in such a file."""
     found = []
     if axis.stiffness == 0:
-        found.append(
+        said = (
             f"stiffness 0 means no damping at all: D = 2 damping_ratio sqrt(M S) is 0 whatever damping_ratio "
             f"({axis.damping_ratio:g}) says"
         )
+        found.append(Note("ros-no-damping", said))
     if coefficient < 1 and (corner := corner_hz(coefficient, T)) < SLOW / (2 * T):
-        found.append(f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz")
+        said = f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz"
+        found.append(Note("ros-slow-filter", said))
     if axis.axis.startswith("r"):
-        found.append("a rotation: the problem file must be of this axis, in kg m^2 and N m s")
+        found.append(Note("ros-rotation", "a rotation: the problem file must be of this axis, in kg m^2 and N m s"))
     return found
 
 

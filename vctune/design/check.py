@@ -22,7 +22,9 @@ from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_re
 from vctune.design.result import Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
+from vctune.document.codes import Note
 from vctune.document.errors import InputError, Mistake
+from vctune.document.plausibility import doubts
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
 from vctune.model.keys import KEYS
@@ -154,7 +156,7 @@ def check(paths: Sequence[Path]) -> list[Checked]:
     if broken:
         return [*map(_refused, broken)]
     message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
-    raise InputError(str(gains[0].path), [Mistake("", message)])
+    raise InputError.of(str(gains[0].path), "ambiguous-files", message)
 
 
 def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
@@ -182,10 +184,10 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
 def _read(path: Path) -> _Input:
     try:
         text = toml.read_text(path)
-        document = toml.parse(text, str(path))
+        document = toml.parse(text, str(toml.called(path)))
     except InputError as error:
-        return _Input(path, "", error, False)
-    return _Input(path, text, None, "gains" in document and "device" not in document)
+        return _Input(toml.called(path), "", error, False)
+    return _Input(toml.called(path), text, None, "gains" in document and "device" not in document)
 
 
 def _refused(given: _Input, error: InputError | None = None) -> Checked:
@@ -223,7 +225,7 @@ def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
 
 def _free(problem: Problem) -> Mistake:
     free = [key for key, bounds in zip(keys_for(problem), ranges(problem), strict=True) if not bounds.fixed]
-    return Mistake(", ".join(free), "nothing to check: not fixed; name a gains file, or fix the numbers")
+    return Mistake("not-fixed", ", ".join(free), "nothing to check: not fixed; name a gains file, or fix the numbers")
 
 
 @np.errstate(all="ignore")
@@ -237,12 +239,15 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, AnyCouplin
         began = perf_counter()
         repairs = _repairs(file, judgement)
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        found += warnings(file.problem, judgement, repairs)
+        found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
         if judgement.idle and repairs is None:
-            found.append("solving the problem finds a design that does use its velocity loop")
+            said = "solving the problem finds a design that does use its velocity loop"
+            found.append(Note("warn-solve-instead", said))
         if made_for and made_for != file.sha256:
-            found.append("the gains were made for another version of the problem (sha256 differs)")
-        finding = DesignFinding(file, judgement, repairs, found, proving + perf_counter() - began)
+            said = "the gains were made for another version of the problem (sha256 differs)"
+            found.append(Note("other-version", said))
+        seconds = proving + perf_counter() - began
+        finding = DesignFinding(file, judgement, repairs, [note.line for note in found], seconds)
         verdict, message = VERDICTS[judgement.status], _message(judgement, repairs)
         checks.append(Checked(source.path, file.problem.name, verdict, message, _line(source.text, repairs), finding))
     return checks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import inf, pi
 
 import numpy as np
 
@@ -85,7 +85,8 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
     peaks = sensitivity_maxima(problem, gains)
     ratio, place = _least_ratio(problem, gains, coupling)
     peak = -peaks.value[0]
-    excess, shortfall = peak / stability.max_sensitivity, stability.safety_factor / ratio
+    excess = peak / stability.max_sensitivity
+    shortfall = stability.safety_factor / ratio if ratio > 0 else inf
     if excess > max(shortfall, 1):
         return (
             f"|S| reaches {peak:.4g} at {peaks.omega[0] / (2 * pi):.4g} Hz, above max_sensitivity "

@@ -13,6 +13,7 @@ from vctune.design.result import Polished, Solved
 from vctune.design.uncertainty import device_record
 from vctune.design.variables import design_of, keys_for, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
+from vctune.document.codes import Note
 from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
@@ -77,21 +78,21 @@ def _priced(polished: Polished) -> Floats:
     return multipliers
 
 
-def left_out(solved: Solved) -> list[str]:
+def left_out(solved: Solved) -> list[Note]:
     """Return what is not in the NLP, each with the reason."""
     problem = solved.problem
     found = []
     for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
         if bounds.fixed and not (key == "gains.position" and problem.device.renders_force):
-            found.append(f"{key}: fixed at {bounds.min:g}")
+            found.append(Note("left-out-fixed", f"{key}: fixed at {bounds.min:g}"))
     for term in TERMS:
         if getattr(problem.transparency.weights, term) == 0:
-            found.append(f"transparency.weights.{term}: 0")
+            found.append(Note("left-out-weight", f"transparency.weights.{term}: 0"))
         elif term not in acting_terms(problem):
-            found.append(f"transparency.{term}: the same for every design")
+            found.append(Note("left-out-same", f"transparency.{term}: the same for every design"))
     if problem.uncertainty is not None:
         found += [
-            f"uncertainty.{key}: device.{key} is 0"
+            Note("left-out-certain", f"uncertainty.{key}: device.{key} is 0")
             for key, _ in problem.uncertainty.half_widths
             if problem.device.number(key) == 0
         ]
@@ -99,14 +100,15 @@ def left_out(solved: Solved) -> list[str]:
         return found
     structure = solved.polished.structure
     if not structure.integrator and not problem.bounds.position.fixed:
-        found.append("gains.position: the best basin has K_p = 0, and with it no integrator")
-    if structure.capacities[DEMANDS.index("sensitivity")] == 0:
         found.append(
-            f"stability.max_sensitivity: |S| stays below {solved.scanned.peak_sensitivity:.4g} wherever the scan "
-            f"looked, the limit is {problem.stability.max_sensitivity:g}"
+            Note("left-out-integrator", "gains.position: the best basin has K_p = 0, and with it no integrator")
         )
+    if structure.capacities[DEMANDS.index("sensitivity")] == 0:
+        peak, limit = solved.scanned.peak_sensitivity, problem.stability.max_sensitivity
+        said = f"stability.max_sensitivity: |S| stays below {peak:.4g} wherever the scan looked, the limit is {limit:g}"
+        found.append(Note("left-out-sensitivity", said))
     if not solved.polished.working_set.stability:
-        found.append("stability of the sampled loop: no step of the search left it")
+        found.append(Note("left-out-stability", "stability of the sampled loop: no step of the search left it"))
     return found
 
 

@@ -24,6 +24,8 @@ from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
 from vctune.design.variables import Point, keys_for, point, ranges
+from vctune.document.codes import Note
+from vctune.document.plausibility import doubts
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
@@ -91,7 +93,9 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
     """
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
-    touched, said = [], [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
+    touched: list[str] = []
+    said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
+    said += doubts(problem)
     if judgement is not None:
         parts = _judged(problem, judgement)
         touched = at_bound(problem, judgement.gains, judgement.coupling)
@@ -111,8 +115,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
         idle=judgement is not None and judgement.idle,
         repairs=None if solved.repairs is None else [RepairRecord(**asdict(repair)) for repair in solved.repairs],
         at_bound=touched,
-        left_out=left_out(solved),
-        warnings=said,
+        left_out=[note.line for note in left_out(solved)],
+        warnings=[note.line for note in said],
         solver=solver_record(solved),
         optimality=optimality_record(solved.optimality) if solved.optimality else None,
         versions=versions(ipopt),
@@ -156,7 +160,7 @@ def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
     return found
 
 
-def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[str]:
+def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
     """Return what the designer should know about a design that is otherwise in order.
 
     Parameters
@@ -168,20 +172,23 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
         of_spring = key == "coupling.damping" and problem.device.renders_force and problem.bounds.damping.min == 0
         if not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
-            found.append(f"{key} is on its {side} bound; the bound, not the device, limits the design there")
+            said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
+            found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
     if demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
             if judgement.worst == edge and 0 < edge < inf:
-                found.append(
+                said = (
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
                     "outside the proved band a passive hand or environment can make it oscillate"
                 )
+                found.append(Note("warn-band-edge", said))
     if judgement.idle:
-        found.append(
+        said = (
             f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
             f"and 1 means no loop at all{_cured(cures)}"
         )
+        found.append(Note("warn-idle", said))
     return found
 
 

@@ -19,6 +19,7 @@ from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
 from vctune.document import toml
+from vctune.document.codes import Note
 from vctune.document.reading import ProblemFile, pose
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
@@ -37,7 +38,7 @@ three times are usual; half as many leave out repairs, twice as many wait for no
 LONGEST = 30.0
 """Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
 leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
-CUT_SHORT = f"repairs were looked for during {LONGEST:g} s; there may be more of them"
+CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
 FINER = 30.0
 """By what smaller changes are tried while even the least tried is enough; then the interval is bisected."""
 SLACK = 1e-5

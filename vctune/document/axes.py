@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 from vctune.document.schema import json_schema
 from vctune.document.study_schema import MOST_VALUES
-from vctune.document.validation import Fault, KeyPath, dotted, shown
+from vctune.document.validation import Contradiction, KeyPath, dotted, shown
 
 Scale = Literal["list", "linear", "log"]
 SPANS: tuple[Scale, ...] = ("linear", "log")
@@ -60,7 +60,7 @@ def number_keys() -> dict[str, KeyPath]:
     return {dotted(path): path for path in walk(schema, ())}
 
 
-def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Fault]]:
+def read_axis(key: str, value: Any, *, sampled: bool) -> tuple[Axis | None, list[Contradiction]]:
     """Return the axis that a study states under a key, or what is wrong with it.
 
     Parameters
@@ -105,15 +105,17 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and (value == inf or abs(value) <= MOST)
 
 
-def _list_faults(at: KeyPath, values: list[Any]) -> list[Fault]:
+def _list_faults(at: KeyPath, values: list[Any]) -> list[Contradiction]:
     if not values:
         return [(at, "is empty; give it at least one value")]
     return [((*at, i), f"{shown(value)} is not a number") for i, value in enumerate(values) if not _is_number(value)]
 
 
-def _range(at: KeyPath, table: dict[str, Any], *, sampled: bool) -> tuple[list[Fault], Scale, list[Any], int | None]:
+def _range(
+    at: KeyPath, table: dict[str, Any], *, sampled: bool
+) -> tuple[list[Contradiction], Scale, list[Any], int | None]:
     """Return what is wrong with { linear or log = [a, b], n }, and the scale, ends and n that it states."""
-    faults: list[Fault] = []
+    faults: list[Contradiction] = []
     for name in table:
         if name not in (*SPANS, "n"):
             meant = get_close_matches(name, (*SPANS, "n"), n=1, cutoff=0.4)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vctune.document.device_contradictions import impossible_parts
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema import DeviceTable, GainsDocument, SpringGainsDocument
@@ -77,7 +77,7 @@ def problem(source: ProblemSource) -> ProblemFile:
         return read_problem(source)
     if not isinstance(source, Mapping | Problem):
         message = f"{shown(source)} states none; give the path of a problem file, or its tables as a dict"
-        raise InputError("problem", [Mistake("", message)])
+        raise InputError.of("problem", "bad-option", message)
     document = statement(source) if isinstance(source, Problem) else _tables(source)
     posed, faults = pose(document, "problem")
     if posed is None:
@@ -102,10 +102,10 @@ def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> Ga
         return read_gains(gains)
     if not (isinstance(gains, Gains) and isinstance(coupling, AnyCoupling)):
         message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
-        raise InputError("design", [Mistake("", message)])
+        raise InputError.of("design", "bad-option", message)
     raw, spring = {"gains": plain(gains), "coupling": plain(coupling)}, isinstance(coupling, SpringDamper)
     if spring and raw["gains"].pop("position"):
-        raise InputError("design", [Mistake("gains.position", "an impedance display has none; leave it at 0")])
+        raise InputError.of("design", "other-display", "gains.position: an impedance display has none; leave it at 0")
     _, faults = examined(SpringGainsDocument if spring else GainsDocument, raw, lambda _raw: [])
     if faults:
         raise refusal(faults, None, "design")

@@ -9,15 +9,16 @@ from typing import Any
 from vctune.document.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
 from vctune.document.display_contradictions import impossible_display
 from vctune.document.experiment_contradictions import impossible_experiments
+from vctune.document.plausibility import in_finer_unit
 from vctune.document.raw import number_at
-from vctune.document.validation import Fault
+from vctune.document.validation import Contradiction
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.quantities import HAND, PARTS
 
 MAX_DECADES = 12
 
 
-def contradictions(raw: dict[str, Any]) -> list[Fault]:
+def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
     return [
         *_empty_ranges(raw),
@@ -29,7 +30,7 @@ def contradictions(raw: dict[str, Any]) -> list[Fault]:
     ]
 
 
-def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
+def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
     for key in (*KEYS, *SPRING_KEYS[3:], *HAND):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
@@ -37,7 +38,7 @@ def _empty_ranges(raw: dict[str, Any]) -> Iterator[Fault]:
             yield path, f"min = {low:g} is above max = {high:g}; swap them"
 
 
-def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
+def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
     sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay") or 0.0
     to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
     to_infinity = to_infinity and delay == 0 and not any(part in raw["device"] for part in PARTS)
@@ -58,7 +59,7 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Fault]:
             yield path, 'the upper edge inf needs hold = "lag", delay = 0 and no parts of the device; use a finite one'
 
 
-def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Fault]:
+def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
     criterion = stability.get("criterion") if isinstance(stability, dict) else None
     if criterion == "hands" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
@@ -75,7 +76,7 @@ def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
         return False
 
 
-def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
+def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Contradiction]:
     factor = number_at(raw, "stability", "safety_factor")
     if factor is not None and isfinite(factor) and 0 < factor < 1:
         yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"
@@ -86,16 +87,16 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Fault]:
     yield from impossible_parts(raw)
 
 
-def _long_delays(raw: dict[str, Any]) -> Iterator[Fault]:
+def _long_delays(raw: dict[str, Any]) -> Iterator[Contradiction]:
     sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay")
     if not (sample_time and delay and sample_time > 0 and isfinite(delay)):
         return
     samples, share = delay / sample_time, number_at(raw, "uncertainty", "delay") or 0.0
     if samples > MAX_DELAY_SAMPLES:
-        yield (
-            ("device", "delay"),
-            f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported",
-        )
+        unit, instead = in_finer_unit(delay, MAX_DELAY_SAMPLES * sample_time)
+        hint = f"; is it in {unit}? Then write {instead:g}" if instead < MAX_DELAY_SAMPLES * sample_time else ""
+        said = f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported{hint}"
+        yield ("device", "delay"), said
     elif samples * (1 + share) > MAX_DELAY_SAMPLES and share < 1:
         most = floor((MAX_DELAY_SAMPLES / samples - 1) * 1e6) / 1e6
         yield (

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.json import as_record, read_json
-from vctune.document.record import SCHEMA, DesignRecord
+from vctune.document.record import DesignRecord
 
 MAX_BYTES = 10_000_000
 KIND = "a design.json of `vctune solve`"
@@ -36,4 +36,4 @@ def design_of(value: Any, source: str) -> DesignRecord:
     InputError
         If it is not one, listing the parts that are missing or wrong.
     """
-    return as_record(value, DesignRecord, SCHEMA, source, kind=KIND, remedy="solve the problem again")
+    return as_record(value, DesignRecord, source, kind=KIND, remedy="solve the problem again")

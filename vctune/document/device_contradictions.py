@@ -8,7 +8,7 @@ from math import inf, isfinite
 from typing import Any
 
 from vctune.document.raw import number_at
-from vctune.document.validation import Fault
+from vctune.document.validation import Contradiction
 from vctune.model.quantities import NUMBERS
 
 MAX_DELAY_SAMPLES = 200
@@ -18,7 +18,7 @@ FASTEST, SLOWEST = 1e3, 1e-6
 does anything."""
 
 
-def impossible_parts(raw: dict[str, Any]) -> Iterator[Fault]:
+def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Return what is wrong with the parts of a device and with what is said of their uncertainty."""
     device = raw.get("device")
     if not isinstance(device, dict):
@@ -32,7 +32,7 @@ def impossible_parts(raw: dict[str, Any]) -> Iterator[Fault]:
     yield from _unmodelled(raw)
 
 
-def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Fault]:
+def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
     corner, nyquist = number_at(raw, "device", "velocity", "filter_hz"), 0.5 / sample_time
     if corner is not None and corner > nyquist:
         yield (
@@ -58,14 +58,14 @@ def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Fault]:
         )
 
 
-def _filters(device: dict[str, Any]) -> Iterator[Fault]:
+def _filters(device: dict[str, Any]) -> Iterator[Contradiction]:
     for part, order, corner in (("velocity", "filter_order", "filter_hz"), ("force_sensor", "order", "bandwidth_hz")):
         table = device.get(part)
         if isinstance(table, dict) and order in table and corner not in table:
             yield ("device", part, order), f"is of a low-pass; write {corner} too, or leave it out"
 
 
-def _masses(raw: dict[str, Any]) -> Iterator[Fault]:
+def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
     mass, handle = number_at(raw, "device", "mass"), number_at(raw, "device", "structure", "handle_mass")
     if not (mass and handle and mass > 0 and handle > 0):
         return
@@ -83,7 +83,7 @@ def _masses(raw: dict[str, Any]) -> Iterator[Fault]:
         )
 
 
-def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Fault]:
+def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Contradiction]:
     table = raw.get("uncertainty")
     if not isinstance(table, dict):
         return
@@ -100,7 +100,7 @@ def _uncertain(raw: dict[str, Any], device: dict[str, Any]) -> Iterator[Fault]:
             )
 
 
-def _unmodelled(raw: dict[str, Any]) -> Iterator[Fault]:
+def _unmodelled(raw: dict[str, Any]) -> Iterator[Contradiction]:
     table = raw.get("uncertainty")
     rows = table.get("unmodelled") if isinstance(table, dict) else None
     if not isinstance(rows, list) or not rows:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from vctune.document.raw import number_at
-from vctune.document.validation import Fault
+from vctune.document.validation import Contradiction
 
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("device", "force_sensor"): "it senses no force",
@@ -19,7 +19,7 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
 """What an impedance display has not got."""
 
 
-def impossible_display(raw: dict[str, Any]) -> Iterator[Fault]:
+def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Return what a problem says that its display does not have."""
     device = raw.get("device")
     if not isinstance(device, dict):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import unicodedata
 from dataclasses import dataclass
 
+from vctune.document.codes import Code, coded
+
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
@@ -12,11 +14,13 @@ class Mistake:
 
     Attributes
     ----------
+    code : what it is an instance of; `vctune explain CODE` tells more
     key : dotted key, "" for the document as a whole
     message : what is wrong, with the value, and what to do
     line : line number from 1, or None
     """
 
+    code: Code
     key: str
     message: str
     line: int | None = None
@@ -47,9 +51,15 @@ class InputError(ValueError):
         self.mistakes = mistakes
         super().__init__(str(self))
 
+    @classmethod
+    def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
+        """Return the error of a single mistake; the arguments are those of `Mistake`."""
+        return InputError(source, [Mistake(code, key, message, line)])
+
     def __str__(self) -> str:
         return "\n".join(self._line(mistake) for mistake in self.mistakes)
 
     def _line(self, mistake: Mistake) -> str:
         place = self.source if mistake.line is None else f"{self.source}:{mistake.line}"
-        return printable(": ".join(part for part in (place, mistake.key, mistake.message) if part))
+        said = printable(": ".join(part for part in (place, mistake.key, mistake.message) if part))
+        return coded(said, mistake.code)

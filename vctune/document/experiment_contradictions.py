@@ -8,13 +8,13 @@ from typing import Any
 
 from vctune.document.experiment_schema import EnvironmentTable, OperatorTable
 from vctune.document.raw import number_at
-from vctune.document.validation import Fault
+from vctune.document.validation import Contradiction
 
 LEAST_STROKE = 4
 MOST_SAMPLES = 5_000_000
 
 
-def impossible_experiments(raw: dict[str, Any]) -> Iterator[Fault]:
+def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Return what is wrong with the experiments, in whatever part of them is valid."""
     tables = raw.get("experiment")
     if not isinstance(tables, list):
@@ -39,7 +39,7 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
     return number_at(table, group, key)
 
 
-def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:
+def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
     start, end, speed, cycles, damping, stiffness = (
         _value(table, OperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
@@ -67,7 +67,7 @@ def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Fault]:
         )
 
 
-def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
+def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
     environment = table.get("environment", {})
     stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
     if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
@@ -85,7 +85,7 @@ def _rendering(table: dict[str, Any]) -> Iterator[Fault]:
         )
 
 
-def _hardware(table: dict[str, Any]) -> Iterator[Fault]:
+def _hardware(table: dict[str, Any]) -> Iterator[Contradiction]:
     coulomb, stiction = number_at(table, "friction", "coulomb"), number_at(table, "friction", "stiction")
     if coulomb is not None and stiction is not None and stiction < coulomb:
         yield ("friction", "stiction"), f"{stiction:g} is below coulomb = {coulomb:g}; swap them"

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from vctune.document.errors import InputError, Mistake, is_plain
+from vctune.document.errors import InputError, is_plain
 from vctune.interrupt import interrupt_deferred
 
 Content = str | bytes | memoryview
@@ -80,7 +80,7 @@ def make_folder(path: Path) -> None:
             pass
     except UnicodeError:
         message = "cannot be written in this locale's file names; set a UTF-8 locale or another name"
-        raise InputError(str(path), [Mistake("", message)]) from None
+        raise InputError.of(str(path), "cannot-write", message) from None
     except OSError as error:
         raise _unwritable(path, error) from None
 
@@ -109,4 +109,4 @@ def _umask() -> int:
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(str(path), [Mistake("", f"cannot be written: {error.strerror}; choose another folder")])
+    return InputError.of(str(path), "cannot-write", f"cannot be written: {error.strerror}; choose another folder")

@@ -8,10 +8,9 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from vctune.document.errors import printable
-from vctune.document.part import Number, Pair, Part
+from vctune.document.part import Document, Number, Pair, Part
 from vctune.document.toml_text import toml_text
 
-SCHEMA = "vctune/identification/1"
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STEP = 1e-5
 """What shares are rounded up to, so that the box as written holds the box as found."""
@@ -103,8 +102,10 @@ class ExcitationRecord(Part):
     reasons: list[str]
 
 
-class IdentificationRecord(Part):
+class IdentificationRecord(Document):
     """A device and how well it is known, in SI units and hertz: the object of identification.json."""
+
+    SCHEMA = "vctune/identification/1"
 
     name: str
     description: str
@@ -119,10 +120,6 @@ class IdentificationRecord(Part):
     recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
     remarks: list[str]
     versions: dict[str, str | None]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of identification.json; every number in it is finite or null."""
-        return {"schema": SCHEMA} | self.model_dump()
 
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:

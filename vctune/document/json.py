@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from vctune.document.errors import InputError, Mistake
-from vctune.document.part import Part
+from vctune.document.part import Document
 from vctune.document.validation import MAX_MISTAKES, dotted, untagged
 
-Record = TypeVar("Record", bound=Part)
+Record = TypeVar("Record", bound=Document)
 
 
 def read_json(path: Path, kind: str, max_bytes: int) -> Any:
@@ -34,26 +34,25 @@ def read_json(path: Path, kind: str, max_bytes: int) -> Any:
         with path.open("rb") as file:
             data = file.read(max_bytes + 1)
     except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+        raise InputError.of(str(path), "unreadable-file", f"cannot be read: {error.strerror}") from None
     if len(data) > max_bytes:
         message = f"is longer than {max_bytes} bytes; this is not {kind}"
-        raise InputError(str(path), [Mistake("", message)])
+        raise InputError.of(str(path), "unreadable-file", message)
     try:
         return json.loads(data.decode("utf-8-sig"), parse_constant=_finite, parse_float=_finite)
     except RecursionError:
-        raise InputError(str(path), [Mistake("", "is not JSON: nested too deeply")]) from None
+        raise InputError.of(str(path), "not-json", "is not JSON: nested too deeply") from None
     except ValueError as error:
-        raise InputError(str(path), [Mistake("", f"is not JSON: {error}")]) from None
+        raise InputError.of(str(path), "not-json", f"is not JSON: {error}") from None
 
 
-def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind: str, remedy: str) -> Record:
+def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy: str) -> Record:
     """Return the record that the object of a JSON file states.
 
     Parameters
     ----------
     value : the object
     part : class of the record
-    schema : what the object has to call itself
     source : what messages call it
     kind : what to name instead of another object
     remedy : for one that is damaged
@@ -63,14 +62,14 @@ def as_record(value: Any, part: type[Record], schema: str, source: str, *, kind:
     InputError
         If it is another object, or listing the parts that are missing or wrong.
     """
-    if not isinstance(value, dict) or value.get("schema") != schema:
-        raise InputError(source, [Mistake("schema", f"is not {schema}; name {kind}")])
+    if not isinstance(value, dict) or value.get("schema") != part.SCHEMA:
+        raise InputError.of(source, "other-document", f"is not {part.SCHEMA}; name {kind}", key="schema")
     try:
         return part.model_validate(value)
     except ValidationError as error:
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
-        mistakes = [Mistake(dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
-        raise InputError(source, [*mistakes, Mistake("", f"is damaged; {remedy}")]) from None
+        mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
+        raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
 
 
 def _finite(text: str) -> float:

@@ -16,7 +16,7 @@ from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 from vctune.document.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.recording import ROLES, Channel, Floats, Recording
-from vctune.document.validation import MAX_MISTAKES, Fault, shown, validated
+from vctune.document.validation import MAX_MISTAKES, Contradiction, shown, validated
 
 MAX_BYTES = 400_000_000
 """A log of a million samples with ten columns has a quarter of it."""
@@ -78,7 +78,7 @@ def read_log(path: Path, known: LogMap) -> Recording:
     lines = text.splitlines()
     first = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")), None)
     if first is None:
-        raise InputError(str(path), [Mistake("", "is empty; a log is a line of headers and a line for each sample")])
+        raise InputError.of(str(path), "log-text", "is empty; a log is a line of headers and a line for each sample")
     separator = next((each for each in (",", ";", "\t") if each in lines[first]), ",")
     headers = [header.strip().strip('"') for header in lines[first].split(separator)]
     _check_headers(path, headers, first + 1)
@@ -104,11 +104,11 @@ def _bytes(path: Path) -> bytes:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+        raise InputError.of(str(path), "unreadable-file", f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise InputError(str(path), [Mistake("", "is no path: it contains a null character")]) from None
+        raise InputError.of(str(path), "unreadable-file", "is no path: it contains a null character") from None
     if len(data) > MAX_BYTES:
-        raise InputError(str(path), [Mistake("", f"is longer than {MAX_BYTES} bytes; split the log")])
+        raise InputError.of(str(path), "unreadable-file", f"is longer than {MAX_BYTES} bytes; split the log")
     return data
 
 
@@ -120,25 +120,27 @@ def _text(path: Path, data: bytes) -> str:
             if not unpacker.eof and len(data) <= MAX_BYTES:
                 raise EOFError
         except (OSError, EOFError, zlib.error, gzip.BadGzipFile):
-            raise InputError(str(path), [Mistake("", "is a damaged gzip file; copy it again")]) from None
+            raise InputError.of(str(path), "unreadable-file", "is a damaged gzip file; copy it again") from None
         if len(data) > MAX_BYTES:
-            raise InputError(str(path), [Mistake("", f"unpacks to more than {MAX_BYTES} bytes; split the log")])
+            raise InputError.of(str(path), "unreadable-file", f"unpacks to more than {MAX_BYTES} bytes; split the log")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); export the log as CSV"
-        raise InputError(str(path), [Mistake("", message, line)]) from None
+        raise InputError.of(str(path), "unreadable-file", message, line=line) from None
 
 
 def _check_headers(path: Path, headers: list[str], line: int) -> None:
     numbers = [header for header in headers if _is_number(header)]
     if numbers:
         message = f"{shown(numbers[0])} is a number where a header should be; give the columns a line of names"
-        raise InputError(str(path), [Mistake("", message, line)])
+        raise InputError.of(str(path), "log-text", message, line=line)
     twice = sorted({header for header in headers if headers.count(header) > 1})
     if twice:
-        raise InputError(str(path), [Mistake(twice[0] or "", "two columns have this header; rename one", line)])
+        raise InputError.of(
+            str(path), "log-text", "two columns have this header; rename one", key=twice[0] or "", line=line
+        )
 
 
 def _is_number(text: str) -> bool:
@@ -154,7 +156,7 @@ def _numbers(path: Path, lines: list[str], separator: str, headers: list[str], f
     while lines and not lines[-1].strip():
         lines = lines[:-1]
     if not lines:
-        raise InputError(str(path), [Mistake("", "has headers and no samples", first_line)])
+        raise InputError.of(str(path), "log-text", "has headers and no samples", line=first_line)
     try:
         table = np.loadtxt(lines, delimiter=separator, ndmin=2, comments=None)
         if table.shape == (len(lines), len(headers)) and np.isfinite(table).all():
@@ -168,13 +170,17 @@ def _faults(lines: list[str], separator: str, headers: list[str], first_line: in
     for number, line in enumerate(lines, first_line):
         cells = [cell.strip() for cell in line.split(separator)]
         if len(cells) != len(headers):
-            yield Mistake("", f"has {len(cells)} columns, not {len(headers)}; repair or remove the row", number)
+            yield Mistake(
+                "log-text", "", f"has {len(cells)} columns, not {len(headers)}; repair or remove the row", number
+            )
             continue
         for header, cell in zip(headers, cells, strict=True):
             if not _is_number(cell):
-                yield Mistake(header, f"{shown(cell)} is not a number; repair or remove the row", number)
+                yield Mistake("log-text", header, f"{shown(cell)} is not a number; repair or remove the row", number)
             elif not np.isfinite(float(cell)):
-                yield Mistake(header, f"{cell} is no finite number: the sample is missing; record again", number)
+                yield Mistake(
+                    "log-text", header, f"{cell} is no finite number: the sample is missing; record again", number
+                )
 
 
 def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, tuple[str, ColumnTable]]:
@@ -191,7 +197,7 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, tuple[s
         table = entry if isinstance(entry, ColumnTable) else ColumnTable(column=entry)
         if table.column not in headers:
             message = f"{path}: has no column {shown(table.column)}; it has {', '.join(headers)}"
-            faults.append(Mistake(f"columns.{role}", message))
+            faults.append(Mistake("log-columns", f"columns.{role}", message))
         found[role] = (table.column, table)
     if faults:
         raise InputError(known.source, faults)
@@ -209,7 +215,7 @@ def _check_needed(path: Path, headers: list[str], found: dict[str, Any], known: 
         missing.append(("sample_time", "there is no column time; name it in [columns], or write sample_time"))
     if missing:
         here = f"{path} has the columns {', '.join(headers)}"
-        raise InputError(known.source, [Mistake(key, f"{message} ({here})") for key, message in missing])
+        raise InputError(known.source, [Mistake("log-columns", key, f"{message} ({here})") for key, message in missing])
 
 
 def _channel(header: str, values: Floats, stated: ColumnTable, known: LogMap, role: str) -> Channel:
@@ -234,11 +240,11 @@ def _unit(header: str, stated: ColumnTable, known: LogMap, role: str) -> str:
     message = (
         f"column {shown(header)}: {said} of {', '.join(fitting)}; write its unit, or scale = SI units per unit{other}"
     )
-    raise InputError(known.source, [Mistake(f"columns.{role}", message)])
+    raise InputError.of(known.source, "log-columns", message, key=f"columns.{role}")
 
 
-def _contradictions(raw: dict[str, Any]) -> list[Fault]:
-    faults: list[Fault] = []
+def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
+    faults: list[Contradiction] = []
     columns = raw.get("columns")
     for role, entry in columns.items() if isinstance(columns, dict) else ():
         if isinstance(entry, dict) and "unit" in entry and "scale" in entry:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -82,6 +82,21 @@ class Part(BaseModel):
 
 def _filled(part: Part, words: str) -> str:
     return re.sub(r"{(\w+)}", lambda field: text(getattr(part, field[1])), words)
+
+
+class Document(Part):
+    """A part that is a file, or what a command prints, of its own.
+
+    Attributes
+    ----------
+    SCHEMA : what the object calls itself under the key `schema`
+    """
+
+    SCHEMA: ClassVar[str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the object; every number in it is finite or null."""
+        return {"schema": self.SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
 
 
 def how_shown(part: type[Part]) -> dict[str, Shown]:

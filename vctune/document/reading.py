@@ -76,6 +76,7 @@ def problem_file(text: str, path: Path) -> ProblemFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
+    path = toml.called(path)
     name = path.stem.encode("utf-8", "replace").decode()
     return ProblemFile(parse_problem(text, str(path), name), text, str(path))
 
@@ -171,4 +172,4 @@ def _empty_default_band(problem: Problem) -> Fault:
         f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
         f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
     )
-    return ("transparency", "band_hz"), message
+    return Fault(("transparency", "band_hz"), message, "contradiction")

@@ -13,11 +13,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from vctune.document.part import Number, Pair, Part, Row, Shown, how_shown, text
+from vctune.document.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
 from vctune.model.quantities import AnyCoupling, Coupling, Display, Gains, Hand, SpringDamper, Unmodelled
 
-SCHEMA = "vctune/design/1"
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
@@ -396,9 +395,10 @@ class UncertaintyRecord(Part):
         yield from super().rows()
 
 
-class DesignRecord(Part):
+class DesignRecord(Document):
     """What came of a problem, in SI units and hertz: the object of design.json."""
 
+    SCHEMA = "vctune/design/1"
     GROUPS: ClassVar[dict[str, str]] = {
         "gains": "gains",
         "coupling": "coupling",
@@ -475,10 +475,6 @@ class DesignRecord(Part):
     def design(self) -> tuple[Gains, AnyCoupling] | None:
         """Gains and coupling; None if there is no design."""
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of design.json; every number in it is finite or null."""
-        return {"schema": SCHEMA} | self.model_dump(exclude_unset=True)
 
     def groups(self) -> dict[str, list[Row]]:
         """Return the rows of a design by group; none where there is no design."""

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
 from vctune.document.json import as_record, read_json
-from vctune.document.part import Pair, Part
+from vctune.document.part import Document, Pair, Part
 from vctune.document.record import (
     CouplingRecord,
     GainsRecord,
@@ -24,7 +24,6 @@ from vctune.document.record import (
 from vctune.model.problem import Criterion
 from vctune.model.quantities import AnyCoupling, Gains
 
-SCHEMA = "vctune/region/1"
 MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"
 
@@ -87,8 +86,17 @@ class DesignPoint(Part):
         return self.gains.plain, self.coupling.plain
 
 
-class RegionDocument(Part):
+class CheckedProblemRecord(Part):
+    """The problem of today."""
+
+    name: str
+    sha256: str
+
+
+class RegionDocument(Document):
     """What was found of a plane of gains, in SI units: the object of region.json."""
+
+    SCHEMA = "vctune/region/1"
 
     problem: ProblemRecord
     demands: DemandsRecord | None = None
@@ -113,9 +121,19 @@ class RegionDocument(Part):
                 raise ValueError(f"the edges of {name} do not rise")
         return self
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of region.json; every number in it is finite or null."""
-        return {"schema": SCHEMA} | self.model_dump(mode="json", exclude_unset=True)
+
+class RegionCheckRecord(Document):
+    """What of a region still is proved, in shares of the plane, and the cells and gain sets that are not."""
+
+    SCHEMA = "vctune/region-check/1"
+
+    problem: CheckedProblemRecord
+    status: Literal["kept", "lost"]
+    axes: AxesRecord
+    areas: dict[str, float]
+    lost_cells: list[list[float]]
+    lost_designs: list[dict[str, float]]
+    warnings: list[str]
 
 
 def read_region(path: Path) -> RegionDocument:
@@ -128,4 +146,4 @@ def read_region(path: Path) -> RegionDocument:
     """
     value = read_json(path, KIND, MAX_BYTES)
     remedy = "correct it, or find the region again"
-    return as_record(value, RegionDocument, SCHEMA, str(path), kind=KIND, remedy=remedy)
+    return as_record(value, RegionDocument, str(path), kind=KIND, remedy=remedy)

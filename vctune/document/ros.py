@@ -73,7 +73,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
     try:
         import yaml
     except ImportError:
-        raise InputError(source, [Mistake("", 'reading YAML needs PyYAML: pip install "vctune[ros]"')]) from None
+        raise InputError.of(source, "missing-package", 'reading YAML needs PyYAML: pip install "vctune[ros]"') from None
     text = toml.read_text(path)
     try:
         root = yaml.compose(text, yaml.SafeLoader)
@@ -81,14 +81,14 @@ def read_admittance(path: Path) -> AdmittanceFile:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         message = f"not valid YAML: {getattr(error, 'problem', None) or error}"
-        raise InputError(source, [Mistake("", message, None if mark is None else mark.line + 1)]) from None
+        raise InputError.of(source, "not-yaml", message, line=None if mark is None else mark.line + 1) from None
     except (ValueError, RecursionError) as error:
-        raise InputError(source, [Mistake("", f"not valid YAML: {error or 'nested too deeply'}")]) from None
+        raise InputError.of(source, "not-yaml", f"not valid YAML: {error or 'nested too deeply'}") from None
     found = list(_controllers(value, ()))
     if len(found) != 1:
         known = ", ".join(".".join(place) for place, _ in found)
         message = f"states {len(found)} controllers with ros__parameters.admittance{f' ({known})' if known else ''}"
-        raise InputError(source, [Mistake("", f"{message}; name a file with one")])
+        raise InputError.of(source, "ambiguous-files", f"{message}; name a file with one")
     return _Reader(source, *found[0], root).read()
 
 
@@ -165,7 +165,7 @@ class _Reader:
         return {}
 
     def _wrong(self, key: str, message: str) -> None:
-        self._mistakes.append(Mistake(".".join([*self._place, key]), message, self._line(key)))
+        self._mistakes.append(Mistake("ros-parameter", ".".join([*self._place, key]), message, self._line(key)))
 
     def _line(self, key: str) -> int | None:
         """Return the line of a key, or of the nearest table above it that is there."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import BaseModel, Discriminator, Field, Tag
 
 from vctune.document.experiment_schema import ExperimentTable
 from vctune.document.fields import Edge, NotNegative, Positive, Share, Table, Text
@@ -310,7 +310,7 @@ def json_schema() -> dict[str, Any]:
     return schema_of(ProblemDocument, "vctune problem")
 
 
-def schema_of(document: type[Table], title: str) -> dict[str, Any]:
+def schema_of(document: type[BaseModel], title: str) -> dict[str, Any]:
     """Return the JSON Schema of a document, without what pydantic says of keys that may be left out.
 
     Parameters

@@ -13,11 +13,10 @@ from pydantic import Field
 from vctune.document.digest import experiments_digest
 from vctune.document.errors import InputError
 from vctune.document.json import as_record, read_json
-from vctune.document.part import Number, Part
+from vctune.document.part import Document, Number, Part
 from vctune.document.reading import parse_problem
 from vctune.document.record import AnyCouplingRecord, DesignRecord, GainsRecord
 
-SCHEMA = "vctune/simulation/1"
 FILE = "simulation.json"
 MAX_BYTES = 100_000_000
 KIND = "a simulation.json of `vctune simulate`"
@@ -113,8 +112,10 @@ class ExperimentRecord(Part):
     quiet_stiffness: float | None = None
 
 
-class SimulationRecord(Part):
+class SimulationRecord(Document):
     """Simulated experiments, in SI units and hertz: the object of simulation.json."""
+
+    SCHEMA = "vctune/simulation/1"
 
     problem: SimulatedProblemRecord
     gains: GainsRecord
@@ -122,10 +123,6 @@ class SimulationRecord(Part):
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
     controller: str | None = None
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the object of simulation.json; every number in it is finite or null."""
-        return {"schema": SCHEMA} | self.model_dump(exclude_unset=True)
 
     def is_of(self, design: DesignRecord) -> bool:
         """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""
@@ -161,4 +158,4 @@ def simulation_of(value: Any) -> SimulationRecord:
     InputError
         If it is not one, listing the parts that are missing or wrong.
     """
-    return as_record(value, SimulationRecord, SCHEMA, FILE, kind=KIND, remedy="simulate again")
+    return as_record(value, SimulationRecord, FILE, kind=KIND, remedy="simulate again")

@@ -18,8 +18,9 @@ from vctune.document.errors import InputError
 from vctune.document.raw import placed
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.schema import ProblemDocument
+from vctune.document.statement import statement
 from vctune.document.study_schema import StudyDocument
-from vctune.document.validation import Fault, KeyPath, dotted, examined, refusal
+from vctune.document.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
 from vctune.model.problem import Problem
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
@@ -73,8 +74,22 @@ class Study:
         return sha256(text.encode()).hexdigest()
 
     def posed(self, values: Iterable[float]) -> dict[str, Any]:
-        """Return the document of the problem at a point, which may be none."""
-        return placed(self.document, zip((axis.path for axis in self.axes), values, strict=True))
+        """Return the document of the problem at a point, which may be none.
+
+        Where the document leaves a band or a range at its default, one of whose numbers varies, the other is that of
+        the default at this point.
+        """
+        varied = dict(zip((axis.path for axis in self.axes), values, strict=True))
+        defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(self.document, path, varied))
+        if not defaults:
+            return placed(self.document, varied.items())
+        others = placed(self.document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
+        problem, _ = pose(others, self.name)
+        if problem is None:
+            return others
+        stated = statement(problem)
+        filled = placed(others, ((path, _at(stated, path)) for path in defaults))
+        return placed(filled, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None and why there is none."""
@@ -97,7 +112,8 @@ def read_study(path: Path) -> Study:
     try:
         problem_text = toml.read_text(target)
     except InputError as error:
-        raise refusal([(("problem",), f"{target}: {error.mistakes[0].message}")], text, str(path)) from None
+        unread = Fault(("problem",), f"{target}: {error.mistakes[0].message}", "unreadable-file")
+        raise refusal([unread], text, str(path)) from None
     name = path.stem.encode("utf-8", "replace").decode()
     study = _planned(name, toml.parse(problem_text, str(target)), document)
     homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
@@ -145,11 +161,11 @@ def _planned(name: str, problem: dict[str, Any], document: StudyDocument) -> Stu
     return Study(name, problem, tuple(axis for axis in axes if axis), sample)
 
 
-def _contradictions(raw: dict[str, Any]) -> list[Fault]:
+def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     """Return what is wrong with the axes, each by itself, with each other and with the sample."""
     table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
     kind = sample.get("kind", "grid")
-    faults: list[Fault] = []
+    faults: list[Contradiction] = []
     axes = []
     for key, value in table.items():
         axis, found = read_axis(key, value, sampled=kind == "lhs")
@@ -184,14 +200,31 @@ def _homeless(study: Study, axis: Axis) -> list[Fault]:
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
         if step not in node and inner in FORM_OF:
-            whole = len({other.path[-1] for other in study.axes if other.path[:-1] == axis.path[:i]}) == 2
-            return [] if whole else [(("axes", axis.key), f"the problem has no {owner}; write {form} there")]
+            return []
         node = node.get(step, {})
         if not isinstance(node, list if isinstance(inner, int) else dict) or (
             isinstance(inner, int) and len(node) != 2
         ):
-            return [(("axes", axis.key), f"{owner} in the problem is not {form}")]
+            return [_no_place(axis, f"{owner} in the problem is not {form}")]
     return []
+
+
+def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
+    """Whether a path is of one number of a band or a range that the document leaves at its default."""
+    siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
+    return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
+
+
+def _at(document: dict[str, Any], path: KeyPath) -> Any:
+    """Return what stands at a path of keys, None for nothing."""
+    node: Any = document
+    for step in path:
+        node = node.get(step) if isinstance(node, dict) else None
+    return node
+
+
+def _no_place(axis: Axis, message: str) -> Fault:
+    return Fault(("axes", axis.key), message, "contradiction")
 
 
 def _problem_faults(study: Study) -> list[Fault]:
@@ -202,4 +235,4 @@ def _problem_faults(study: Study) -> list[Fault]:
     def varied(path: KeyPath) -> bool:
         return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in study.axes)
 
-    return [fault for fault in faults if not varied(fault[0])]
+    return [fault for fault in faults if not varied(fault.path)]

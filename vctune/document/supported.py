@@ -17,4 +17,4 @@ def only_admittance(source: str, device: Device, doing: str) -> None:
     """
     if device.renders_force:
         message = f'"impedance": {doing} is for admittance displays only, so far'
-        raise InputError(source, [Mistake("device.display", message)])
+        raise InputError(source, [Mistake("other-display", "device.display", message)])

@@ -3,46 +3,58 @@
 from __future__ import annotations
 
 import re
+import sys
 import tomllib
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
+from vctune.document.hints import hint_on_line
 
 MAX_BYTES = 100_000
+STDIN = Path("-")
+"""What stands for standard input in the place of a file."""
 
 KeyPath = Sequence[str | int]
 
 
 def read_text(path: Path) -> str:
-    """Return the text of a small UTF-8 file.
+    """Return the text of a small UTF-8 file, or of standard input for "-".
 
     Raises
     ------
     InputError
         If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
     """
+    source = str(called(path))
+    if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
+        raise InputError.of(source, "unreadable-file", "is closed, or has been read already; name a file")
     try:
-        with path.open("rb") as file:
+        with sys.stdin.buffer if path == STDIN else path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise InputError(str(path), [Mistake("", "no such file")]) from None
+        raise InputError.of(source, "unreadable-file", "no such file") from None
     except IsADirectoryError:
-        raise InputError(str(path), [Mistake("", "is a directory; name the .toml file in it")]) from None
+        raise InputError.of(source, "unreadable-file", "is a directory; name the .toml file in it") from None
     except OSError as error:
-        raise InputError(str(path), [Mistake("", f"cannot be read: {error.strerror}")]) from None
+        raise InputError.of(source, "unreadable-file", f"cannot be read: {error.strerror}") from None
     except ValueError:
-        raise InputError(str(path), [Mistake("", "is no path: it contains a null character")]) from None
+        raise InputError.of(source, "unreadable-file", "is no path: it contains a null character") from None
     if len(data) > MAX_BYTES:
-        raise InputError(str(path), [Mistake("", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")])
+        raise InputError.of(source, "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
-        raise InputError(str(path), [Mistake("", message, line)]) from None
+        raise InputError.of(source, "unreadable-file", message, line=line) from None
+
+
+def called(path: Path) -> Path:
+    """Return what messages call a file: its path, or "stdin"."""
+    return Path("stdin") if path == STDIN else path
 
 
 def parse(text: str, source: str) -> dict[str, Any]:
@@ -64,11 +76,12 @@ def parse(text: str, source: str) -> dict[str, Any]:
         found = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
         line = int(found[1]) if found and found[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
-        raise InputError(source, [Mistake("", f"not valid TOML: {message[:200]}", line)]) from None
+        hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
+        raise InputError.of(source, "not-toml", f"not valid TOML: {message[:200]}{hint}", line=line) from None
     except RecursionError:
-        raise InputError(source, [Mistake("", "not valid TOML: nested too deeply")]) from None
+        raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None
     except ValueError:
-        raise InputError(source, [Mistake("", "not valid TOML: a number has thousands of digits")]) from None
+        raise InputError.of(source, "not-toml", "not valid TOML: a number has thousands of digits") from None
 
 
 class Lines:

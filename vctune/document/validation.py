@@ -7,13 +7,15 @@ import re
 from collections.abc import Callable, Iterator
 from difflib import get_close_matches
 from math import isnan
-from typing import Any, TypeVar, get_args
+from typing import Any, NamedTuple, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from vctune.document import toml
+from vctune.document.codes import Code
 from vctune.document.errors import InputError, Mistake
+from vctune.document.hints import commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
@@ -21,8 +23,18 @@ TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
 LONG = 60
 
 KeyPath = tuple[str | int, ...]
-Fault = tuple[KeyPath, str]
-"""Path of a key and what is wrong with it."""
+Contradiction = tuple[KeyPath, str]
+"""Path of a key, and what is wrong between its value and others that are each right."""
+
+
+class Fault(NamedTuple):
+    """What is wrong with a key of a document."""
+
+    path: KeyPath
+    message: str
+    code: Code
+
+
 MOVED: dict[KeyPath, str] = {
     ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
     ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
@@ -32,7 +44,7 @@ PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
     ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
 }
 """Keys that are lists of pairs: what a pair is, and how all of it is written."""
-Check = Callable[[dict[str, Any]], list[Fault]]
+Check = Callable[[dict[str, Any]], list[Contradiction]]
 """Finds what is wrong between values that are each right, in whatever part of a document is valid."""
 Document = TypeVar("Document", bound=BaseModel)
 
@@ -67,10 +79,11 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
     raw : tables
     check : finds what is wrong between values that are each right
     """
+    between = [Fault(path, message, "contradiction") for path, message in check(raw)]
     try:
-        return model.model_validate(raw), check(raw)
+        return model.model_validate(raw), between
     except ValidationError as error:
-        return None, [_fault(model, details) for details in error.errors(include_url=False)] + check(raw)
+        return None, [_fault(model, details) for details in error.errors(include_url=False)] + between
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
@@ -84,8 +97,12 @@ def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
     """
     lines = toml.Lines(text) if text is not None else None
     listed = faults[:MAX_MISTAKES]
-    shown = [Mistake(dotted(path), message, _line(lines, path) if lines else None) for path, message in listed]
-    more = [Mistake("", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
+    shown = [
+        Mistake(code, dotted(path), message, _line(lines, path) if lines else None) for path, message, code in listed
+    ]
+    more = (
+        [Mistake("more-mistakes", "", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
+    )
     return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
 
 
@@ -112,34 +129,52 @@ def _fault(model: type[BaseModel], details: Any) -> Fault:
     path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
-        return path, MOVED.get(path[-2:], f"unknown key{_suggestion(model, path)}")
+        moved = MOVED.get(path[-2:])
+        return Fault(path, moved, "moved-key") if moved else Fault(path, _unknown(model, path), "unknown-key")
     if isinstance(value, float) and isnan(value):
-        return path, "nan is not a number; write a number"
-    if kind == "value_error":
-        return path, str(context["error"])
+        return Fault(path, "nan is not a number; write a number", "wrong-type")
     if kind == "missing":
-        return path, f"is missing; {_documentation(model, path)}"
-    messages: dict[str, Callable[[], str]] = {
-        "greater_than_equal": lambda: f"{shown(value)} is too small: must be at least {context['ge']:g}",
-        "less_than": lambda: f"{shown(value)} is out of range: must be less than {context['lt']:g}",
-        "less_than_equal": lambda: f"{shown(value)} is out of range: must be at most {context['le']:g}",
-        "float_type": lambda: f"{shown(value)} is not a number; write a number{_or_range(model, path)}",
-        "int_type": lambda: f"{shown(value)} is not a whole number; write one without a point",
-        "bool_type": lambda: f"{shown(value)} is not true or false",
-        "list_type": lambda: f"{shown(value)} is not a list of {_elements(path)}",
-        "dict_type": lambda: f"{shown(value)} is not a table",
-        "string_type": lambda: f"{shown(value)} is not a text; put it in quotes",
-        "literal_error": lambda: f"{shown(value)} is not one of {context['expected']}",
-        "model_type": lambda: f"{shown(value)} is not a table",
-        "tuple_type": lambda: f"{shown(value)} is not a pair of numbers {_pair(path)}",
-        "too_long": lambda: f"{shown(value)} has more than two numbers; write {_pair(path)}",
-        "string_pattern_mismatch": lambda: (
+        return Fault(path, f"is missing; {_documentation(model, path)}", "missing-key")
+    of_range, of_type = _range_messages(model, path), _type_messages(model, path)
+    if kind in of_range:
+        return Fault(path, of_range[kind](value, context), "out-of-range")
+    message = of_type[kind](value, context) if kind in of_type else f"{shown(value)}: {details['msg']}"
+    return Fault(path, message, "wrong-type")
+
+
+Message = Callable[[Any, dict[str, Any]], str]
+"""Makes a message of a value and what was asked of it."""
+
+
+def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    return {
+        "value_error": lambda value, asked: str(asked["error"]),
+        "greater_than_equal": lambda value, asked: f"{shown(value)} is too small: must be at least {asked['ge']:g}",
+        "less_than": lambda value, asked: f"{shown(value)} is out of range: must be less than {asked['lt']:g}",
+        "less_than_equal": lambda value, asked: f"{shown(value)} is out of range: must be at most {asked['le']:g}",
+        "too_long": lambda value, asked: (
+            f"{shown(value)} has more than two numbers{commas_meant(value) or '; write ' + _pair(path)}"
+        ),
+        "string_pattern_mismatch": lambda value, asked: (
             f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
         ),
-        "string_too_short": lambda: f"is empty; {_documentation(model, path)}",
-        "string_too_long": lambda: f"{shown(value)} is too long: at most {context['max_length']}",
+        "string_too_short": lambda value, asked: f"is empty; {_documentation(model, path)}",
+        "string_too_long": lambda value, asked: f"{shown(value)} is too long: at most {asked['max_length']}",
+        "literal_error": lambda value, asked: f"{shown(value)} is not one of {asked['expected']}",
     }
-    return path, messages[kind]() if kind in messages else f"{shown(value)}: {details['msg']}"
+
+
+def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    return {
+        "float_type": lambda value, asked: f"{shown(value)} is not a number{_number(model, path, value)}",
+        "int_type": lambda value, asked: f"{shown(value)} is not a whole number; write one without a point",
+        "bool_type": lambda value, asked: f"{shown(value)} is not true or false",
+        "list_type": lambda value, asked: f"{shown(value)} is not a list of {_elements(path)}",
+        "dict_type": lambda value, asked: f"{shown(value)} is not a table",
+        "string_type": lambda value, asked: f"{shown(value)} is not a text; put it in quotes",
+        "model_type": lambda value, asked: f"{shown(value)} is not a table",
+        "tuple_type": lambda value, asked: f"{shown(value)} is not a pair of numbers {_pair(path)}",
+    }
 
 
 def untagged(path: KeyPath) -> KeyPath:
@@ -170,6 +205,12 @@ def _pair(path: KeyPath) -> str:
     return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
 
 
+def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
+    """Return what to write in the place of what is no number."""
+    meant = number_meant(value) if isinstance(value, str) else ""
+    return meant or f"; write a number{_or_range(model, path)}"
+
+
 def _or_range(model: type[BaseModel], path: KeyPath) -> str:
     field = _field_at(model, path)
     return " or { min = ..., max = ... }" if field and "Range" in str(field.annotation) else ""
@@ -198,14 +239,16 @@ def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     return table
 
 
-def _suggestion(model: type[BaseModel], path: KeyPath) -> str:
+def _unknown(model: type[BaseModel], path: KeyPath) -> str:
+    """Return what is said of a key that there is not: which one was meant, or where it belongs."""
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
-        return f"; did you mean {meant[0]}?"
+        return f"unknown key; did you mean {meant[0]}?"
     owner = next((name for name, field in _tables(model) if path[-1] in field), None)
-    return f"; it belongs in [{owner}]" if owner else f"; known here: {', '.join(known)}"
+    where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known)}"
+    return f"unknown key; {where}"
 
 
 def _tables(model: type[BaseModel]) -> Iterator[tuple[str, set[str]]]:

@@ -13,7 +13,7 @@ from typing import Any
 from uuid import UUID
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from vctune.document.errors import InputError, Mistake, printable
+from vctune.document.errors import InputError, printable
 from vctune.firmware.c_source import c_source, names_and_numbers, not_proved, rendered_template, statement
 from vctune.firmware.firmware import Firmware, certified
 from vctune.version import __version__
@@ -159,7 +159,7 @@ def _compiled(sources: dict[str, str]) -> bytes:
     compiler = next((found for name in COMPILERS if (found := shutil.which(name))), None)
     if compiler is None or (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         message = "an FMU is built by a C compiler on 64-bit Linux: install gcc or clang there, or take --to c"
-        raise InputError("fmu", [Mistake("", message)])
+        raise InputError.of("fmu", "no-compiler", message)
     with tempfile.TemporaryDirectory() as place:
         for name, text in sources.items():
             (Path(place) / name).write_text(text)
@@ -167,5 +167,7 @@ def _compiled(sources: dict[str, str]) -> bytes:
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             complaint = (done.stderr.strip().splitlines() or ["says nothing"])[0]
-            raise InputError("fmu", [Mistake("", f"{compiler} cannot compile it: {complaint}; take another compiler")])
+            raise InputError.of(
+                "fmu", "no-compiler", f"{compiler} cannot compile it: {complaint}; take another compiler"
+            )
         return (Path(place) / "out.so").read_bytes()

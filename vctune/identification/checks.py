@@ -68,7 +68,11 @@ def _refuse(recording: Recording, faults: list[Mistake]) -> None:
 def _too_short(recording: Recording) -> list[Mistake]:
     if len(recording) >= LEAST_SAMPLES:
         return []
-    return [Mistake("", f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds")]
+    return [
+        Mistake(
+            "log-samples", "", f"has {len(recording)} samples; record at least {LEAST_SAMPLES}, better some seconds"
+        )
+    ]
 
 
 def _sample_time(recording: Recording, stated: float | None) -> tuple[float, list[Mistake]]:
@@ -90,7 +94,7 @@ def _backwards(recording: Recording, time: Channel) -> Mistake | None:
     before, after = time.values[row : row + 2]
     how = "stands still" if before == after else "runs backwards"
     message = f"{how}, from {before:.9g} s to {after:.9g} s; sort or cut the log"
-    return Mistake(time.header, message, recording.first_line + 1 + row)
+    return Mistake("log-samples", time.header, message, recording.first_line + 1 + row)
 
 
 def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | None:
@@ -101,9 +105,13 @@ def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | Non
             if likely
             else ""
         )
-        return Mistake(time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}")
+        return Mistake(
+            "log-samples", time.header, f"has a step of {T:g} s, which is no sample time of a haptic loop{remedy}"
+        )
     if stated is not None and abs(T / stated - 1) > 0.01:
-        return Mistake(time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them")
+        return Mistake(
+            "log-samples", time.header, f"has a step of {T:g} s and sample_time is {stated:g} s; correct one of them"
+        )
     return None
 
 
@@ -118,7 +126,7 @@ def _uneven(recording: Recording, time: Channel, T: float) -> Mistake | None:
         message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
     else:
         return None
-    return Mistake(time.header, message, recording.first_line + 1 + row)
+    return Mistake("log-samples", time.header, message, recording.first_line + 1 + row)
 
 
 def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
@@ -128,19 +136,27 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
     if np.ptp(channel.values) == 0:
         idle = role in ("command", "force") and "hand" in recording.channels
         if not idle:
-            yield Mistake(channel.header, f"is {channel.values[0]:g} in every row; record it, or leave the column out")
+            yield Mistake(
+                "log-signal",
+                channel.header,
+                f"is {channel.values[0]:g} in every row; record it, or leave the column out",
+            )
         return
     held = _held_for(channel.values)
     if held > 1:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
-        yield Mistake(channel.header, message)
+        yield Mistake("log-signal", channel.header, message)
     unit = "Nm" if recording.rotary else "N"
     if role in ("position", "handle", "reference"):
         yield from _place(recording, channel, role, T)
     elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
-        yield Mistake(channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale")
+        yield Mistake(
+            "log-signal", channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale"
+        )
     elif _at_limit(channel) > SATURATED:
-        yield Mistake(channel.header, f"is at its limit in {_at_limit(channel):.0%} of the rows; drive more gently")
+        yield Mistake(
+            "log-signal", channel.header, f"is at its limit in {_at_limit(channel):.0%} of the rows; drive more gently"
+        )
 
 
 def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
@@ -149,11 +165,13 @@ def _place(recording: Recording, channel: Channel, role: str, T: float) -> Itera
     speed = float(np.abs(np.diff(channel.values)).max()) / T
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
         yield Mistake(
+            "log-signal",
             channel.header,
             f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {unit[0]} per count",
         )
     elif speed > SPEEDS[recording.rotary]:
         yield Mistake(
+            "log-signal",
             channel.header,
             f"moves at up to {speed:.3g} {unit[1]}: is it in m{unit[0]}, or not a position? write its unit or scale",
         )
@@ -162,7 +180,7 @@ def _place(recording: Recording, channel: Channel, role: str, T: float) -> Itera
         quantum = channel.quantum or float(steps[steps > 0].min())
         if np.ptp(channel.values) < FEW_STEPS * quantum:
             message = f"moves by {np.ptp(channel.values) / quantum:.3g} of its resolution {quantum:g}; move it further"
-            yield Mistake(channel.header, message)
+            yield Mistake("log-signal", channel.header, message)
 
 
 def _held_for(values: Floats) -> int:

@@ -8,7 +8,7 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
 from vctune.identification.box import DELAY_FLOOR, Bounded, Estimate, box
@@ -124,7 +124,7 @@ def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -
     for recording, T in zip(recordings, times, strict=True):
         if abs(T / times[0] - 1) > 1e-3:
             message = f"was sampled every {T:g} s, and {recordings[0].source} every {times[0]:g} s; identify them apart"
-            raise InputError(recording.source, [Mistake("", message)])
+            raise InputError.of(recording.source, "log-samples", message)
 
 
 def _actuator(known: LogMap) -> Actuator | None:
@@ -162,7 +162,7 @@ def _with_known(
         return [*others, Estimate("delay", stated.delay, 0.0, known.source, (half, half))], said
     if not any(each.key == "delay" for each in estimates):
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
-        raise InputError(recordings[0].source, [Mistake("device.delay", message)])
+        raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
     return estimates, said
 
 
@@ -175,7 +175,7 @@ def _check_delay(bounds: Sequence[Bounded], recording: Recording, T: float) -> N
             f"the position is {-latest:.3g} s ahead of the force: the columns were not sampled together; shift the "
             "force's column, or log both in the same interrupt"
         )
-        raise InputError(recording.source, [Mistake("", message)])
+        raise InputError.of(recording.source, "log-unexplained", message)
 
 
 def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:

@@ -127,7 +127,7 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     usable = cutoffs(signals)
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
-        raise InputError(recording.source, [Mistake(recording.channels["position"].header, message)])
+        raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
     fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, known_delays) for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
     _check_explained(recording, signals, fits[best], known_delays)
@@ -170,18 +170,18 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, kno
         hint = "; is a force missing (a hand's), or is one of another axis?"
         hint = ": are the two columns swapped?" if swapped else hint
         message = f"{left:.0%} of {pushed} is explained by no mass and friction of {headers['position']}{hint}"
-        faults.append(Mistake(pushed, message))
+        faults.append(Mistake("log-unexplained", pushed, message))
     elif mass <= 0:
         message = (
             f"the mass comes out as {mass:.3g} kg: {pushed} pushes against the motion; turn one sign by scale = -1"
         )
-        faults.append(Mistake(pushed, message))
+        faults.append(Mistake("log-unexplained", pushed, message))
     elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
         message = (
             f"the mass comes out as {mass:.3g} kg, which is no haptic device: is {headers['position']} or {pushed} off "
             "by 1000? write its unit or scale"
         )
-        faults.append(Mistake(pushed, message))
+        faults.append(Mistake("log-unexplained", pushed, message))
     if faults:
         raise InputError(recording.source, faults)
 

@@ -87,7 +87,7 @@ def terms_figure(front: Table) -> Figure:
     """Return the front between the three terms: two of them as axes, the third as colour."""
     with rc_context(STYLE):
         figure, axes = _frame()
-        x, y, colour = (front.numbers[term] for term in ("coupling", "tracking", "admittance"))
+        x, y, colour = (front.numbers[term] for term in ("coupling_term", "tracking_term", "admittance_term"))
         drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
         if colour.size:
             figure.colorbar(drawn, label=TERM_LABELS["admittance"])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import encoded
 from vctune.simulation.motion import Floats
@@ -36,8 +36,8 @@ class CompiledController:
         """
         place = path / LIBRARY if path.is_dir() else path
         if not place.is_file():
-            raise InputError(
-                str(place), [Mistake("", "no such file; build it by `make shared` in the exported folder")]
+            raise InputError.of(
+                str(place), "no-controller", "no such file; build it by `make shared` in the exported folder"
             )
         self.path = place
         try:
@@ -45,15 +45,17 @@ class CompiledController:
             size, problem = library.vctune_bridge_size, library.vctune_bridge_problem
             self._start, self._step = library.vctune_bridge_start, library.vctune_bridge_step
         except OSError as error:
-            raise InputError(str(place), [Mistake("", f"cannot be loaded: {error}")]) from None
+            raise InputError.of(str(place), "no-controller", f"cannot be loaded: {error}") from None
         except AttributeError as error:
             message = f"is no controller of `vctune export`: {error}; link it with vctune_bridge.c"
-            raise InputError(str(place), [Mistake("", message)]) from None
+            raise InputError.of(str(place), "no-controller", message) from None
         size.restype, problem.restype = c_size_t, c_char_p
         self._start.argtypes, self._start.restype = (c_void_p, POINTER(c_double)), None
         self._step.argtypes, self._step.restype = (c_void_p, POINTER(c_double), POINTER(c_double)), None
         if not 0 < size() <= MOST_BYTES:
-            raise InputError(str(place), [Mistake("", f"says that it needs {size()} bytes; that is no controller")])
+            raise InputError.of(
+                str(place), "no-controller", f"says that it needs {size()} bytes; that is no controller"
+            )
         self.problem_sha256 = (problem() or b"").decode("ascii", "replace")
         self._memory = ctypes.create_string_buffer(size())
         self._answer = (c_double * 4)()

@@ -19,7 +19,7 @@ from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from typing import Any
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.version import __version__
 
 PENDING_PER_WORKER = 3
@@ -221,4 +221,4 @@ def _version() -> str:
 
 
 def _refusal(choice: str, message: str) -> InputError:
-    return InputError(f"executor {choice}", [Mistake("", message)])
+    return InputError.of(f"executor {choice}", "no-workers", message)

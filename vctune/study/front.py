@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, pi
 from typing import Any
 
@@ -20,6 +21,8 @@ POSITIONS, DECADES = 24, 4
 """Values of K_p, and how far below its upper bound they begin where it may be 0."""
 EDGES = 41
 DIGITS = 5
+OWN = "error_with_own_weights"
+"""What the error is called where each row has weights of its own, so that no two of them compare."""
 
 
 def terms_study(document: dict[str, Any], problem: Problem) -> Study:
@@ -80,8 +83,9 @@ def _list(key: str, values: list[float]) -> Axis:
 
 def terms_front(table: Table) -> Table:
     """Return the designs that none other beats in all three terms, by |Z_c|/Z_0."""
-    costs = np.column_stack([table.numbers[term] for term in ("admittance", "tracking", "coupling")])
-    return _front(table, costs, by=2)
+    costs = np.column_stack([table.numbers[f"{term}_term"] for term in ("admittance", "tracking", "coupling")])
+    front = _front(table, costs, by=2)
+    return replace(front, numbers={OWN if name == "error" else name: each for name, each in front.numbers.items()})
 
 
 def band_front(table: Table) -> Table:

@@ -98,16 +98,18 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if problem.uncertainty is not None:
-        found.append(Mistake("uncertainty", "a region is proved for one device; leave the table out of this problem"))
+        found.append(
+            Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
+        )
     if x == y:
-        found.append(Mistake(x, "is both axes of the plane; choose another for x or y"))
+        found.append(Mistake("no-plane", x, "is both axes of the plane; choose another for x or y"))
     found += [
-        Mistake(key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
+        Mistake("no-plane", key, f"is fixed at {bounds[key].min:g} and spans no plane; {names}")
         for key in dict.fromkeys((x, y))
         if bounds[key].fixed
     ]
     found += [
-        Mistake(key, "is free but not an axis; fix it, or name it as x or y")
+        Mistake("no-plane", key, "is free but not an axis; fix it, or name it as x or y")
         for key in (bounds if problem.device.renders_force else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]

@@ -13,16 +13,15 @@ from vctune.design.check import Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
 from vctune.design.variables import keys_for, point, ranges
 from vctune.document import toml
+from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
-from vctune.document.region import RegionDocument, read_region
+from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region
 from vctune.study.region_json import Design
-
-SCHEMA = "vctune/region-check/1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,18 +88,16 @@ class RegionFinding:
         x, y = (plane.keys[axis] for axis in plane.axes)
         x_edges, y_edges = plane.edges
         lost_designs = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
-        return {
-            "schema": SCHEMA,
-            "problem": {"name": self.file.problem.name, "sha256": self.file.sha256},
-            "status": "lost" if again.lost else "kept",
-            "axes": {"x": x, "y": y},
-            "areas": {"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
-            "lost_cells": [[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in _lost(again).T],
-            "lost_designs": [
-                dict(zip(plane.keys, point(gains, coupling), strict=True)) for gains, coupling in lost_designs
-            ],
-            "warnings": self.warnings,
-        }
+        cells = _lost(again).T.tolist()
+        return RegionCheckRecord(
+            problem=CheckedProblemRecord(name=self.file.problem.name, sha256=self.file.sha256),
+            status="lost" if again.lost else "kept",
+            axes=AxesRecord.model_validate({"x": x, "y": y}),
+            areas={"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
+            lost_cells=[[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in cells],
+            lost_designs=[dict(zip(plane.keys, point(*design), strict=True)) for design in lost_designs],
+            warnings=self.warnings,
+        ).to_json()
 
 
 def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
@@ -126,7 +123,8 @@ def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old)
-    warnings = [] if old.problem.sha256 == file.sha256 else ["the region was found for another version of the problem"]
+    other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
+    warnings = [] if old.problem.sha256 == file.sha256 else [other.line]
     finding = RegionFinding(file, again, warnings, perf_counter() - began)
     verdict = CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1

@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 from vctune.document.digest import digest, problem_digest
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
 from vctune.document.files import write_together
+from vctune.document.rows import RowsHeader
 from vctune.document.study import Study
 from vctune.model.problem import Problem
 from vctune.version import __version__
 
-SCHEMA = "vctune/rows/1"
 FAILED = "failed"
 """Status of a point whose worker died or broke: no word about the point, so that the next run tries it again."""
 
@@ -99,7 +99,7 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
     InputError
         If the file is of another study, no file of rows, in use or not writable; it is then left as it is.
     """
-    header = json.dumps({"schema": SCHEMA, "study": study.sha256, "axes": [axis.key for axis in study.axes]}) + "\n"
+    header = json.dumps(RowsHeader(study=study.sha256, axes=[axis.key for axis in study.axes]).to_json()) + "\n"
     if not path.exists() or not path.stat().st_size:
         write_together({path: header})
     elif restart:
@@ -162,8 +162,8 @@ def _parsed(line: bytes) -> Row | None:
 
 def _check_header(path: Path, line: bytes, study: Study) -> None:
     header = _parsed(line)
-    if header is None or header.get("schema") != SCHEMA:
-        raise _refusal(path, "is not a file of rows that vctune wrote; choose another folder")
+    if header is None or header.get("schema") != RowsHeader.SCHEMA:
+        raise _refusal(path, "is not a file of rows that this version wrote; choose another folder, or remove it")
     if header.get("study") != study.sha256:
         message = (
             f"holds rows of another study, of {', '.join(header.get('axes', []))}; the problem file or the axes' keys "
@@ -173,4 +173,4 @@ def _check_header(path: Path, line: bytes, study: Study) -> None:
 
 
 def _refusal(path: Path, message: str) -> InputError:
-    return InputError(str(path), [Mistake("", message)])
+    return InputError.of(str(path), "rows-file", message)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 
 import numpy as np
 
+from vctune.document.rows import CornerRecord, SweepRecord
 from vctune.study.table import Table
 
-SCHEMA = "vctune/sweep/1"
 
-
-def summary(name: str, table: Table) -> dict[str, Any]:
-    """Return what a sweep found as plain data: counts by status, best and worst design, corner without designs.
+def summary(name: str, table: Table) -> SweepRecord:
+    """Return what a sweep found: counts by status, best and worst design, corner without designs.
 
     The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
     much of it they fill.
@@ -25,31 +23,27 @@ def summary(name: str, table: Table) -> dict[str, Any]:
     """
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
-    return {
-        "schema": SCHEMA,
-        "study": name,
-        "points": len(table.status),
-        "status": dict(sorted(Counter(table.status).items())),
-        "best": table.row(int(order[0])) if order.size else None,
-        "worst": table.row(int(order[-1])) if order.size else None,
-        "corner": _corner(table) if not certified.all() else None,
-    }
+    return SweepRecord(
+        study=name,
+        points=len(table.status),
+        status=dict(sorted(Counter(table.status).items())),
+        units=table.units,
+        best=table.row(int(order[0])) if order.size else None,
+        worst=table.row(int(order[-1])) if order.size else None,
+        corner=_corner(table) if not certified.all() else None,
+    )
 
 
-def _corner(table: Table) -> dict[str, Any]:
+def _corner(table: Table) -> CornerRecord:
     without = ~table.certified
     low = {key: float(column[without].min()) for key, column in table.axes.items()}
     high = {key: float(column[without].max()) for key, column in table.axes.items()}
     inside = np.logical_and.reduce([(column >= low[key]) & (column <= high[key]) for key, column in table.axes.items()])
     reasons = Counter(reason for reason, lacks in zip(table.reason, without, strict=True) if lacks)
-    return {
-        "points": int(without.sum()),
-        "share": float(without.sum() / inside.sum()),
-        "from": {key: _finite(value) for key, value in low.items()},
-        "to": {key: _finite(value) for key, value in high.items()},
-        "reason": reasons.most_common(1)[0][0],
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None
+    return CornerRecord(
+        points=int(without.sum()),
+        share=float(without.sum() / inside.sum()),
+        low=low,
+        high=high,
+        reason=reasons.most_common(1)[0][0],
+    )

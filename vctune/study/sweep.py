@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
 
-from vctune.document.errors import InputError, Mistake
+from vctune.document.errors import InputError
+from vctune.document.rows import RowRecord
 from vctune.document.study import Study
 from vctune.document.validation import dotted
 from vctune.model.problem import Problem
@@ -72,7 +73,7 @@ def sweep(study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: 
         if problem is None:
             key = invalid_key(study.posed(values))
             if key not in rows:
-                reason = "; ".join(f"{dotted(path)}: {message}" for path, message in faults)
+                reason = "; ".join(f"{dotted(fault.path)}: {fault.message}" for fault in faults)
                 rows.append(_row(study, key, values, row_without_design(INVALID, reason)))
             on_done()
         else:
@@ -85,7 +86,7 @@ def sweep(study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: 
 
 def _row(study: Study, key: str, values: Values, content: dict[str, Any]) -> dict[str, Any]:
     point = {axis.key: value if isfinite(value) else str(value) for axis, value in zip(study.axes, values, strict=True)}
-    return {"key": key, "point": point, **content}
+    return RowRecord(key=key, point=point, **content).model_dump(exclude_unset=True)
 
 
 def _submit(state: _Sweep, task: Task) -> None:
@@ -129,7 +130,7 @@ def _content(pool: WorkerPool, future: Future[dict[str, Any]]) -> dict[str, Any]
         return None
     except pool.unreachable as error:
         message = f"the workers are out of reach ({type(error).__name__}); the rows are kept, run again to go on"
-        raise InputError("executor", [Mistake("", message)]) from None
+        raise InputError.of("executor", "no-workers", message) from None
 
 
 def _finish(state: _Sweep, task: Task, content: dict[str, Any]) -> None:

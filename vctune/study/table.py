@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.design.judge import Status
+from vctune.document.axes import number_keys
+from vctune.document.rows import DESIGN, NUMBERS
 from vctune.document.study import Study
+from vctune.document.units import heading, unit_of
 from vctune.markup import html_table
+from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.study.points import points
-from vctune.study.row import NUMBERS
 from vctune.study.rows import Rows
 
 MOST_SHOWN = 50
@@ -32,7 +35,7 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    numbers : error, terms, design and ratio (`vctune.study.row.NUMBERS`), nan where there is none
+    numbers : error, terms, design and ratio (`vctune.document.rows.NumbersRecord`), nan where there is none
     """
 
     axes: dict[str, Floats]
@@ -48,6 +51,21 @@ class Table:
     def columns(self) -> dict[str, Any]:
         """Return every column by its name."""
         return {**self.axes, "status": self.status, **self.numbers, "reason": self.reason}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column that has one."""
+        of_axes = {key: unit_of(number_keys()[key]) for key in self.axes}
+        return {
+            name: unit
+            for name, unit in {**of_axes, **NUMBERS}.items()
+            if unit and (name in of_axes or name in self.numbers)
+        }
+
+    def headed(self) -> dict[str, Any]:
+        """Return every column by its name with its unit, as files have them."""
+        units = self.units
+        return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
 
     def row(self, i: int) -> dict[str, Any]:
         """Return one row; what there is not is None."""
@@ -88,21 +106,28 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     keys : of each point's row, in the order of the points
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
-    numbers = {name: np.full(len(keys), nan) for name in NUMBERS}
+    numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
     status, reason = [], []
     for i, row in enumerate(rows.read(keys)):
         status.append(row["status"])
         reason.append(row["reason"] or "")
-        for name in NUMBERS:
-            numbers[name][i] = nan if row[name] is None else row[name]
+        for name, column in numbers.items():
+            column[i] = nan if row[name] is None else row[name]
     return Table({axis.key: values[:, k] for k, axis in enumerate(study.axes)}, status, reason, numbers)
+
+
+def _columns(study: Study) -> list[str]:
+    """Return the numbers that the designs of a study's display have."""
+    renders_force = study.document["device"].get("display") == "impedance"
+    absent = {DESIGN[key] for key in set(DESIGN) - set(SPRING_KEYS[:1] + SPRING_KEYS[2:] if renders_force else KEYS)}
+    return [name for name in NUMBERS if name not in absent]
 
 
 def csv_text(table: Table) -> str:
     """Return a table as CSV: numbers in their shortest exact decimals, nothing where there is none."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    columns = table.columns()
+    columns = table.headed()
     writer.writerow(columns)
     for i in range(len(table.status)):
         plain = (_plain(column[i]) for column in columns.values())
@@ -118,7 +143,7 @@ def parquet_bytes(table: Table) -> bytes | None:
     except ImportError:
         return None
     stream = pa.BufferOutputStream()
-    columns = {name: [_plain(value) for value in column] for name, column in table.columns().items()}
+    columns = {name: [_plain(value) for value in column] for name, column in table.headed().items()}
     types = {name: pa.string() if name in ("status", "reason") else pa.float64() for name in columns}
     pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
     return bytes(stream.getvalue().to_pybytes())

@@ -1,0 +1,70 @@
+"""The problems that are shipped with the package: `vctune example`, as functions."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from vctune.document.errors import InputError
+from vctune.document.files import make_folder, write_together
+
+SCHEMA_LINE = re.compile(r"\A#:schema .*\n")
+SCHEMA_FILE = "document/problem.schema.json"
+
+
+def example_names() -> tuple[str, ...]:
+    """Return the names of the problems that there are."""
+    return tuple(sorted(path.stem for path in _folder().glob("*.toml")))
+
+
+def example_text(name: str) -> str:
+    """Return the text of a problem file, which names the schema of this installation for editors.
+
+    Parameters
+    ----------
+    name : one of `example_names`
+
+    Raises
+    ------
+    InputError
+        If there is none of this name.
+    """
+    if name not in example_names():
+        raise InputError.of(name, "unknown-name", f"is no example; there are: {', '.join(example_names())}")
+    schema = Path(str(files("vctune"))) / SCHEMA_FILE
+    text = (_folder() / f"{name}.toml").read_text(encoding="utf-8")
+    return SCHEMA_LINE.sub(lambda _: f"#:schema {schema.as_uri()}\n", text)
+
+
+def write_example(name: str, folder: Path) -> Path:
+    """Write a problem file, in the place of no other.
+
+    Parameters
+    ----------
+    name : one of `example_names`
+    folder : made if it is not there
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name, or a file is there already.
+    """
+    text, path = example_text(name), folder / f"{name}.toml"
+    if path.exists():
+        raise InputError.of(str(path), "file-exists", "is there already; name another folder by --out, or remove it")
+    make_folder(folder)
+    write_together({path: text})
+    return path
+
+
+def _folder() -> Path:
+    """Return the folder of the problems: in an installed package, or beside the package where it is developed."""
+    package = Path(str(files("vctune")))
+    inside = package / "problems"
+    return inside if inside.is_dir() else package.parent / "problems"

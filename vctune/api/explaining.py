@@ -1,0 +1,129 @@
+"""`vctune explain`, as a function: what stands in the folders' guides about a code, a key or a word."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Literal
+
+from vctune.document.errors import InputError
+from vctune.document.outputs import EntryRecord, ExplanationRecord
+
+GUIDE = "README.md"
+CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
+"""A code of what is refused, warned of or left out, and its page."""
+KEYS = re.compile(r"<!-- (?:reference|log) -->\n(.*?)<!-- /", re.DOTALL)
+KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
+GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
+TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
+CELLS = re.compile(r"(?<!\\)\|")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """What a guide says of a name.
+
+    Attributes
+    ----------
+    kind : "code", "key" or "term"
+    names : under which it is found
+    text : in Markdown
+    guide : where it stands
+    """
+
+    kind: Literal["code", "key", "term"]
+    names: tuple[str, ...]
+    text: str
+    guide: str
+
+
+def explain(name: str) -> ExplanationRecord:
+    """Return what the guides say of a code, a key of a file, or a word of the glossary.
+
+    Parameters
+    ----------
+    name : a code as it stands in brackets behind what was said; a key with its tables or the last part of it; a word or
+        a symbol
+
+    Returns
+    -------
+    ExplanationRecord
+        `entries`, each with its `kind`, "code", "key" or "term", its `name`, its `text` in Markdown, and its `guide`.
+
+    Raises
+    ------
+    InputError
+        If there is no such name, with the nearest that there are.
+    """
+    asked = _plain(name)
+    found = _called(asked) or _called(asked.lower(), str.lower)
+    if not found:
+        names = [name for entry in entries() for name in entry.names]
+        known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
+        meant = [known[near] for near in get_close_matches(asked.lower(), known, n=3, cutoff=0.6)]
+        hint = f"did you mean {' or '.join(meant)}?" if meant else "`vctune explain` lists what there is"
+        raise InputError.of(name, "unknown-name", f"is no code, key or word of the glossary; {hint}")
+    records = [EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in found]
+    return ExplanationRecord(name=name, entries=records)
+
+
+def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
+    """Return what has a name, or is a key with this last part."""
+    return [
+        entry
+        for entry in entries()
+        if asked in [compared(_plain(each)) for each in entry.names]
+        or (entry.kind == "key" and entry.names[0].endswith(f".{asked}"))
+    ]
+
+
+@cache
+def entries() -> tuple[Entry, ...]:
+    """Return all that can be explained, in the order of the guides."""
+    return tuple(entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
+
+
+def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:
+    """Yield the guides of the package, each with its path."""
+    for child in sorted(folder.iterdir(), key=lambda each: (each.is_dir(), each.name)):
+        if child.is_dir():
+            yield from _guides(child, f"{place}/{child.name}")
+        elif child.name == GUIDE:
+            yield f"{place}/{GUIDE}", child.read_text(encoding="utf-8")
+
+
+def _entries(guide: str, text: str) -> Iterator[Entry]:
+    for code, page in CODE.findall(text):
+        yield Entry("code", (code,), page.strip(), guide)
+    for reference in KEYS.findall(text):
+        rows = KEY.findall(reference)
+        for key, meaning in rows:
+            inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
+            yield Entry("key", (key,), "\n".join([meaning, *(["", *inner] if inner else [])]), guide)
+    for glossary in GLOSSARY.findall(text):
+        for heads, rows in TABLE.findall(glossary):
+            yield from (_term(guide, _cells(heads), _cells(row.strip("|"))) for row in rows.splitlines())
+
+
+def _cells(row: str) -> list[str]:
+    return [cell.strip() for cell in CELLS.split(row)]
+
+
+def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
+    """Return a row of the glossary; several words or symbols in it are names of it each."""
+    row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
+    symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
+    names = [*row["term"].split(", "), *(symbol.split(" = ")[0] for symbol in symbols)]
+    said = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]
+    text = "\n\n".join([row["meaning"], "; ".join(said)]) if said else row["meaning"]
+    return Entry("term", (row["term"], *names), text, guide)
+
+
+def _plain(name: str) -> str:
+    """Return a name as it is compared: without quotes, brackets and what sets formulas."""
+    return re.sub(r"[\[\]`$\\{}\"']", "", name).strip()

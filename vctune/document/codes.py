@@ -1,0 +1,106 @@
+"""The stable code of every refusal, warning and line of what was left out.
+
+Each is explained under a heading of its own in the README of the folder that says it, from where `vctune explain CODE`
+takes its page: a code without a page, and a page whose example does not give its code, fail the tests.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+Code = Literal[
+    "ambiguous-files",
+    "bad-option",
+    "cannot-write",
+    "contradiction",
+    "damaged-document",
+    "file-exists",
+    "folder-in-use",
+    "internal-error",
+    "left-out-certain",
+    "left-out-fixed",
+    "left-out-integrator",
+    "left-out-same",
+    "left-out-sensitivity",
+    "left-out-stability",
+    "left-out-weight",
+    "log-columns",
+    "log-samples",
+    "log-signal",
+    "log-text",
+    "log-unexplained",
+    "many-points",
+    "missing-key",
+    "missing-package",
+    "more-mistakes",
+    "moved-key",
+    "no-compiler",
+    "no-controller",
+    "no-design",
+    "no-experiment",
+    "no-plane",
+    "no-workers",
+    "not-certified",
+    "not-fixed",
+    "not-json",
+    "not-toml",
+    "not-yaml",
+    "nothing-free",
+    "other-display",
+    "other-document",
+    "other-version",
+    "out-of-range",
+    "ros-no-damping",
+    "ros-parameter",
+    "ros-rotation",
+    "ros-slow-filter",
+    "ros-step",
+    "rows-file",
+    "rows-torn",
+    "unknown-key",
+    "unknown-name",
+    "unreadable-file",
+    "usage",
+    "warn-band-edge",
+    "warn-bound",
+    "warn-idle",
+    "warn-name",
+    "warn-repairs-cut-short",
+    "warn-sample-time",
+    "warn-solve-instead",
+    "wrong-type",
+]
+"""A new one is added here, given to what is said, and explained in a README."""
+ENDING = re.compile(r" \[([a-z]+(?:-[a-z]+)*)\]$")
+
+
+def coded(text: str, code: Code) -> str:
+    """Return a line with its code at its end, from which `vctune explain` goes on.
+
+    Parameters
+    ----------
+    text : what is said
+    code : what it is an instance of
+    """
+    return f"{text} [{code}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What a design's reader should know: a warning, or what was left out of the search.
+
+    Attributes
+    ----------
+    code : what it is an instance of
+    text : what is said
+    """
+
+    code: Code
+    text: str
+
+    @property
+    def line(self) -> str:
+        """The text with its code at its end."""
+        return coded(self.text, self.code)

@@ -1,0 +1,123 @@
+"""Two designs side by side: what differs in their problems, and what came of either."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from vctune.document.part import Document, Part, Shown, how_shown
+from vctune.document.reading import parse_problem
+from vctune.document.record import DesignRecord
+from vctune.document.statement import statement
+from vctune.document.validation import KeyPath, dotted
+
+UNCOMPARED = ("name", "description", "experiment")
+"""Keys of a problem that designing does not look at."""
+
+
+class SideRecord(Part):
+    """One of the two: where it is from, and what it is."""
+
+    source: str
+    name: str
+    status: str
+    idle: bool
+    reason: str | None
+
+
+class DifferenceRecord(Part):
+    """A key of the problem that says one thing here and another there; null where it is not said, a range as a pair."""
+
+    key: str
+    a: Any
+    b: Any
+
+
+class ValueRecord(Part):
+    """A number or a verdict of both designs, by its key in design.json; null where there is none."""
+
+    group: str
+    key: str
+    label: str
+    unit: str
+    digits: int
+    a: float | int | str | list[Any] | None
+    b: float | int | str | list[Any] | None
+
+
+class ComparisonRecord(Document):
+    """What `vctune compare` prints."""
+
+    SCHEMA = "vctune/comparison/1"
+
+    a: SideRecord
+    b: SideRecord
+    problem: list[DifferenceRecord]
+    design: list[ValueRecord]
+
+
+def comparison(a: DesignRecord, b: DesignRecord, sources: tuple[str, str]) -> ComparisonRecord:
+    """Return two designs side by side.
+
+    Parameters
+    ----------
+    a, b : the designs, each with its problem
+    sources : what they are called
+    """
+    return ComparisonRecord(
+        a=_side(a, sources[0]), b=_side(b, sources[1]), problem=_differences(a, b), design=list(_values(a, b))
+    )
+
+
+def _side(record: DesignRecord, source: str) -> SideRecord:
+    return SideRecord(
+        source=source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
+    )
+
+
+def _differences(a: DesignRecord, b: DesignRecord) -> list[DifferenceRecord]:
+    """Return the keys that differ, every default written out."""
+    one, other = ({dotted(path): value for path, value in _leaves(_stated(record), ())} for record in (a, b))
+    return [
+        DifferenceRecord(key=key, a=one.get(key), b=other.get(key))
+        for key in dict.fromkeys([*one, *other])
+        if one.get(key) != other.get(key)
+    ]
+
+
+def _stated(record: DesignRecord) -> dict[str, Any]:
+    stated = statement(parse_problem(record.problem.text, record.problem.name, record.problem.name))
+    return {key: value for key, value in stated.items() if key not in UNCOMPARED}
+
+
+def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    if isinstance(node, dict) and set(node) == {"min", "max"}:
+        yield path, [node["min"], node["max"]]
+    elif isinstance(node, dict):
+        for name, child in node.items():
+            yield from _leaves(child, (*path, name))
+    else:
+        yield path, node
+
+
+def _values(a: DesignRecord, b: DesignRecord) -> Iterator[ValueRecord]:
+    """Yield the numbers and verdicts that either design shows, by group."""
+    for name, title in DesignRecord.GROUPS.items():
+        yield from _compared(title, name, getattr(a, name), getattr(b, name))
+
+
+def _compared(title: str, prefix: str, a: Part | None, b: Part | None) -> Iterator[ValueRecord]:
+    parts = [part for part in (a, b) if part is not None]
+    for field, shown in how_shown(type(parts[0])).items() if parts else ():
+        one, other = (_scaled(getattr(part, field), shown) if part is not None else None for part in (a, b))
+        unit = "Hz" if field.endswith("_hz") else "" if "{" in shown.unit else shown.unit
+        if not shown.detail and (one is not None or other is not None):
+            key = f"{prefix}.{field}"
+            yield ValueRecord(group=title, key=key, label=shown.label, unit=unit, digits=shown.digits, a=one, b=other)
+    inner = [name for part in parts for name, value in part if isinstance(value, Part)]
+    for name in dict.fromkeys(inner):
+        yield from _compared(title, f"{prefix}.{name}", getattr(a, name, None), getattr(b, name, None))
+
+
+def _scaled(value: Any, shown: Shown) -> Any:
+    return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value

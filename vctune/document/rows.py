@@ -1,0 +1,100 @@
+"""What a study writes and prints: the lines of rows.jsonl, and the objects of `vctune sweep` and `vctune front`.
+
+Names of columns have no dot, so that none of them is the key of an axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from vctune.document.part import Document, Number, Part, Shown, how_shown
+
+
+class RowsHeader(Document):
+    """The first line of rows.jsonl: the digest of the study and the keys that vary."""
+
+    SCHEMA = "vctune/rows/2"
+
+    study: str
+    axes: list[str]
+
+
+class NumbersRecord(Part):
+    """The error, its unweighted terms, the design, its least ratio and where; null without a design."""
+
+    error: Annotated[Number, Shown("error")]
+    admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
+    tracking_term: Annotated[Number, Shown("|1 - G_he|")]
+    coupling_term: Annotated[Number, Shown("|Z_c|/Z_0")]
+    velocity_gain: Annotated[Number, Shown("K_v", "N s/m")]
+    position_gain: Annotated[Number, Shown("K_p", "N/m")]
+    coupling_damping: Annotated[Number, Shown("b_c", "N s/m")]
+    coupling_mass: Annotated[Number, Shown("m_c", "kg")]
+    coupling_drag: Annotated[Number, Shown("b_0", "N s/m")]
+    coupling_stiffness: Annotated[Number, Shown("k_c", "N/m")] = None
+    min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
+    worst_hz: Annotated[Number, Shown("at", "Hz")]
+    peak_sensitivity: Annotated[Number, Shown("peak |S|")]
+
+
+NUMBERS = {name: shown.unit for name, shown in how_shown(NumbersRecord).items()}
+"""Units of the columns, in their order."""
+DESIGN = {
+    "gains.velocity": "velocity_gain",
+    "gains.position": "position_gain",
+    "coupling.damping": "coupling_damping",
+    "coupling.mass": "coupling_mass",
+    "coupling.drag": "coupling_drag",
+    "coupling.stiffness": "coupling_stiffness",
+}
+"""The columns of a design by the keys of its numbers; one display has not got those of the other."""
+
+
+class RowRecord(NumbersRecord):
+    """A line of rows.jsonl: a finished point, by the digest of all that determines it."""
+
+    key: str
+    point: dict[str, float | str]
+    status: str
+    reason: str | None
+    seconds: float = 0.0
+
+
+Cells = dict[str, float | str | None]
+"""A row of a table: the axes by dotted key, `status`, the numbers, `reason`."""
+
+
+class CornerRecord(Part):
+    """The smallest box over the axes that holds every point without a certified design."""
+
+    points: int
+    share: float
+    low: Mapping[str, Number]
+    high: Mapping[str, Number]
+    reason: str
+
+
+class SweepRecord(Document):
+    """What a sweep found, in a few numbers; `units` are those of axes and numbers."""
+
+    SCHEMA = "vctune/sweep/2"
+
+    study: str
+    points: int
+    status: dict[str, int]
+    units: dict[str, str]
+    best: Cells | None
+    worst: Cells | None
+    corner: CornerRecord | None
+
+
+class FrontRecord(Document):
+    """The designs that no other beats: in the three terms, and in error and upper edge of the stability band."""
+
+    SCHEMA = "vctune/front/1"
+
+    problem: str
+    units: dict[str, str]
+    terms: list[Cells]
+    band: list[Cells] | None
