@@ -89,11 +89,12 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.design.prices import with_prices
     from vctune.design.record import record_of
     from vctune.design.solve import solve
+    from vctune.document.date import today
     from vctune.document.errors import printable
 
     solved = with_prices(solve(file.problem, progress), progress)
     judgement = solved.judgement
-    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
+    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version(), today())))
     if judgement is None:
         click.echo(f"{printable(file.problem.name)}: nothing to simulate: {solved.reason}", err=True)
         return None

@@ -44,11 +44,12 @@ def solve(
     from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
+    from vctune.document.date import today
     from vctune.exit_codes import ExitCode
 
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=not no_report, progress=progress)
-        record = record_of(file, solved, ipopt_version())
+        record = record_of(file, solved, ipopt_version(), today())
         say_renamed(write_record(folder, file, record))
         if not no_report:
             progress("drawing the report")
