@@ -149,7 +149,7 @@ def test_the_limit_the_safety_factor_and_the_least_ratio_are_apart(drawn):
 def test_the_bands_of_the_promises_are_shaded(drawn):
     for name, bands in {
         "llewellyn": {"requested band"}, "transparency": {"transparency band"},
-        "impedance": {"transparency band", "stability band"},
+        "impedance": {"transparency band", "proved stable"},
     }.items():  # fmt: skip
         for axes in drawn[name].axes:
             assert bands <= {patch.get_label() for patch in axes.patches}

@@ -165,7 +165,9 @@ def _closer(
         plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         found = required_in_hand(loop_in_hand(plant, angle[:, None, :], FLOATS), gains)
         Z_c = sampled_resistance(coupling, device.sample_time, angle[:, None, :], FLOATS)
-        need = (found.lost / found.size / np.maximum(Z_c, 1e-300)).reshape(theta.size, -1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            need = (found.lost / found.size / np.maximum(Z_c, 1e-300)).reshape(theta.size, -1)
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

@@ -13,9 +13,23 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import sampled_resistance
+from vctune.model.frequency import hertz
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains, Hand, Hands
-from vctune.report.style import BLUE, GREY, INK, ORANGE, RED, canvas, decades, frequency_axis, legend_above
+from vctune.report.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    WIDTH,
+    around_one,
+    canvas,
+    decades,
+    frequency_axis,
+    legend_above,
+)
+from vctune.report.units import UNITS
 
 CURVES = 40
 """Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
@@ -37,33 +51,39 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: Couplin
     hands : to be met
     gains, coupling : the design
     """
-    figure = canvas(8, 6.6, top=0.8, gaps=(0, 0.3))
-    curves, plane = figure.subplots(2, 1, height_ratios=(1, 1))
-    _curves(curves, problem, hands, gains, coupling)
+    figure = canvas(WIDTH, 7.2, left=0.75, top=0.8, gaps=(0, 0.5))
+    curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
+    _curves(curves, ratio, problem, hands, gains, coupling)
     _map(figure, plane, problem, hands, gains, coupling)
     return figure
 
 
-def _curves(axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
+def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
     device = problem.device
     where = loops_in_hands(device, hands, per_decade=CURVES)
     some = where.theta > 0
     hz = where.theta[some] / (2 * pi * device.sample_time)
     required = where.required(gains)[:, some]
-    axes.semilogy(hz, sampled_resistance(coupling, device.sample_time, where.theta[some], FLOATS), color=BLUE)
-    axes.lines[0].set_label("Re Z_c as it runs")
-    axes.semilogy(hz, _positive(required.max(axis=0)), color=ORANGE, label="greatest required R")
+    Z_c, greatest = sampled_resistance(coupling, device.sample_time, where.theta[some], FLOATS), required.max(axis=0)
+    axes.semilogy(hz, Z_c, color=BLUE, label="Re Z_c as it runs")
+    axes.semilogy(hz, _positive(greatest), color=ORANGE, label="greatest required R")
+    lower.plot(hz, Z_c / _positive(greatest), color=BLUE, label="Re Z_c / R in the worst hand")
+    found = least_ratios_in_hands(device, hands, gains, coupling)
+    around_one(lower, problem.stability.safety_factor, found[0].ratio, hertz(found[0].omega))
     shown: list[Hand] = []
-    for worst in least_ratios_in_hands(device, hands, gains, coupling):
+    for worst in found:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
             one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
             axes.semilogy(hz, _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
                           linestyle=("--", ":", "-.")[len(shown) - 1], label=f"R in {worst.hand}")  # fmt: skip
-    axes.set_ylabel("N s/m")
-    frequency_axis(axes, hz[0], hz[-1])
+    axes.set_ylabel(UNITS.damping)
+    for each in (axes, lower):
+        frequency_axis(each, hz[0], hz[-1])
+    axes.set_xlabel("")
     decades(axes)
     legend_above(axes, 2)
+    legend_above(lower, 2)
 
 
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
@@ -81,8 +101,8 @@ def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gain
             found = (where.required(gains) / np.maximum(Z_c, 1e-300)).max(axis=1)
             need[:, i] = np.maximum(need[:, i], found if len(found) == PLACES else found[0])
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
-    figure.colorbar(drawn, ax=axes, label="of Re Z_c is needed, %")
-    axes.set(xlabel="mass of the hand, kg", ylabel="stiffness, N/m")
+    figure.colorbar(drawn, ax=axes, label="R of Re Z_c, %")
+    axes.set(xlabel=f"mass of the hand, {UNITS.mass}", ylabel=f"stiffness, {UNITS.stiffness}")
 
 
 def _positive(required: Floats) -> Floats:

@@ -14,6 +14,7 @@ from vctune.report.contents import REPORT, report_paths
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
 from vctune.report.page import figure_file, page, svg
+from vctune.report.sliders import overlays
 
 
 def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
@@ -61,7 +62,7 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
         drawn["simulation"] = simulation_figure(simulation)
     pictures = {name: svg(figure, name) for name, figure in drawn.items()}
     files = {folder / f"{name}.svg": text for name, text in pictures.items()}
-    return {**files, folder / REPORT: page(record, problem, pictures, simulation)}
+    return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation)}
 
 
 def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:
