@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 
 from vctune.design.judge import Status
-from vctune.design.optimum import attained
+from vctune.design.optimum import estimated
 from vctune.design.result import Solved
 from vctune.model.problem import Criterion
 
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a certified design under one criterion alone.
+    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
 
     Attributes
     ----------
@@ -34,10 +35,9 @@ def with_alternatives(solved: Solved) -> Solved:
     problem = solved.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
-    found = []
-    one: Criterion
-    for one in ("hands", "passive"):
-        alone = attained(replace(problem, stability=replace(problem.stability, criterion=one)))
-        if alone is not None:
-            found.append(Alternative(one, alone.error))
+    alone: dict[Criterion, float] = {
+        one: estimated(replace(problem, stability=replace(problem.stability, criterion=one)))
+        for one in ("hands", "passive")
+    }
+    found = [Alternative(one, error) for one, error in alone.items() if error < inf]
     return replace(solved, alternatives=found)

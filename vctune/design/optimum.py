@@ -100,6 +100,42 @@ def nominal_start(prepared: Prepared) -> Start | None:
 
 
 @np.errstate(all="ignore")
+def estimated(problem: Problem, tightening: float = TIGHTENING) -> float:
+    """Return the error of the best design of a problem; the demands are met in double precision, nothing is proved.
+
+    Parameters
+    ----------
+    problem : that leaves something free
+    tightening : relative sharpening of the demands
+
+    Returns
+    -------
+    float
+        inf if none is found.
+    """
+    if impossible(problem) is not None:
+        return inf
+    prepared = prepare(problem)
+    return estimated_from(prepared, scan(prepared.scaled), tightening=tightening)
+
+
+def estimated_from(
+    prepared: Prepared, scanned: ScanResult, demands: WorkingSet | None = None, tightening: float = TIGHTENING
+) -> float:
+    """Return the error of the best design that starts lead to, as `estimated` does.
+
+    Parameters
+    ----------
+    prepared : of a problem that leaves something free
+    scanned : starts, dimensionless
+    demands : of a like device's optimum, to begin with at the first start
+    tightening : relative sharpening of the demands
+    """
+    optima = _optima(prepared.scaled, scanned, lambda stage: None, WORTH_POLISHING, demands, tightening)
+    return optima[0].error * prepared.units.error if optima else inf
+
+
+@np.errstate(all="ignore")
 def attained(problem: Problem) -> Judgement | None:
     """Return a certified design of a problem that leaves something free, if the optimiser finds one; proves no more.
 
@@ -141,8 +177,15 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     return judgement
 
 
-def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
-    """Polish the starts that can still win; return the local optima, best first."""
+def _optima(
+    scaled: Posed,
+    scanned: ScanResult,
+    progress: Progress,
+    worth: float,
+    demands: WorkingSet | None = None,
+    tightening: float = TIGHTENING,
+) -> list[Polished]:
+    """Polish the starts that can still win, the first with known demands; return the local optima, best first."""
     optima: list[Polished] = []
     done: list[Start] = []
     for number, start in enumerate(scanned.starts, 1):
@@ -151,7 +194,8 @@ def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float
         if start.error > worth * least or hopeless or start in done:
             continue
         progress(f"polishing start {number} of {len(scanned.starts)}")
-        polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
+        limit, first = least if worth < inf else inf, demands if number == 1 else None
+        polished = polish(scaled, start, scanned, incumbent=limit, tightening=tightening, demands=first)
         if polished is not None:
             optima.append(polished)
             left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
@@ -161,7 +205,7 @@ def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float
         nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress("polishing once more")
-            better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
+            better = polish(scaled, nearby, scanned, incumbent=optima[0].error, tightening=tightening)
             optima = [better, *optima] if better is not None else optima
     return sorted(optima, key=lambda optimum: optimum.error)
 
