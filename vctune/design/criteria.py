@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import inf
 
+from vctune.design.estimate import estimated
 from vctune.design.judge import Status
-from vctune.design.optimum import estimated
 from vctune.design.result import Solved
 from vctune.model.problem import Criterion
 

@@ -12,9 +12,9 @@ from time import perf_counter
 
 import numpy as np
 
+from vctune.design.estimate import estimated, estimated_from
 from vctune.design.exchange import TIGHTENING
 from vctune.design.judge import Judgement, Status, judge
-from vctune.design.optimum import estimated, estimated_from
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
 from vctune.design.scan import ScanResult, start_at
@@ -144,12 +144,14 @@ def _better(problem: Problem, key: str) -> dict[float, Problem]:
 def _price(problem: Problem, known: _Known, key: str, better: dict[float, Problem]) -> Price:
     """Return what the best of some better numbers is worth."""
     old, before = problem.device.number(key), known.judgement.error
-    errors = {new: _polished_again(changed, known) for new, changed in better.items()}
+    errors: dict[float, float] = {}
+    for new, changed in better.items():
+        errors[new] = _polished_again(changed, known, min(errors.values(), default=inf))
     if not problem.bounds.fixed and min(errors.values(), default=inf) > before * (1 + NO_DIFFERENCE):
         errors = {new: min(errors[new], estimated(changed, known.tightening)) for new, changed in better.items()}
-    new = min(errors, key=lambda each: errors[each], default=None)
-    error = errors[new] if new is not None and errors[new] < inf else None
-    return Price(f"device.{key}", old, new, error, None if error is None else error / before - 1)
+    best = min(errors, key=lambda each: errors[each], default=None)
+    error = errors[best] if best is not None and errors[best] < inf else None
+    return Price(f"device.{key}", old, best, error, None if error is None else error / before - 1)
 
 
 def _can_be_stated(problem: Problem) -> bool:
@@ -161,8 +163,10 @@ def _can_be_stated(problem: Problem) -> bool:
     return True
 
 
-def _polished_again(problem: Problem, known: _Known) -> float:
-    """Return the error of the best design that the known one, and those of other basins, lead to; inf without any.
+def _polished_again(problem: Problem, known: _Known, incumbent: float) -> float:
+    """Return the error of the best design that the known one, and those of other basins, lead to.
+
+    It is inf without any, and where it would be above the incumbent's.
 
     The NLP is that of the known design, so that nothing is compiled again, and begins with the demands where that met
     them.
@@ -182,4 +186,5 @@ def _polished_again(problem: Problem, known: _Known) -> float:
     demands = known.demands
     if demands is not None:
         demands = demands.on_device(prepared.scaled.problem.device, units.impedance, units.time)
-    return estimated_from(prepared, ScanResult(starts, known.peak_sensitivity), demands, known.tightening)
+    scanned = ScanResult(starts, known.peak_sensitivity)
+    return estimated_from(prepared, scanned, demands=demands, tightening=known.tightening, incumbent=incumbent)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import ceil, floor, log10, pi
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.markers import TICKDOWN
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from vctune.model.problem import Band
 
@@ -93,8 +94,11 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     """
     axes.set(xscale="log", xlim=(low, high), xlabel="frequency, Hz")
     axes.xaxis.set_major_formatter(PLAIN)
-    axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
+    between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
+    inside = [hz for hz in between if low < hz < high]  # one artist: a tenth of the time of Matplotlib's minor ticks
+    foot = axes.get_xaxis_transform()
+    axes.plot(inside, [0.0] * len(inside), "", marker=TICKDOWN, markersize=2, color=INK, transform=foot, clip_on=False)
 
 
 def decades(axes: Axes) -> None:
@@ -132,10 +136,12 @@ def stamp(figure: Figure, words: str) -> None:
     figure : whose axes are there
     words : few
     """
-    style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontsize": 21, "fontweight": "bold"}
+    style: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "fontweight": "bold"}
     for axes in figure.axes:
         if axes.get_label() != "<colorbar>":
-            axes.text(0.5, 0.5, words, transform=axes.transAxes, color=RED, alpha=0.45, **style)
+            width = 72 * figure.get_figwidth() * axes.get_position().width
+            size = min(21.0, 1.6 * width / len(words))
+            axes.text(0.5, 0.5, words, transform=axes.transAxes, color=RED, alpha=0.45, fontsize=size, **style)
 
 
 def shade(axes: Axes, band: Band, colour: str, label: str, hatch: str = "") -> None:

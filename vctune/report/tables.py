@@ -6,10 +6,11 @@ from dataclasses import astuple
 from math import inf
 from typing import NamedTuple
 
-from vctune.analysis.demands import unmodelled_maxima
+from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
 from vctune.document.part import text
-from vctune.document.record import CertificateRecord, ClaimRecord, DesignRecord, InnerLoopRecord
+from vctune.document.record import CertificateRecord, DesignRecord, InnerLoopRecord
+from vctune.model.frequency import hertz
 from vctune.model.problem import Band, Problem
 from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.certificate import Claim
@@ -127,37 +128,47 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     record : of the design
     problem : that it states
     """
-    proof, loop = record.certificate, record.inner_loop
-    if proof is None or loop is None or record.gains is None:
+    proof, loop, design = record.certificate, record.inner_loop, record.design
+    if proof is None or loop is None or design is None:
         return []
-    return [_claim(claim, proof, loop, problem, record.gains.plain) for claim in proof.claims]
+    shown = []
+    for claim in proof.claims:
+        found, wanted = _found(claim.claim, proof, loop, problem, design)
+        shown.append(ClaimLine(claim.claim, claim.verdict, found, wanted))
+    return shown
 
 
-def _claim(
-    claim: ClaimRecord, proof: CertificateRecord, loop: InnerLoopRecord, problem: Problem, gains: Gains
-) -> ClaimLine:
+def _found(
+    claim: str, proof: CertificateRecord, loop: InnerLoopRecord, problem: Problem, design: tuple[Gains, Coupling]
+) -> tuple[str, str]:
+    """Return what was found of a claim and what was asked."""
     factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
-    found, wanted = "", ""
-    if claim.claim == Claim.HANDS and hands is not None:
-        found = f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hands.worst_hand}"
-        wanted = factor
-    elif claim.claim == Claim.CONDITIONS:
-        by_hands = hands is not None and hands.min_ratio == proof.min_ratio
-        found = f"not below {text(proof.min_ratio)}" if by_hands else f"least {_at(proof.min_ratio, proof.worst_hz)}"
-        wanted = factor
-    elif claim.claim == Claim.SENSITIVITY:
-        found = f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}"
-        wanted = f"≤ {problem.stability.max_sensitivity:g}"
-    elif claim.claim == Claim.SAMPLED_POLES:
+    if claim == Claim.HANDS and hands is not None:
+        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hands.worst_hand}", factor
+    if claim == Claim.CONDITIONS:
+        return _least_on_band(proof, problem, design), factor
+    if claim == Claim.SENSITIVITY:
+        return (
+            f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}",
+            f"≤ {problem.stability.max_sensitivity:g}",
+        )
+    if claim == Claim.SAMPLED_POLES:
         margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
         left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
         left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
-        found = text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else "")
-        wanted = "< 1"
-    elif claim.claim == Claim.UNMODELLED:
-        worst = unmodelled_maxima(problem, gains)
-        found, wanted = f"peak {text(float(-worst.value[0]))}", "< 1"
-    return ClaimLine(claim.claim, claim.verdict, found, wanted)
+        return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+    if claim == Claim.UNMODELLED:
+        return f"peak {text(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
+    return "", ""
+
+
+def _least_on_band(proof: CertificateRecord, problem: Problem, design: tuple[Gains, Coupling]) -> str:
+    """Return the least ratio on the band; where the record has but that in hands, that of the nominal device."""
+    if proof.hands is None or proof.hands.min_ratio != proof.min_ratio:
+        return f"least {_at(proof.min_ratio, proof.worst_hz)}"
+    least = ratio_minima(problem, *design)
+    found = f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}"
+    return found if problem.uncertainty is None else f"{found}, of the nominal device"
 
 
 def _at(value: float | None, hz: float | None) -> str:
