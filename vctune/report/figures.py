@@ -72,7 +72,7 @@ def figures(design: Design) -> dict[str, Figure]:
         if design.record.optimality is not None:
             drawn["optimality"] = _optimality(design.record.optimality)
         for figure in drawn.values():
-            if words := doubt(design.record):
+            if words := doubt(design.record, design.problem):
                 stamp(figure, words)
         return {"loop": loop_figure(design.problem.device, design.gains, design.coupling), **drawn}
 

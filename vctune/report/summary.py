@@ -12,9 +12,10 @@ from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
 from vctune.report.units import UNITS
 
-LITTLE_USE = 0.9
-"""The error from which on a design is of little use: at 1 the handle is off by the reference impedance. Half would
-call designs useless that halve a device's inertia, twice none of those that are worse than no loop."""
+LITTLE_USE = 0.75
+"""Share of the error without a loop from which on a design is of little use: what takes away less than a quarter of it
+is hardly worth a force sensor. Half would say so of designs that halve what is felt, twice of none that is worse than
+no loop."""
 LINEAR_UP_TO = 1.5
 """Of the error's scale; what is greater is drawn ever closer to its end."""
 NOTHING = Coupling(1e-18, 1e-18, 0.0)
@@ -76,27 +77,41 @@ def summary(record: DesignRecord, problem: Problem) -> Summary:
     """
     kind, word, sentence = _verdict(record, problem)
     ticks = [_mark(label, at) for label, at in (("0: perfect", 0.0), ("0.5", 0.5), ("1: off by Z_0", 1.0), ("2", 2.0))]
-    return Summary(kind, SIGNS[kind], word, sentence, _marks(record, problem), ticks, _share(LITTLE_USE))
+    return Summary(kind, SIGNS[kind], word, sentence, _marks(record, problem), ticks, _share(_useless_from(problem)))
 
 
-def doubt(record: DesignRecord) -> str:
-    """Return what is to be said across each figure of a design; nothing of one that is certified and of use."""
+def doubt(record: DesignRecord, problem: Problem) -> str:
+    """Return what is to be said across each figure of a design; nothing of one that is certified and of use.
+
+    Parameters
+    ----------
+    record : of the design
+    problem : that it states
+    """
     if record.status != "certified":
         return f"{record.status}: not for use"
-    return "of little use" if _little_use(record) else ""
+    return "of little use" if _little_use(record, problem) else ""
 
 
-def _little_use(record: DesignRecord) -> bool:
+def _little_use(record: DesignRecord, problem: Problem) -> bool:
     error = record.transparency.error if record.transparency is not None else None
-    return record.idle or error is None or error >= LITTLE_USE
+    return record.idle or error is None or error >= _useless_from(problem)
+
+
+def _useless_from(problem: Problem) -> float:
+    return LITTLE_USE * _without_loop(problem)
+
+
+def _without_loop(problem: Problem) -> float:
+    return transparency_error(problem, Gains(0.0, 0.0), NOTHING).error
 
 
 def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
     proof, transparency = record.certificate, record.transparency
     if proof is None or transparency is None:
         kind: Kind = "bad" if record.status == "infeasible" else "doubtful"
-        none = "No design meets the demands." if kind == "bad" else "No design was found, and none is ruled out."
-        return kind, record.status, f"{none} {record.reason or ''}".strip()
+        reason = record.reason or ("no design meets the demands" if kind == "bad" else "no design was found")
+        return kind, record.status, f"{reason[0].upper()}{reason[1:]}."
     if record.status == "violated":
         return "bad", "violated", f"Not for use: {_failed(proof, 'refuted')}."
     if record.status == "undecided":
@@ -107,13 +122,14 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
 def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: Problem) -> tuple[Kind, str, str]:
     proved, useless = f"Proved {record.promise}", "certified, of little use"
     off = (
-        f"the handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}, {_mean(problem)}"
+        f"the handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}, "
+        f"{_mean(problem)}, the device without a loop by {text(_without_loop(problem), 3)}"
     )
     if record.idle:
         idle = f"the velocity loop hardly moves the handle: |1 - G_he| is {text(transparency.tracking, 3)}"
         return "doubtful", useless, f"{proved}; but {idle}, and 1 means no loop at all."
-    if _little_use(record):
-        return "doubtful", useless, f"{proved}; but {off}: nothing is gained from 1 on."
+    if _little_use(record, problem):
+        return "doubtful", useless, f"{proved}; but {off}."
     return "good", "certified", f"{proved}; {off}."
 
 
@@ -141,7 +157,7 @@ def _marks(record: DesignRecord, problem: Problem) -> list[Mark]:
     if record.transparency is None or record.transparency.error is None:
         return []
     marks = [_mark("this design", record.transparency.error)]
-    marks += [_mark("device without a loop", transparency_error(problem, Gains(0.0, 0.0), NOTHING).error)]
+    marks += [_mark("device without a loop", _without_loop(problem))]
     if record.optimality is not None and record.optimality.lower_bound is not None:
         marks += [_mark("no design is below", record.optimality.lower_bound)]
     return marks
