@@ -87,7 +87,7 @@ def _llewellyn(design: Design) -> Figure:
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
     curves = llewellyn(problem, design.gains, design.coupling)
-    figure = canvas(WIDTH, 5.6, left=0.75, top=0.75, gaps=(0, 0.5))
+    figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
     upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")

@@ -14,6 +14,7 @@ from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import sampled_resistance
 from vctune.model.frequency import hertz
+from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains, Hand, Hands
 from vctune.report.style import (
@@ -36,6 +37,8 @@ CURVES = 40
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
 """Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
 counts."""
+LOWEST, MAPPED = 1e-3, 24
+"""Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
 WORST = 3
@@ -51,7 +54,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: Couplin
     hands : to be met
     gains, coupling : the design
     """
-    figure = canvas(WIDTH, 7.2, left=0.75, top=0.8, gaps=(0, 0.5))
+    figure = canvas(WIDTH, 7.2, left=0.85, top=0.8, gaps=(0, 0.5))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
     _curves(curves, ratio, problem, hands, gains, coupling)
     _map(figure, plane, problem, hands, gains, coupling)
@@ -66,7 +69,7 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
     required = where.required(gains)[:, some]
     Z_c, greatest = sampled_resistance(coupling, device.sample_time, where.theta[some], FLOATS), required.max(axis=0)
     axes.semilogy(hz, Z_c, color=BLUE, label="Re Z_c as it runs")
-    axes.semilogy(hz, _positive(greatest), color=ORANGE, label="greatest required R")
+    axes.semilogy(hz, _positive(greatest), color=ORANGE, label="greatest R, and in hands of:")
     lower.plot(hz, Z_c / _positive(greatest), color=BLUE, label="Re Z_c / R in the worst hand")
     found = least_ratios_in_hands(device, hands, gains, coupling)
     around_one(lower, problem.stability.safety_factor, found[0].ratio, hertz(found[0].omega))
@@ -76,7 +79,7 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
             shown.append(worst.hand)
             one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
             axes.semilogy(hz, _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
-                          linestyle=("--", ":", "-.")[len(shown) - 1], label=f"R in {worst.hand}")  # fmt: skip
+                          linestyle=("--", ":", "-.")[len(shown) - 1], label=str(worst.hand))  # fmt: skip
     axes.set_ylabel(UNITS.damping)
     for each in (axes, lower):
         frequency_axis(each, hz[0], hz[-1])
@@ -89,17 +92,15 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share."""
     device, shares = problem.device, np.linspace(0.0, 1.0, PLACES) ** 2
-    low, high = astuple(hands.low), astuple(hands.high)
+    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
     mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
-    need = np.zeros((PLACES, PLACES))
-    for share in DAMPINGS:
-        B = low[1] + (high[1] - low[1]) * share
-        for i, M in enumerate(mass):
-            ends = Hands(Hand(float(M), B, low[2]), Hand(float(M), B, high[2]))
-            where = loops_in_hands(device, ends, shares=tuple(shares))
-            Z_c = sampled_resistance(coupling, device.sample_time, where.theta, FLOATS)
-            found = (where.required(gains) / np.maximum(Z_c, 1e-300)).max(axis=1)
-            need[:, i] = np.maximum(need[:, i], found if len(found) == PLACES else found[0])
+    damping = low[1] + (high[1] - low[1]) * np.array(DAMPINGS)
+    held = Hand(*np.meshgrid(mass, damping, stiffness, [0.0], indexing="ij")[:3])
+    theta = np.geomspace(LOWEST, pi, int(MAPPED * np.log10(pi / LOWEST)))
+    loop = loop_in_hand(plant_in_hand(device, held, delays_of(device), FLOATS), theta, FLOATS)
+    required = required_in_hand(loop, gains)
+    Z_c = sampled_resistance(coupling, device.sample_time, theta, FLOATS)
+    need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
     figure.colorbar(drawn, ax=axes, label="R of Re Z_c, %")
     axes.set(xlabel=f"mass of the hand, {UNITS.mass}", ylabel=f"stiffness, {UNITS.stiffness}")

@@ -98,7 +98,16 @@ def frequency_axis(axes: Axes, low: float, high: float) -> None:
     between = [step * 10.0**k for k in range(floor(log10(low)), ceil(log10(high))) for step in (2, 5)]
     inside = [hz for hz in between if low < hz < high]  # one artist: a tenth of the time of Matplotlib's minor ticks
     foot = axes.get_xaxis_transform()
-    axes.plot(inside, [0.0] * len(inside), "", marker=TICKDOWN, markersize=2, color=INK, transform=foot, clip_on=False)
+    axes.plot(
+        inside,
+        [0.0] * len(inside),
+        marker=TICKDOWN,
+        linestyle="none",
+        markersize=2,
+        color=INK,
+        transform=foot,
+        clip_on=False,
+    )
 
 
 def decades(axes: Axes) -> None:
