@@ -157,13 +157,13 @@ window.vctune = (() => {
     });
     const rows = (found) => [
       ["error", text(found.error)],
-      ...(given.band_hz ? [["least Re Z_c / R on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
-      ...(given.hands.length ? [["least Re Z_c / R in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
+      ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
+      ...(given.hands.length ? [["least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
       ["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`],
       ["sampled loop", found.unstable ? "unstable" : "stable"],
     ];
     const first = rows(evaluate(shipped)), table = box.querySelector("table");
-    const mark = box.querySelector(".mark-of"), file = box.querySelector("pre");
+    const mark = box.querySelector(".mark-of"), notes = document.querySelector(".tries"), file = notes.querySelector("pre");
     function update() {
       const x = values(), same = x.every((value, k) => value === shipped[k]), found = evaluate(x);
       const meets = (ratio) => ratio === undefined || ratio >= given.factor * (1 - 1e-4);
@@ -196,7 +196,7 @@ window.vctune = (() => {
     }
     inputs.forEach(({ input }) => input.addEventListener("input", update));
     box.querySelector("button").addEventListener("click", () => { inputs.forEach((each) => (each.input.value = each.start)); update(); });
-    box.hidden = false;
+    box.hidden = notes.hidden = false;
     update();
   }
 
