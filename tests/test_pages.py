@@ -71,7 +71,7 @@ def test_on_a_telephone(browser, paths, name):
 
 @pytest.mark.parametrize("name", CASES)
 def test_on_paper(browser, paths, name):
-    """On A4 nothing is beyond the margins, no heading ends a page, and a figure is on one page with its heading."""
+    """On A4 nothing is beyond the margins, no heading ends a page; figures and tables begin on the page of theirs."""
     import pypdfium2
 
     page = opened(browser, paths[name])
@@ -81,6 +81,10 @@ def test_on_paper(browser, paths, name):
           const texts = [...each.querySelectorAll('text')].map((text) => text.textContent.trim());
           return [each.querySelector('h2').textContent, ...texts.filter((text) => text.length > 3)];
         })"""
+    )
+    tables = page.evaluate(
+        """() => [...document.querySelectorAll('section > h2')].filter((each) => each.parentNode.querySelector('table'))
+          .map((each) => [each.textContent, each.parentNode.querySelector('tr').innerText])"""
     )
     headings = page.evaluate(
         "[...document.querySelectorAll('h2, caption')].filter((each) => each.offsetParent)"
@@ -99,7 +103,7 @@ def test_on_paper(browser, paths, name):
     assert [word for word in words if not any(squeezed(word) in text for text in texts)] == []
     for text in texts:
         assert not any(text.endswith(squeezed(heading)) for heading in headings)
-    for title, *parts in figures:
+    for title, *parts in (*figures, *tables):
         assert any(all(squeezed(part) in text for part in (title, *parts)) for text in texts), title
 
 
