@@ -10,11 +10,13 @@ import signal
 import subprocess
 import sys
 import tomllib
+from datetime import datetime
 
 import pytest
 from command import process, run
 from conftest import DEVICE, FIXED, for_passive_hands
 
+from vctune.document.date import today
 from vctune.document.errors import printable
 from vctune.document.files import folder_name, write_together
 from vctune.exit_codes import ExitCode
@@ -233,3 +235,13 @@ def test_names_are_shown_escaped(tmp_path):
 def test_devices_of_windows_are_no_folders(name):
     assert folder_name(name) == f"_{name}"
     assert folder_name("console") == "console"
+
+
+def test_the_day_is_that_of_the_builds_clock_where_there_is_one(monkeypatch):
+    """And of no other form: what is no number is not believed."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86399")
+    assert today() == "1970-01-01"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "86400")
+    assert today() == "1970-01-02"
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "soon")
+    assert datetime.fromisoformat(today()) > datetime(2020, 1, 1)

@@ -15,9 +15,10 @@ from matplotlib.colors import to_rgb
 from vctune.design.record import record_of
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Coupling, Gains, Hand, Hands
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
+from vctune.report.hands_figure import hands_figure
 from vctune.report.page import _shortened, inline, svg
 from vctune.report.region import BAD, GOOD, OPEN
 from vctune.report.style import PAPER, time_text
@@ -149,7 +150,7 @@ def test_the_limit_the_safety_factor_and_the_least_ratio_are_apart(drawn):
 def test_the_bands_of_the_promises_are_shaded(drawn):
     for name, bands in {
         "llewellyn": {"requested band"}, "transparency": {"transparency band"},
-        "impedance": {"transparency band", "stability band"},
+        "impedance": {"transparency band", "proved stable"},
     }.items():  # fmt: skip
         for axes in drawn[name].axes:
             assert bands <= {patch.get_label() for patch in axes.patches}
@@ -180,3 +181,15 @@ def test_files_say_nothing_to_no_end(drawn):
 def test_letters_of_lines_after_curves_stay():
     path = re.match(".*", 'd="M 1.250 2.0 \nL 3.001 4.0 \nQ 5 6 7 8.00 \nL 9 10.0 \nL 11.0 -0.001 \nz\n"', re.DOTALL)
     assert _shortened(path) == 'd="M 1.25 2\n3 4\nQ 5 6 7 8\nL 9 10\n11 -0\nz\n"'
+
+
+def test_nothing_of_a_figure_is_beyond_its_edge(drawn):
+    """Tick labels as wide as they come included, and the longest legends."""
+    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(0.55, 30.5, 3000.5))
+    problem = parse_problem(DEVICE, "x", "x")
+    in_hands = hands_figure(problem, hands, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
+    for name, figure in {**drawn, "hands": in_hands}.items():
+        drawn_box = figure.get_tightbbox()
+        width, height = figure.get_size_inches()
+        assert drawn_box.x0 >= 0 and drawn_box.x1 <= width, name
+        assert drawn_box.y0 >= 0 and drawn_box.y1 <= height, name

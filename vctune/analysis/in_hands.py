@@ -277,6 +277,7 @@ def _closer(
         found = required_in_hand(loop_in_hand(plant, angle[:, None, :], FLOATS), gains)
         Z_c = offered(coupling, device, angle[:, None, :], FLOATS)
         need = _need(found.lost / found.size, Z_c).reshape(theta.size, -1)
+        need = np.nan_to_num(need, nan=-inf, posinf=inf)  # 0/0 at rest without an integrator asks for nothing
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

@@ -23,6 +23,7 @@ from vctune.design.record import optimality_record, record_of
 from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
+from vctune.document.date import today
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
 from vctune.document.files import write_together
@@ -220,7 +221,7 @@ def _known(file: ProblemFile, design: Solved | Known | str | Path | None, progre
         return known
     solved = design if isinstance(design, Solved) else solve(file, progress=progress)
     resume = solved.optimality.resume if solved.optimality is not None else None
-    return Known(record_of(file, solved, ipopt_version()), solved.judgement, resume)
+    return Known(record_of(file, solved, ipopt_version(), today()), solved.judgement, resume)
 
 
 def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None]:
@@ -243,7 +244,7 @@ def _added(file: ProblemFile, record: DesignRecord, found: Optimality) -> Design
     """Return the design's record with what is proved of all designs; that of a better design if one was found."""
     if found.improved is not None:
         solved = Solved(problem=file.problem, judgement=found.improved, optimality=found)
-        return record_of(file, solved, ipopt_version())
+        return record_of(file, solved, ipopt_version(), today())
     added: dict[str, Any] = {"optimality": optimality_record(found)}
     if record.gains is None and found.proved:
         reason = str(record.reason).replace(OPENINGS[False], OPENINGS[True], 1)

@@ -11,6 +11,7 @@ from vctune.design.record import record_of
 from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
+from vctune.document.date import today
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.files import folder_name, make_folder, previous, write_together
@@ -46,7 +47,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
 
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
-    write_record(folder, file, record_of(file, solved, ipopt_version()))
+    write_record(folder, file, record_of(file, solved, ipopt_version(), today()))
     return folder / DESIGN_FILE
 
 

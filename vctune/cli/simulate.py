@@ -90,10 +90,11 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.design.prices import with_prices
     from vctune.design.record import record_of
     from vctune.design.solve import solve
+    from vctune.document.date import today
 
     solved = with_prices(solve(file.problem, progress), progress)
     judgement = solved.judgement
-    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version())))
+    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version(), today())))
     if judgement is None:
         warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None

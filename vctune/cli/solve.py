@@ -67,13 +67,14 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
+    from vctune.document.date import today
     from vctune.exit_codes import ExitCode
 
     for doubt in () if quiet else doubts(file.problem):  # before the work: what is meant otherwise need not be solved
         warn(doubt.code, doubt.text)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
-        record = record_of(file, solved, ipopt_version())
+        record = record_of(file, solved, ipopt_version(), today())
         say_renamed(write_record(folder, file, record))
         if report:
             progress("drawing the report")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from vctune.design.estimate import estimated
 from vctune.design.judge import Status
-from vctune.design.optimum import attained
 from vctune.design.result import Solved
 from vctune.model.problem import Criterion
 from vctune.model.quantities import SpringDamper
@@ -13,7 +13,7 @@ from vctune.model.quantities import SpringDamper
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """The error of a certified design under one criterion alone.
+    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
 
     Attributes
     ----------
@@ -39,10 +39,10 @@ def with_alternatives(solved: Solved) -> Solved:
         return solved
     if problem.device.renders_force and problem.uncertainty is not None:
         return solved  # a box of devices in a box of hands takes minutes
-    found = []
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
+    found = []
     for one in others:
-        alone = attained(replace(problem, stability=replace(problem.stability, criterion=one)))
+        alone = estimated(replace(problem, stability=replace(problem.stability, criterion=one)))
         if alone is not None:
             stiffness = alone.coupling.stiffness if isinstance(alone.coupling, SpringDamper) else None
             found.append(Alternative(one, alone.error, stiffness))

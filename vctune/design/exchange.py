@@ -64,6 +64,7 @@ def polish(
     incumbent: float = inf,
     tightening: float = TIGHTENING,
     witnesses: WorkingSet | None = None,
+    demands: WorkingSet | None = None,
 ) -> Polished | None:
     """Improve a start to a local optimum of the semi-infinite problem; None if nothing admissible is found.
 
@@ -75,6 +76,7 @@ def polish(
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
     witnesses : points that a proof has refuted, to begin with
+    demands : of a like device's optimum, to begin with in the place of the local extrema at the start
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
@@ -84,7 +86,7 @@ def polish(
     reference = stabilised(posed.problem, cases, start)
     if reference is None:
         return None
-    working_set = _first_working_set(posed, start, scanned)
+    working_set = demands.copy() if demands is not None else _first_working_set(posed, start, scanned)
     _add_violated(
         working_set,
         Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled, in_hand=witnesses.in_hand),
@@ -160,7 +162,7 @@ def _step(posed: Posed, search: _Search) -> None:
         _examine_start(posed, search, error)
         uphill = error > (1 + UPHILL) * search.known_error
         _remember(search, values, error)
-        design = Polished(search.start, values, error, structure, asked, solution, search.rounds)
+        design = Polished(search.start, values, error, structure, asked, solution, search.tightening, search.rounds)
         search.best = min(search.best or design, design, key=lambda each: each.error)
         search.finished = settled and not uphill and not _sharper_objective(problem, search, design, joined=joined)
     if uphill:

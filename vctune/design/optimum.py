@@ -45,6 +45,8 @@ the boxes that it takes grow with the inverse of what is left to spare. Twice co
 costs proofs."""
 
 Progress = Callable[[str], None]
+PolishFrom = Callable[[Start, float], Polished | None]
+"""From a start, to an error below a given one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,13 +77,15 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     progress : told the stage of the work
     """
     began, scaled = perf_counter(), prepared.scaled
-    optima = _optima(scaled, scanned, progress, WORTH_POLISHING)
+    optima = local_optima(scaled, scanned, progress, WORTH_POLISHING)
     polished = perf_counter()
     progress("proving")
     best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
         tried = [optimum.start for optimum in optima]
-        optima = _optima(scaled, replace(scanned, starts=[s for s in scanned.starts if s not in tried]), progress, inf)
+        optima = local_optima(
+            scaled, replace(scanned, starts=[s for s in scanned.starts if s not in tried]), progress, inf
+        )
         best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         judgement = _with_least_coupling(prepared, judgement)
@@ -141,8 +145,24 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     return judgement
 
 
-def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
-    """Polish the starts that can still win; return the local optima, best first."""
+def local_optima(
+    scaled: Posed, scanned: ScanResult, progress: Progress, worth: float, polished_from: PolishFrom | None = None
+) -> list[Polished]:
+    """Polish the starts that can still win; return the local optima, best first.
+
+    Parameters
+    ----------
+    scaled : dimensionless
+    scanned : starts of it
+    progress : told the stage of the work
+    worth : by what factor a start's error may exceed the least that is known
+    polished_from : how a start is polished; None: with nothing known
+    """
+
+    def plainly(start: Start, least: float) -> Polished | None:
+        return polish(scaled, start, scanned, incumbent=least)
+
+    polished_from = polished_from or plainly
     optima: list[Polished] = []
     done: list[Start] = []
     for number, start in enumerate(scanned.starts, 1):
@@ -151,7 +171,7 @@ def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float
         if start.error > worth * least or hopeless or start in done:
             continue
         progress(f"polishing start {number} of {len(scanned.starts)}")
-        polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
+        polished = polished_from(start, least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
             left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
@@ -161,7 +181,7 @@ def _optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float
         nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress("polishing once more")
-            better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
+            better = polished_from(nearby, optima[0].error)
             optima = [better, *optima] if better is not None else optima
     return sorted(optima, key=lambda optimum: optimum.error)
 

@@ -1,6 +1,6 @@
-"""What a better device would be worth: each of its numbers better by a tenth, the problem solved and proved again.
+"""What a better device would be worth: each of its numbers better by a tenth, the problem solved again.
 
-See design/README.md, section 11.
+Demands are met in double precision; nothing is proved. See design/README.md, section 11.
 """
 
 from __future__ import annotations
@@ -12,14 +12,15 @@ from time import perf_counter
 
 import numpy as np
 
-from vctune.design.judge import Judgement, Status
-from vctune.design.optimum import optimum
+from vctune.design.estimate import Estimate, estimated, estimated_from
+from vctune.design.exchange import TIGHTENING
+from vctune.design.judge import Judgement, Status, judge
 from vctune.design.prepared import prepare
 from vctune.design.result import Solved
 from vctune.design.scan import ScanResult, start_at
-from vctune.design.solve import solve
 from vctune.design.start import Start
 from vctune.design.variables import design_of, point
+from vctune.design.working_set import WorkingSet
 from vctune.document.building import problem as restated
 from vctune.document.errors import InputError
 from vctune.document.prices import NO_DIFFERENCE
@@ -66,7 +67,7 @@ class Price:
     ----------
     key : of the number in the problem file
     old, new : its values, in SI units and hertz; the new one None if there was no time to try any
-    error : of the best certified design with the new value; None where none was found
+    error : of the best design that was found with the new value, nothing of it proved; None where none was
     change : of the error, relative to that of the design as it is; None where there is none
     """
 
@@ -86,11 +87,15 @@ class _Known:
     judgement : of it
     others : gains of the other basins that the scan saw, SI units
     peak_sensitivity : that the scan saw
+    demands : where its last NLP posed the demands, in SI units; None of a box of devices
+    tightening : by what share the demands had to be sharpened for its proof
     """
 
     judgement: Judgement
     others: tuple[Gains, ...]
     peak_sensitivity: float
+    demands: WorkingSet | None
+    tightening: float
 
 
 def with_prices(solved: Solved, progress: Progress = lambda stage: None) -> Solved:
@@ -115,13 +120,16 @@ def with_prices(solved: Solved, progress: Progress = lambda stage: None) -> Solv
 
 
 def _known(solved: Solved, judgement: Judgement) -> _Known:
-    scanned = solved.scanned
-    if scanned is None:
-        return _Known(judgement, (), 0.0)
-    units, own = prepare(solved.problem).units, solved.polished.start if solved.polished is not None else None
+    scanned, polished = solved.scanned, solved.polished
+    if scanned is None or polished is None:
+        return _Known(judgement, (), 0.0, None, TIGHTENING)
+    units, demands = prepare(solved.problem).units, None
     near = [start for start in scanned.starts if start.error <= OTHER_BASINS * scanned.starts[0].error]
-    others = [units.to_si(point(start.gains, start.coupling)) for start in near if start is not own]
-    return _Known(judgement, tuple(design_of(values)[0] for values in others), scanned.peak_sensitivity)
+    others = [units.to_si(point(start.gains, start.coupling)) for start in near if start is not polished.start]
+    if solved.problem.uncertainty is None:
+        demands = polished.working_set.on_device(solved.problem.device, 1 / units.impedance, 1 / units.time)
+    gains = tuple(design_of(values)[0] for values in others)
+    return _Known(judgement, gains, scanned.peak_sensitivity, demands, polished.tightening)
 
 
 def _better(problem: Problem, key: str) -> dict[float, Problem]:
@@ -136,12 +144,16 @@ def _better(problem: Problem, key: str) -> dict[float, Problem]:
 def _price(problem: Problem, known: _Known, key: str, better: dict[float, Problem]) -> Price:
     """Return what the best of some better numbers is worth."""
     old, before = problem.device.number(key), known.judgement.error
-    errors = {new: _error_of(_polished_again(changed, known)) for new, changed in better.items()}
-    if min(errors.values(), default=inf) > before * (1 + NO_DIFFERENCE):
-        errors = {new: min(errors[new], _error_of(solve(changed).judgement)) for new, changed in better.items()}
-    new = min(errors, key=lambda each: errors[each], default=None)
-    error = errors[new] if new is not None and errors[new] < inf else None
-    return Price(f"device.{key}", old, new, error, None if error is None else error / before - 1)
+    errors: dict[float, float] = {}
+    for new, changed in better.items():
+        errors[new] = _polished_again(changed, known, min(errors.values(), default=inf))
+    if not problem.bounds.fixed and min(errors.values(), default=inf) > before * (1 + NO_DIFFERENCE):
+        errors = {
+            new: min(errors[new], _error_of(estimated(changed, known.tightening))) for new, changed in better.items()
+        }
+    best = min(errors, key=lambda each: errors[each], default=None)
+    error = errors[best] if best is not None and errors[best] < inf else None
+    return Price(f"device.{key}", old, best, error, None if error is None else error / before - 1)
 
 
 def _can_be_stated(problem: Problem) -> bool:
@@ -153,13 +165,17 @@ def _can_be_stated(problem: Problem) -> bool:
     return True
 
 
-def _polished_again(problem: Problem, known: _Known) -> Judgement | None:
-    """Return the best design that the known one, and those of other basins, lead to; None if they lead to none.
+def _polished_again(problem: Problem, known: _Known, incumbent: float) -> float:
+    """Return the error of the best design that the known one, and those of other basins, lead to.
 
-    The structure of the NLP is that of the known design's, so that nothing is compiled again.
+    It is inf without any, and where it would be above the incumbent's.
+
+    The NLP is that of the known design, so that nothing is compiled again, and begins with the demands where that met
+    them.
     """
     if problem.bounds.fixed:
-        return None
+        judgement = judge(problem, *problem.fixed_design)
+        return judgement.error if judgement.status is Status.CERTIFIED else inf
     prepared, judgement = prepare(problem), known.judgement
     units = prepared.units
     law = design_of(units.to_dimensionless(point(judgement.gains, judgement.coupling)))
@@ -167,9 +183,13 @@ def _polished_again(problem: Problem, known: _Known) -> Judgement | None:
     for gains in known.others:
         moved = start_at(prepared.scaled, units.gains(gains))
         starts += [moved] if moved is not None else []
-    return optimum(prepared, ScanResult(starts, known.peak_sensitivity)).judgement
+    demands = known.demands
+    if demands is not None:
+        demands = demands.on_device(prepared.scaled.problem.device, units.impedance, units.time)
+    scanned = ScanResult(starts, known.peak_sensitivity)
+    found = estimated_from(prepared, scanned, demands=demands, tightening=known.tightening, incumbent=incumbent)
+    return _error_of(found)
 
 
-def _error_of(judgement: Judgement | None) -> float:
-    """Return the error of a certified design, inf of any other."""
-    return judgement.error if judgement is not None and judgement.status is Status.CERTIFIED else inf
+def _error_of(found: Estimate | None) -> float:
+    return inf if found is None else found.error

@@ -82,7 +82,7 @@ def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -
     return record_of(file, solved, ipopt).to_json()
 
 
-def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> DesignRecord:
+def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
     """Return the record of a solved problem, of what `design_record` takes.
 
     Parameters
@@ -90,6 +90,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
     file : the problem and its text
     solved : what came of it
     ipopt : IPOPT's version; None if it took no part
+    date : on which it is written (`vctune.document.date.today`); None where that is nobody's business
     """
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
@@ -104,6 +105,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
             parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     if solved.alternatives is not None:
         parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
+    if date is not None:
+        parts["date"] = date
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(

@@ -69,6 +69,7 @@ class Polished:
     values : K_v, K_p, b_c, m_c, b_0
     error : transparency error
     structure, working_set, solution : the last NLP, its working set and where IPOPT stopped
+    tightening : by what share the demands were sharpened
     rounds : history
     """
 
@@ -78,6 +79,7 @@ class Polished:
     structure: NlpStructure
     working_set: WorkingSet
     solution: Solution
+    tightening: float
     rounds: list[Round]
 
 

@@ -74,3 +74,26 @@ class WorkingSet:
         """Return a set that does not grow with this one."""
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
+
+    def on_device(self, device: Device, impedance: float, time: float) -> WorkingSet:
+        """Return the same frequencies and hands for another device, in other units.
+
+        Parameters
+        ----------
+        device : of every point, in the new units
+        impedance, time : the new units in the old ones
+        """
+
+        def moved(points: list[ConstraintPoint]) -> list[ConstraintPoint]:
+            hands = (point.hand and point.hand.in_units(impedance, time) for point in points)
+            return [
+                ConstraintPoint(point.omega * time, device, hand) for point, hand in zip(points, hands, strict=True)
+            ]
+
+        return WorkingSet(
+            ratio=moved(self.ratio),
+            sensitivity=moved(self.sensitivity),
+            peak=moved(self.peak),
+            unmodelled=moved(self.unmodelled),
+            in_hand=moved(self.in_hand),
+        )

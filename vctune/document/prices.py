@@ -31,7 +31,7 @@ class PriceRecord(Part):
         if self.new is None:
             return "not tried: the others took too long"
         if self.error is None or self.change is None:
-            return "no certified design found"
+            return "no design found"
         if abs(self.change) < NO_DIFFERENCE:
             return "no difference"
         return f"{100 * self.change:+.1f} %"

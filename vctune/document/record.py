@@ -430,6 +430,7 @@ class DesignRecord(Document):
     solver: dict[str, Any] = Field(default_factory=dict)
     optimality: OptimalityRecord | None = None
     versions: dict[str, str | None]
+    date: str | None = None
     uncertainty: UncertaintyRecord | None = None
 
     @model_validator(mode="after")

@@ -23,6 +23,12 @@ READINGS = {
         "environment that is passive as it runs then makes the loop grow. Below: how much of Re Z_c the worst damping "
         "at the worst frequency needs in a hand of a mass and a stiffness; 100 % is the limit.",
     ),
+    "any-hand": (
+        "In any passive hand",
+        "The coupling's Re 1/Z_c, as the firmware runs it, must lie above R up to the Nyquist frequency: where the "
+        "ratio is above 1, no passive hand and no environment that is passive as it runs make the handle unstable. The "
+        "lower axis shows the ratios around 1 alone.",
+    ),
     "nyquist": (
         "Velocity loop",
         "The loop must pass -1 without encircling it and stay out of the hatched circle around it: |S| then keeps its "

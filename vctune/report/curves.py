@@ -9,21 +9,18 @@ from dataclasses import astuple, dataclass, replace
 from math import pi
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
 from vctune.analysis.extrema import Floats
+from vctune.analysis.feel import felt_impedance
 from vctune.analysis.resonance import with_resonance
-from vctune.analysis.sampled_loop import loop_gain
+from vctune.analysis.sampled_loop import Complex, loop_gain
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
-from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import required_resistance
-from vctune.model.pair import Pair
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 
-Complex = NDArray[np.complex128]
 POINTS = 400
 NARROWER = 6.0
 """How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
@@ -103,7 +100,7 @@ def nyquist(problem: Problem, gains: Gains) -> Nyquist:
     return Nyquist(hz, loop_gain(problem.device, gains, 2 * pi * hz))
 
 
-def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transparency:
+def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
     """Return the three terms of the error and their weighted sum.
 
     Parameters
@@ -120,11 +117,11 @@ def transparency(problem: Problem, gains: Gains, coupling: Coupling) -> Transpar
 
 
 def handle_impedance(
-    problem: Problem, gains: Gains, coupling: Coupling
+    problem: Problem, gains: Gains, coupling: AnyCoupling
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
     """Return hz and, for each of `ENVIRONMENTS`, the impedance felt at the handle and the ideal one, N s/m.
 
-    With f_e = Z_e v_e the handle's admittance is G_hh + q/(Z_c + Z_e), q = F_s G_he; the ideal handle feels Z_e.
+    The ideal handle feels Z_e itself.
 
     Parameters
     ----------
@@ -137,20 +134,12 @@ def handle_impedance(
     felt : by environment, both moduli of that shape; the ideal of a rigid environment is inf
     """
     hz = frequencies(problem)
-    s = 2j * pi * hz
-    loop = response(problem.device, gains, 2 * pi * hz)
-    G_hh = _scale(loop) / _complex(loop.D_scaled)
-    if loop.numerator is not None:
-        G_hh = G_hh * _complex(loop.numerator)
-    q = _complex(loop.C_scaled) / _complex(loop.D_scaled)
-    Z_c = _complex(coupling_impedance(coupling, 2 * pi * hz))
-    environments = (0 * s, DAMPER + 0 * s, SPRING / s, None)
+    s = np.asarray(2j * pi * hz, np.complex128)
+    environments: tuple[Complex | None, ...] = (0 * s, DAMPER + 0 * s, SPRING / s, None)
     felt = {}
-    with np.errstate(all="ignore"):
-        for name, Z_e in zip(ENVIRONMENTS, environments, strict=True):
-            admittance = G_hh + (q / (Z_c + Z_e) if Z_e is not None else 0)
-            ideal = np.abs(Z_e) if Z_e is not None else np.full(hz.size, np.inf)
-            felt[name] = (1 / np.abs(admittance), ideal)
+    for name, Z_e in zip(ENVIRONMENTS, environments, strict=True):
+        impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)
+        felt[name] = (np.abs(impedance), np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e))
     return hz, felt
 
 
@@ -160,11 +149,3 @@ def _closer(device: Device, hz: Floats) -> Floats:
         return hz
     narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
     return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)
-
-
-def _complex(pair: Pair) -> Complex:
-    return pair.re + 1j * pair.im
-
-
-def _scale(loop: LoopResponse) -> Floats:
-    return np.sqrt(loop.scale2)

@@ -11,15 +11,17 @@ from matplotlib.patches import Rectangle
 from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper, Structure
 from vctune.report.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
-SIZE = (8.0, 4.2)
-"""Of the figure, inches; all places below are in inches, too."""
+SIZE = (6.28, 4.2)
+"""Of the figure, inches, so that a telephone shows all of it; all places below are in inches, too."""
 TOP, MIDDLE, BOTTOM = 3.42, 2.02, 0.72
 """Heights of the three rows: firmware, feedback and actuator, mechanism."""
-LEFT, COUPLING, LAW, RIGHT = 1.05, 3.05, 5.05, 7.1
+LEFT, COUPLING, LAW, RIGHT = 0.95, 2.5, 4.05, 5.6
 """Places of the columns."""
-WIDTH, HEIGHT, TALL, LINE = 1.5, 0.82, 1.1, 0.195
+HAND = 0.43
+"""Place of the hand."""
+WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 """Of a box, of one in the top row, and of a line of text in it."""
-POSITION_AT = 5.63
+POSITION_AT = 4.58
 """Where the position goes past the velocity estimate."""
 
 
@@ -103,16 +105,16 @@ def _drive(axes: Axes, device: Device, gains: Gains) -> None:
 def _mechanism(axes: Axes, device: Device) -> None:
     hand = device.operator
     least = [] if hand is None else [(hand.mass, "kg"), (hand.damping, "N s/m")]
-    lines = [f"≥ {number:.3g} {unit}" for number, unit in least if number > 0]
-    _box(axes, 0.45, BOTTOM, "hand", lines, width=0.8, colour=GREY)
+    lines = [f"{number:.3g} {unit}" for number, unit in least if number > 0]
+    _box(axes, HAND, BOTTOM, "hand ≥" if lines else "hand", lines, width=0.76, colour=GREY)
     damping = f"{device.damping:.4g} N s/m"
     if device.structure is None:
-        left, right = 1.75, LAW + WIDTH / 2
-        _arrow(axes, (0.85, BOTTOM), (left, BOTTOM), both=True)
+        left, right = 1.25, LAW + WIDTH / 2
+        _arrow(axes, (HAND + 0.38, BOTTOM), (left, BOTTOM), both=True)
         _box(axes, (left + right) / 2, BOTTOM, "mechanism", [f"{device.mass:.4g} kg, {damping}"], width=right - left)
         return
-    structure, handle = device.structure, 2.35
-    _arrow(axes, (0.85, BOTTOM), (handle - 0.6, BOTTOM), both=True)
+    structure, handle = device.structure, 1.85
+    _arrow(axes, (HAND + 0.38, BOTTOM), (handle - 0.6, BOTTOM), both=True)
     _box(axes, handle, BOTTOM, "handle", [f"{structure.handle_mass:.4g} kg"], width=1.2)
     _spring(axes, handle + 0.6, LAW - WIDTH / 2, structure)
     _box(axes, LAW, BOTTOM, "motor", [f"{device.motor_mass:.4g} kg", damping])
@@ -135,7 +137,7 @@ def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
     lines = ["of the position"] if estimate.source == "difference" else []
     if estimate.filter_hz is not None:
         lines += [_low_pass(estimate.filter_hz, estimate.filter_order)]
-    width, at = 1.16, LAW - WIDTH / 2 + 0.58
+    width, at = 1.06, LAW - WIDTH / 2 + 0.53
     title = "difference" if estimate.source == "difference" else "velocity filter"
     _arrow(axes, (at, low), (at, MIDDLE - HEIGHT / 2), label="x" if estimate.source == "difference" else "v")
     _box(axes, at, MIDDLE, title, lines, width=width, colour=GREEN)
@@ -145,7 +147,7 @@ def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
 
 
 def _firmware(axes: Axes, device: Device) -> None:
-    left, right, low, high = COUPLING - 0.87, LAW + 0.87, 1.36, 4.12
+    left, right, low, high = COUPLING - 0.67, LAW + 0.78, 1.36, 4.12
     outline = Rectangle((left, low), right - left, high - low, facecolor="none", edgecolor=GREY, linestyle="--")
     axes.add_patch(outline)
     axes.text(left + 0.08, low + 0.08, f"firmware, every {_time(device.sample_time)}", color=GREY, va="bottom")
@@ -163,7 +165,7 @@ def _box(
         bold = number < title.count("\n") + 1
         axes.text(
             x, top - LINE * number, row, ha="center", va="center_baseline",
-            fontsize=9.5 if bold else 8.5, fontweight="bold" if bold else "normal",
+            fontsize=9 if bold else 8.5, fontweight="bold" if bold else "normal",
         )  # fmt: skip
 
 

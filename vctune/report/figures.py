@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from vctune.analysis.feel import NO_LOOP, impedance_at_handle
 from vctune.analysis.margins import loop_margins
 from vctune.analysis.phases import sensor_miss
 from vctune.design.prepared import pose
-from vctune.document.record import BoxRecord, CertificateRecord, DesignRecord, OptimalityRecord
+from vctune.document.record import BoxRecord, DesignRecord, OptimalityRecord
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
-from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.problem import Band, Problem
+from vctune.model.quantities import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.report.curves import (
     Transparency,
     handle_impedance,
@@ -26,25 +27,26 @@ from vctune.report.curves import (
     transparency,
 )
 from vctune.report.diagram import loop_figure
-from vctune.report.hands_figure import hands_figure
+from vctune.report.hands_figure import any_hand_figure, hands_figure
 from vctune.report.style import (
     BLUE,
     GREEN,
     GREY,
-    INK,
     ORANGE,
     RED,
     STYLE,
+    WIDTH,
+    around_one,
     canvas,
     decades,
     frequency_axis,
     legend_above,
     shade,
+    stamp,
     time_text,
 )
-
-LEAST_SPAN = 0.1
-"""Ratios nearer to one another than this share one view."""
+from vctune.report.summary import doubt
+from vctune.report.units import UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,51 +55,57 @@ class Design:
 
     problem: Problem
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     record: DesignRecord
 
 
 def figures(design: Design) -> dict[str, Figure]:
     """Return every figure that the design has, by name, in the order of the page."""
+    renders_force = design.problem.device.renders_force
     with rc_context(STYLE):
         drawn = {
-            "loop": loop_figure(design.problem.device, design.gains, design.coupling),
             **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
             **_in_hands(design),
-            "nyquist": _nyquist(design),
-            "transparency": _transparency(design),
             "impedance": _impedance(design),
+            "transparency": _transparency(design),
+            **({"nyquist": _nyquist(design)} if design.gains.closed or not renders_force else {}),
         }
         if design.record.optimality is not None:
             drawn["optimality"] = _optimality(design.record.optimality)
-    return drawn
+        for figure in drawn.values():
+            if words := doubt(design.record, design.problem):
+                stamp(figure, words)
+        return {"loop": loop_figure(design.problem.device, design.gains, design.coupling), **drawn}
 
 
 def _in_hands(design: Design) -> dict[str, Figure]:
-    """Return the figure of the hands that are to be met; none where none are."""
+    """Return the figure of the hands that are to be met, or of any on an impedance display; none where none are."""
     hands = design.problem.hands_met
+    if design.problem.any_hand:
+        return {"any-hand": any_hand_figure(design.problem, design.gains, design.coupling)}
     return {} if hands is None else {"hands": hands_figure(design.problem, hands, design.gains, design.coupling)}
 
 
 def _llewellyn(design: Design) -> Figure:
     problem, proof = design.problem, design.record.certificate
     assert proof is not None, "a design is judged"
-    curves = llewellyn(problem, design.gains, design.coupling)
-    figure = canvas(8, 6.2, top=0.55, gaps=(0, 0.34))
+    coupling = series_coupling(design.coupling)
+    curves = llewellyn(problem, design.gains, coupling)
+    figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
     upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")
-    upper.set_ylabel("N s/m")
+    upper.set_ylabel(UNITS.damping)
     lower.plot(curves.hz, curves.ratio, color=BLUE, label="ratio Re Z_c / R")
     if problem.device.operator is not None:
-        bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, design.coupling)
+        bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, coupling)
         upper.semilogy(bare.hz, bare.required, ":", color=ORANGE, label="R without operator")
-        lower.plot(bare.hz, bare.ratio, ":", color=BLUE, label="ratio without operator")
+        lower.plot(bare.hz, bare.ratio, ":", color=BLUE, label="without operator")
     for number, case in enumerate(pose(problem).cases[1:]):
-        there, label = llewellyn(case, design.gains, design.coupling), "of uncertain devices" if number == 0 else None
+        there, label = llewellyn(case, design.gains, coupling), "of uncertain devices" if number == 0 else None
         upper.semilogy(there.hz, there.required, "--", color=ORANGE, linewidth=0.6, label=label)
         lower.plot(there.hz, there.ratio, color=BLUE, linewidth=0.6, label=label)
-    _thresholds(lower, problem.stability.safety_factor, proof)
+    around_one(lower, problem.stability.safety_factor, proof.min_ratio, proof.worst_hz)
     for axes in (upper, lower):
         frequency_axis(axes, curves.hz[0], curves.hz[-1])
         shade(axes, problem.stability.band, BLUE, "requested band")
@@ -106,21 +114,9 @@ def _llewellyn(design: Design) -> Figure:
     upper.set_xlabel("")
     _asymptotes(design, upper)
     decades(upper)
-    legend_above(upper, 4)
-    legend_above(lower, 4)
+    legend_above(upper, 3)
+    legend_above(lower, 2)
     return figure
-
-
-def _thresholds(axes: Axes, factor: float, proof: CertificateRecord) -> None:
-    """Draw the limit, the safety factor and the least ratio, on an axis that is linear around them."""
-    least = proof.min_ratio
-    axes.axhline(1.0, color=RED, linewidth=1.2, linestyle="-.", label="1: the limit")
-    axes.axhline(factor, color=INK, linewidth=1, linestyle=(0, (1, 1)), label=f"safety factor {factor:g}")
-    if proof.worst_hz and least:
-        axes.plot(proof.worst_hz, least, "o", color=RED, label=f"least ratio {least:.4g}")
-    marks = (1.0, factor, min(least or 1.0, 2 * factor))
-    low, span = min(marks), max(max(marks) - min(marks), LEAST_SPAN)
-    axes.set(ylim=(max(low - span / 2, 0.0), max(marks) + 2 * span), ylabel="ratio, around 1")
 
 
 def _edges(axes: Axes, proved: list[float | None]) -> None:
@@ -134,13 +130,13 @@ def _asymptotes(design: Design, axes: Axes) -> None:
 
     See model/README.md, section 6.
     """
-    device, gains = design.problem.device, design.gains
+    device, gains, coupling = design.problem.device, design.gains, series_coupling(design.coupling)
     if gains.position > 0:
-        limit = low_frequency_limit(device, gains, design.coupling).required
+        limit = low_frequency_limit(device, gains, coupling).required
         if 0 < limit < inf:
             axes.axhline(limit, color=ORANGE, linewidth=1, linestyle=":", label="R for ω → 0")
     if device.hold == "lag" and device.delay == 0 and device.ideal and device.damping > 0 < gains.velocity:
-        limit = high_frequency_limit(device, gains, design.coupling).required
+        limit = high_frequency_limit(device, gains, coupling).required
         axes.axhline(limit, color=ORANGE, linewidth=1, linestyle="-.", label="R for ω → ∞")
 
 
@@ -148,9 +144,11 @@ def _nyquist(design: Design) -> Figure:
     problem, limit = design.problem, design.problem.stability.max_sensitivity
     curve = nyquist(problem, design.gains)
     margins = loop_margins(problem.device, design.gains)
-    figure = canvas(8, 5.2, left=0.7, right=2.75)
+    left, right, up = -1.2 - 1 / limit, 1.1, 1.1
+    width = WIDTH - 0.75 - 0.15
+    figure = canvas(WIDTH, width * 2 * up / (right - left) + 0.5 + 0.75, left=0.75, top=0.75)
     axes = figure.subplots()
-    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L of the sampled loop,\nup to Nyquist")
+    axes.plot(curve.L.real, curve.L.imag, color=BLUE, label="L up to Nyquist")
     angle = np.linspace(0, 2 * pi, 361)
     axes.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=1, linestyle="--", label="unit circle")
     axes.fill(
@@ -162,25 +160,31 @@ def _nyquist(design: Design) -> Figure:
         axes.plot(-1 / margins.gain, 0, "o", color=ORANGE, label=f"gain margin {20 * log10(margins.gain):.3g} dB")
     if margins.phase < inf:
         delay, unit = time_text(margins.delay, 3)
-        label = f"phase margin {degrees(margins.phase):.3g}°,\ndelay margin {delay} {unit}"
+        label = f"phase {degrees(margins.phase):.3g}°, delay {delay} {unit}"
         axes.plot(-cos(margins.phase), -sin(margins.phase), "s", color=GREEN, label=label)
-    left = -1.15 - 1 / limit
-    height = (1.15 - left) * (5.2 - 0.65) / (8 - 0.7 - 2.75)
-    axes.set(xlim=(left, 1.15), ylim=(1.15 - height, 1.15), aspect="equal", xlabel="Re L", ylabel="Im L")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), labelspacing=0.9)
+    axes.set(xlim=(left, right), ylim=(-up, up), aspect="equal", xlabel="Re L", ylabel="Im L")
+    legend_above(axes, 2)
     return figure
 
 
 def _transparency(design: Design) -> Figure:
     problem = design.problem
-    cases = {
-        "designed": (transparency(problem, design.gains, design.coupling), "-", 1.8),
-        "no coupling": (transparency(problem, design.gains, Coupling(1e-18, 1e-18, 0.0)), "--", 1.2),
-        "uncontrolled": (transparency(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)), ":", 1.2),
-    }
-    figure = canvas(8, 6.4, top=0.6, gaps=(0.2, 0.2))
+    cases = {"designed": (transparency(problem, design.gains, design.coupling), "-", 1.8)}
+    if not problem.device.renders_force:
+        cases |= {
+            "no coupling": (transparency(problem, design.gains, Coupling(1e-18, 1e-18, 0.0)), "--", 1.2),
+            "uncontrolled": (transparency(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)), ":", 1.2),
+        }
+    figure = canvas(WIDTH, 5.2, left=0.75, top=0.75, gaps=(0.38, 0.3))
     panels = figure.subplots(2, 2).ravel()
-    parts = (("admittance", "|Z_0 G_hh|"), ("tracking", "|1 - G_he|"), ("coupling", "|Z_c| / Z_0"), ("error", "e(f)"))
+    names = design.record.transparency
+    assert names is not None, "a design is judged"
+    parts = (
+        ("admittance", names.free_motion),
+        ("tracking", names.missed),
+        ("coupling", names.given_way),
+        ("error", "e(f)"),
+    )
     for axes, (part, title) in zip(panels, parts, strict=True):
         for name, (curves, line, width) in cases.items():
             _draw_part(axes, curves, part, name, line, width)
@@ -196,7 +200,7 @@ def _transparency(design: Design) -> Figure:
     for axes in panels[:2]:
         axes.set_xlabel("")
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=len(labels), fontsize=9)
+    figure.legend(handles, labels, loc="upper center", ncols=2, fontsize=9)
     return figure
 
 
@@ -209,20 +213,39 @@ def _draw_part(axes: Axes, curves: Transparency, part: str, name: str, line: str
 def _impedance(design: Design) -> Figure:
     problem = design.problem
     hz, felt = handle_impedance(problem, design.gains, design.coupling)
-    figure = canvas(8, 5.2, top=0.75)
+    figure = canvas(WIDTH, 4.9, left=0.85, top=0.85)
     axes = figure.subplots()
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
         colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
         axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
             axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
+    bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
+    axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
-    shade(axes, problem.stability.band, GREY, "stability band")
-    shade(axes, problem.transparency.band, BLUE, "transparency band")
-    axes.set_ylabel("|impedance at the handle|, N s/m")
+    _promised(axes, design)
+    axes.set_ylabel(f"|impedance at the handle|, {UNITS.damping}")
     decades(axes)
-    legend_above(axes, 4)
+    legend_above(axes, 3)
     return figure
+
+
+def _promised(axes: Axes, design: Design) -> None:
+    """Shade where stability is proved of the design, or hatch where it was asked for in vain, and the band it is for.
+
+    In hands there is no band: what is proved is proved everywhere.
+    """
+    problem, proof = design.problem, design.record.certificate
+    assert proof is not None, "a design is judged"
+    everywhere = Band(0.0, inf)
+    if design.record.status != "certified":
+        shade(axes, problem.stability.band if problem.passive else everywhere, RED, "asked for, not proved", "//")
+    elif proof.proved_band_hz is not None:
+        low, high = proof.proved_band_hz
+        shade(axes, Band(2 * pi * (low or 0.0), inf if high is None else 2 * pi * high), GREY, "proved stable")
+    else:
+        shade(axes, everywhere, GREY, "proved stable")
+    shade(axes, problem.transparency.band, BLUE, "transparency band")
 
 
 def _optimality(found: OptimalityRecord) -> Figure:
@@ -231,12 +254,12 @@ def _optimality(found: OptimalityRecord) -> Figure:
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
         for key in ("boxes", "lower_bound", "error")
     )
-    figure = canvas(8, 3.8, right=0.3, top=0.4, gaps=(0.3, 0))
+    figure = canvas(WIDTH, 3.2, left=0.7, right=0.2, top=0.65, gaps=(0.45, 0))
     axes, *others = figure.subplots(1, 2 if found.open else 1, squeeze=False)[0]
     axes.step(boxes, error, "--", where="post", color=GREEN, label="best design known")
     axes.step(boxes, bound, where="post", color=BLUE, label="no design is below")
     axes.set(xlabel="boxes searched", ylabel="transparency error", yscale="log")
-    legend_above(axes, 2)
+    legend_above(axes, 1)
     for panel in others:
         _draw_boxes(panel, found.open)
         panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")

@@ -10,25 +10,46 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
+from vctune.analysis.in_hands import (
+    least_ratios_in_any_hand,
+    least_ratios_in_hands,
+    loops_in_any_hand,
+    loops_in_hands,
+)
 from vctune.model.arithmetic import FLOATS
-from vctune.model.coupling import sampled_resistance
+from vctune.model.frequency import hertz
+from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains, Hand, Hands
-from vctune.report.style import BLUE, GREY, INK, ORANGE, RED, canvas, decades, frequency_axis, legend_above
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
+from vctune.report.style import (
+    BLUE,
+    GREY,
+    INK,
+    ORANGE,
+    RED,
+    WIDTH,
+    around_one,
+    canvas,
+    decades,
+    frequency_axis,
+    legend_above,
+)
+from vctune.report.units import UNITS
 
 CURVES = 40
 """Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
 PLACES, DAMPINGS = 17, (0.0, 0.1, 1.0)
 """Masses and stiffnesses of the map along each side, and the shares of the range of dampings, of which the worst
 counts."""
+LOWEST, MAPPED = 1e-3, 24
+"""Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
 WORST = 3
 """Hands that have a curve of their own: of the lowest minima, not two of one hand."""
 
 
-def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> Figure:
+def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Draw Re Z_c against the R of the worst hands, and a map over mass and stiffness of what share of it they need.
 
     Parameters
@@ -37,52 +58,101 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: Couplin
     hands : to be met
     gains, coupling : the design
     """
-    figure = canvas(8, 6.6, top=0.8, gaps=(0, 0.3))
-    curves, plane = figure.subplots(2, 1, height_ratios=(1, 1))
-    _curves(curves, problem, hands, gains, coupling)
+    figure = canvas(WIDTH, 7.2, left=0.85, top=0.8, gaps=(0, 0.5))
+    curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
+    _curves(curves, ratio, problem, hands, gains, coupling)
     _map(figure, plane, problem, hands, gains, coupling)
     return figure
 
 
-def _curves(axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
+def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
     device = problem.device
     where = loops_in_hands(device, hands, per_decade=CURVES)
     some = where.theta > 0
     hz = where.theta[some] / (2 * pi * device.sample_time)
     required = where.required(gains)[:, some]
-    axes.semilogy(hz, sampled_resistance(coupling, device.sample_time, where.theta[some], FLOATS), color=BLUE)
-    axes.lines[0].set_label("Re Z_c as it runs")
-    axes.semilogy(hz, _positive(required.max(axis=0)), color=ORANGE, label="greatest required R")
+    Z_c, greatest = offered(coupling, device, where.theta[some], FLOATS), required.max(axis=0)
+    scale, name = _shown_as(device, where.theta[some]), _name(device)
+    axes.semilogy(hz, scale * Z_c, color=BLUE, label=f"{name} as it runs")
+    axes.semilogy(hz, scale * _positive(greatest), color=ORANGE, label="greatest R, and in hands of:")
+    lower.plot(hz, Z_c / _positive(greatest), color=BLUE, label=f"{name} / R in the worst hand")
+    found = least_ratios_in_hands(device, hands, gains, coupling)
+    around_one(lower, problem.stability.safety_factor, found[0].ratio, hertz(found[0].omega))
     shown: list[Hand] = []
-    for worst in least_ratios_in_hands(device, hands, gains, coupling):
+    for worst in found:
         if worst.hand not in shown and len(shown) < WORST:
             shown.append(worst.hand)
             one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
-            axes.semilogy(hz, _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
-                          linestyle=("--", ":", "-.")[len(shown) - 1], label=f"R in {worst.hand}")  # fmt: skip
-    axes.set_ylabel("N s/m")
-    frequency_axis(axes, hz[0], hz[-1])
+            axes.semilogy(hz, scale * _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
+                          linestyle=("--", ":", "-.")[len(shown) - 1], label=str(worst.hand))  # fmt: skip
+    axes.set_ylabel(_unit(device))
+    for each in (axes, lower):
+        frequency_axis(each, hz[0], hz[-1])
+    axes.set_xlabel("")
     decades(axes)
     legend_above(axes, 2)
+    legend_above(lower, 2)
 
 
-def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: Coupling) -> None:
+def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share."""
     device, shares = problem.device, np.linspace(0.0, 1.0, PLACES) ** 2
-    low, high = astuple(hands.low), astuple(hands.high)
+    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
     mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
-    need = np.zeros((PLACES, PLACES))
-    for share in DAMPINGS:
-        B = low[1] + (high[1] - low[1]) * share
-        for i, M in enumerate(mass):
-            ends = Hands(Hand(float(M), B, low[2]), Hand(float(M), B, high[2]))
-            where = loops_in_hands(device, ends, shares=tuple(shares))
-            Z_c = sampled_resistance(coupling, device.sample_time, where.theta, FLOATS)
-            found = (where.required(gains) / np.maximum(Z_c, 1e-300)).max(axis=1)
-            need[:, i] = np.maximum(need[:, i], found if len(found) == PLACES else found[0])
+    damping = low[1] + (high[1] - low[1]) * np.array(DAMPINGS)
+    held = Hand(*np.meshgrid(mass, damping, stiffness, [0.0], indexing="ij")[:3])
+    theta = np.geomspace(LOWEST, pi, int(MAPPED * np.log10(pi / LOWEST)))
+    loop = loop_in_hand(plant_in_hand(device, held, delays_of(device), FLOATS), theta, FLOATS)
+    required = required_in_hand(loop, gains)
+    Z_c = offered(coupling, device, theta, FLOATS)
+    need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
-    figure.colorbar(drawn, ax=axes, label="of Re Z_c is needed, %")
-    axes.set(xlabel="mass of the hand, kg", ylabel="stiffness, N/m")
+    figure.colorbar(drawn, ax=axes, label=f"R of {_name(device)}, %")
+    axes.set(xlabel=f"mass of the hand, {UNITS.mass}", ylabel=f"stiffness, {UNITS.stiffness}")
+
+
+def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Figure:
+    """Draw Re 1/Z_c of an impedance display against the R of any passive hand, and their ratio, up to Nyquist.
+
+    Parameters
+    ----------
+    problem : the device
+    gains, coupling : the design
+    """
+    device = problem.device
+    where = loops_in_any_hand(device, CURVES)
+    some = where.theta > 0
+    theta = where.theta[some]
+    hz, required = theta / (2 * pi * device.sample_time), where.required(gains)[0, some]
+    given, scale = offered(coupling, device, theta, FLOATS), _shown_as(device, theta)
+    figure = canvas(WIDTH, 5.6, left=0.85, top=0.75, gaps=(0, 0.5))
+    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
+    upper.loglog(hz, scale * given, color=BLUE, label=f"{_name(device)} as it runs")
+    upper.loglog(hz, scale * _positive(required), "--", color=ORANGE, label="R in any passive hand")
+    upper.set_ylabel(_unit(device))
+    lower.plot(hz, given / _positive(required), color=BLUE, label=f"{_name(device)} / R")
+    least = least_ratios_in_any_hand(device, gains, coupling)[0]
+    around_one(lower, problem.stability.safety_factor, least.ratio, hertz(least.omega))
+    for each in (upper, lower):
+        frequency_axis(each, hz[0], hz[-1])
+    upper.set_xlabel("")
+    decades(upper)
+    legend_above(upper, 2)
+    legend_above(lower, 2)
+    return figure
+
+
+def _shown_as(device: Device, theta: Floats) -> Floats | float:
+    """Return the factor by which what is offered and required is shown: that of an impedance display is over s^2."""
+    return np.sin(theta / 2) ** 2 if device.renders_force else 1.0
+
+
+def _name(device: Device) -> str:
+    return "Re 1/Z_c" if device.renders_force else "Re Z_c"
+
+
+def _unit(device: Device) -> str:
+    return UNITS.mobility if device.renders_force else UNITS.damping
 
 
 def _positive(required: Floats) -> Floats:

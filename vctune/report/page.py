@@ -6,6 +6,7 @@ import json
 import re
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from matplotlib import rc_context
@@ -14,10 +15,14 @@ from matplotlib.figure import Figure
 from vctune.document.record import DesignRecord
 from vctune.document.simulation import SimulationRecord
 from vctune.model.problem import Problem
+from vctune.model.quantities import Coupling
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.report.phase_table import phase_table
+from vctune.report.sliders import sliders
 from vctune.report.style import INK, PAPER
+from vctune.report.summary import summary
+from vctune.report.tables import asked, assumptions, claim_lines, feel_lines
 
 IDLE = {
     r"<metadata>.*?</metadata>\n": "",
@@ -29,7 +34,11 @@ IDLE = {
 
 
 def page(
-    record: DesignRecord, problem: Problem, drawn: dict[str, str], simulation: SimulationRecord | None = None
+    record: DesignRecord,
+    problem: Problem,
+    drawn: dict[str, str],
+    places: dict[str, list[dict[str, Any]]],
+    simulation: SimulationRecord | None = None,
 ) -> str:
     """Return the HTML of a design.
 
@@ -38,23 +47,42 @@ def page(
     record : of the design, which the page embeds as the object of design.json
     problem : the problem that the record's text states
     drawn : figures as SVG, by name
+    places : of the axes in which tried curves are drawn (`vctune.report.sliders.overlays`)
     simulation : of this design, if there is one
     """
     shown = [
         {"name": name, "title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)}
         for name, text in drawn.items()
     ]
-    embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
+    seen, tried = summary(record, problem), None
+    if record.design is not None and isinstance(record.design[1], Coupling):
+        shipped = {"kind": seen.kind, "word": seen.word}
+        tried = sliders(problem, record.design[0], record.design[1], record)
+        tried |= {"overlays": places, "shipped": shipped}
     template = templates().get_template("page.html.j2")
     return template.render(
         record=record,
         problem=problem,
-        figures=shown,
+        summary=seen,
+        asked=asked(problem),
+        claims=claim_lines(record, problem),
+        assumptions=assumptions(problem),
+        feel=feel_lines(problem, *record.design) if record.design is not None else [],
+        loop=next((each for each in shown if each["name"] == "loop"), None),
+        figures=[each for each in shown if each["name"] != "loop"],
         groups=record.groups(),
         phases=phase_table(problem, record.design[0]) if record.design is not None else None,
-        embedded=embedded,
+        embedded=_embedded(record.to_json(), indent=1),
+        sliders=_embedded(tried) if tried is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
+    )
+
+
+def _embedded(data: dict[str, Any], indent: int | None = None) -> str:
+    """Return data as JSON that no text in it can end."""
+    return json.dumps(data, indent=indent, allow_nan=False, separators=None if indent else (",", ":")).replace(
+        "<", "\\u003c"
     )
 
 

@@ -1,0 +1,169 @@
+"""What a device feels like in the hand, in double precision: numbers of the frequency model (README.md, section 1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from vctune.analysis.demands import response
+from vctune.analysis.extrema import Floats
+from vctune.analysis.phases import force_phases
+from vctune.analysis.sampled_loop import Complex
+from vctune.model.arithmetic import FLOATS
+from vctune.model.coupling import coupling_impedance
+from vctune.model.device_response import device_response, mechanism
+from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.pair import Pair
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper
+
+FREE_HZ = (1.0, 10.0)
+"""Where free motion is looked at, Hz: a slow reach and the fastest that an arm does by itself."""
+WALL_HZ = 10.0
+"""Where a wall and the force path are looked at, Hz: the upper end of what a hand moves and pushes by itself."""
+SPEED = 0.1
+"""At which the handle is moved steadily, m/s or rad/s."""
+NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
+"""The bare device's design."""
+
+
+@dataclass(frozen=True, slots=True)
+class Feel:
+    """What a hand feels of a device, with a design or without a loop; None for what is not there, or above Nyquist.
+
+    Attributes
+    ----------
+    mass, damping : apparent ones in free motion, at each of `FREE_HZ`, kg and N s/m
+    static_stiffness, stiffness : of the stiffest wall, at 0 and at `WALL_HZ`, N/m
+    force : to move the handle steadily at `SPEED`, N
+    loop_latency : around the loop at low frequency, s
+    force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
+    """
+
+    mass: tuple[float | None, ...]
+    damping: tuple[float | None, ...]
+    static_stiffness: float
+    stiffness: float | None
+    force: float
+    loop_latency: float | None
+    force_latency: float | None
+
+
+def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
+    """Return what a hand feels of a device.
+
+    Parameters
+    ----------
+    device : plain numbers; its least operator is not counted
+    gains : of its loop, plain numbers
+    coupling : of no account without a loop: nothing of it reaches the hand then
+    """
+    nyquist = 0.5 / device.sample_time
+    free = [_free(device, gains, coupling, hz) if hz <= nyquist else None for hz in FREE_HZ]
+    wall = None
+    if nyquist >= WALL_HZ:
+        omega = 2 * pi * WALL_HZ
+        wall = omega * abs(complex(felt_impedance(device, gains, coupling, np.array([omega]), None)[0]))
+    rendered = isinstance(coupling, SpringDamper)
+    late = gains.closed and nyquist >= WALL_HZ and not rendered
+    return Feel(
+        mass=tuple(None if Z is None else Z.imag / (2 * pi * hz) for Z, hz in zip(free, FREE_HZ, strict=True)),
+        damping=tuple(None if Z is None else Z.real for Z in free),
+        static_stiffness=_static_stiffness(device, gains, coupling),
+        stiffness=wall,
+        force=SPEED * abs(_free(device, gains, coupling, 0.0)),
+        loop_latency=_loop_latency(device) if gains.closed or rendered else None,
+        force_latency=-force_phases(device, gains, 2 * pi * WALL_HZ).total / (2 * pi * WALL_HZ) if late else None,
+    )
+
+
+def felt_impedance(
+    device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats, environment: Complex | None
+) -> Complex:
+    """Return what the hand feels of a design, N s/m.
+
+    Parameters
+    ----------
+    device : plain numbers
+    gains, coupling : of its design
+    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
+    environment : Z_e, of that shape; None for a rigid one
+    """
+    if isinstance(coupling, SpringDamper):
+        return _felt_force(device, gains, coupling, omega, environment)
+    beyond = None
+    if environment is not None and gains.closed:
+        beyond = _complex(coupling_impedance(coupling, omega)) + environment
+    return impedance_at_handle(device, gains, omega, beyond)
+
+
+def _felt_force(
+    device: Device, gains: Gains, coupling: SpringDamper, omega: Floats, environment: Complex | None
+) -> Complex:
+    """Return D/N of an impedance display: the motor's W carries coupling and environment, which meet its position."""
+    at, theta, s = device_response(device, omega, FLOATS), omega * device.sample_time, 1j * omega
+    late = np.asarray(at.drive.re - 1j * omega * at.drive.lag)
+    tool = 0j * omega
+    if environment is None or environment.any():
+        low_pass = firmware_filter(device, theta, FLOATS)
+        given = _complex(spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS))
+        given = given if environment is None else given + 1 / environment
+        tool = np.asarray(np.sinc(theta / (2 * np.pi)) * np.exp(-0.5j * theta) / given)
+    estimate = 1.0 if at.estimate is None else at.estimate.re - s * at.estimate.lag
+    W = at.mass * s + at.damping + late * (gains.velocity * estimate + tool)
+    if at.spring is None:
+        return np.asarray(W)
+    handle = s * at.spring.mass + (0.0 if at.spring.damping is None else at.spring.damping)
+    return np.asarray(W / (1 + (omega * omega * at.spring.y_c + s * at.spring.y_k) * W) + handle)
+
+
+def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Complex | None) -> Complex:
+    """Return what the hand feels, D Z/(N Z + F_s C_0) with Z = Z_c + Z_e, N s/m.
+
+    Parameters
+    ----------
+    device : plain numbers
+    gains : of its loop
+    omega : rad/s, > 0, or 0 of what is finite there; shape (n,)
+    beyond : Z_c + Z_e of the coupling and an environment, of that shape; None for a rigid environment, or without a
+        loop
+    """
+    loop = response(device, gains, omega)
+    scale, D = np.sqrt(loop.scale2), _complex(loop.D_scaled)
+    N = 1.0 if loop.numerator is None else _complex(loop.numerator)
+    if beyond is None:
+        return np.asarray(D / (scale * N))
+    return np.asarray(D * beyond / (scale * N * beyond + _complex(loop.C_scaled)))
+
+
+def _free(device: Device, gains: Gains, coupling: AnyCoupling, hz: float) -> complex:
+    """Return the impedance of free motion."""
+    omega = np.array([2 * pi * hz])
+    return complex(felt_impedance(device, gains, coupling, omega, 0j * omega)[0])
+
+
+def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> float:
+    """Return the limit of |j omega D/N| for omega -> 0, in which D carries the scale omega: 0 without an integrator.
+
+    Of an impedance display it is the coupling's spring, in a row with that of a structure.
+    """
+    if isinstance(coupling, SpringDamper):
+        give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
+        return float(1 / (1 / coupling.stiffness + give))
+    if gains.position == 0:
+        return 0.0
+    loop = response(device, gains, np.zeros(1))
+    N = 1.0 if loop.numerator is None else _complex(loop.numerator)
+    return float(np.abs(_complex(loop.D_scaled) / N)[0])
+
+
+def _loop_latency(device: Device) -> float:
+    """Return the lag of A H F for omega -> 0."""
+    at = device_response(device, np.zeros(1), FLOATS)
+    lag = np.asarray(at.drive.lag + (0.0 if at.estimate is None else at.estimate.lag))
+    return float(lag.ravel()[0])
+
+
+def _complex(pair: Pair) -> Complex:
+    return np.asarray(pair.re + 1j * pair.im)

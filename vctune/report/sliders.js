@@ -1,0 +1,205 @@
+// Closes the loop for tried gains with the constants of the page (report/README.md, section 1). Samples; proves nothing.
+"use strict";
+window.vctune = (() => {
+  const given = JSON.parse(document.getElementById("sliders").textContent);
+  const doubles = (text) => new Float64Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+  const unpacked = (value) => {
+    if (typeof value === "string") return [...doubles(value)];
+    if (value === null || typeof value !== "object") return value;
+    if (Array.isArray(value)) return value.map(unpacked);
+    return Object.fromEntries(Object.entries(value).map(([key, each]) => [key, unpacked(each)]));
+  };
+  const constants = unpacked(given.constants);
+  const shipped = given.variables.map((variable) => variable.value);
+
+  const add = (a, b) => [a[0] + b[0], a[1] + b[1]];
+  const times = (a, b) => [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
+  const over = (a, b) => { const c = times(a, [b[0], -b[1]]), n = abs2(b); return [c[0] / n, c[1] / n]; };
+  const abs2 = (a) => a[0] * a[0] + a[1] * a[1];
+  const re = (a, b) => a[0] * b[0] + a[1] * b[1]; // of a conj(b)
+  const im = (a, b) => a[1] * b[0] - a[0] * b[1];
+  const part = (list, i) => (list ? [list[2 * i], list[2 * i + 1]] : [0, 0]);
+  const affine = (number, i, gains) => {
+    const v = part(number.velocity, i), p = part(number.position, i);
+    return add(part(number.constant, i), [gains[0] * v[0] + gains[1] * p[0], gains[0] * v[1] + gains[1] * p[1]]);
+  };
+  const least = (values, hz, found) => values.reduce((k, value, i) => (found(i) && (k < 0 || value < values[k]) ? i : k), -1);
+
+  const within = (hz, [low, high]) => hz >= low * (1 - 1e-9) && (high === null || hz <= high * (1 + 1e-9));
+
+  function coupling([, , b, m, drag], omega) {
+    const x = m * omega, share = x / (b * b + x * x);
+    return [drag + b * x * share, b * b * share];
+  }
+
+  function frequencyModel(x) {
+    const at = constants.model, b_h = given.operator_damping, [w_a, w_t, w_c] = given.weights, Z_0 = given.reference;
+    const curves = { hz: at.hz, resistance: [[], []], ratio: [[]], impedance: [[], []], admittance: [[]], tracking: [[]], coupling: [[]], error: [[]] };
+    let sum = 0, peak = 0;
+    at.hz.forEach((hz, i) => {
+      const C_0 = affine(at.controller, i, x), C = at.C ? affine(at.C, i, x) : C_0, D = affine(at.D, i, x);
+      const miss = affine(at.miss, i, x), N = at.numerator ? affine(at.numerator, i, x) : [1, 0];
+      const Z_c = coupling(x, 2 * Math.PI * hz), D2 = abs2(D);
+      const P = re(C, D), Q = im(C, miss) + (at.sensor_im ? at.sensor_im[i] * abs2(C_0) : 0);
+      const product = Math.sqrt(abs2(C) * D2);
+      const needed = (P > 0 ? Q * Q / (product + P) : product - P) - 2 * b_h * re(C, N);
+      const resistance = re(N, D) + b_h * abs2(N);
+      curves.resistance[0].push(Z_c[0]);
+      curves.resistance[1].push(resistance > 0 ? needed / (2 * resistance) : NaN);
+      curves.ratio[0].push(resistance > 0 ? (needed > 0 ? 2 * resistance * Z_c[0] / needed : Infinity) : -Infinity);
+      const free = over(times(D, Z_c), add(times(N, Z_c), C));
+      curves.impedance[0].push(Math.sqrt(abs2(free)));
+      curves.impedance[1].push(Math.sqrt(D2 / abs2(N)));
+      const terms = [Z_0 * Math.sqrt(abs2(N) / D2), Math.sqrt(abs2(miss) / D2), Math.sqrt(abs2(Z_c)) / Z_0];
+      ["admittance", "tracking", "coupling"].forEach((name, k) => curves[name][0].push(terms[k]));
+      const e2 = (w_a * terms[0]) ** 2 + (w_t * terms[1]) ** 2 + (w_c * terms[2]) ** 2;
+      curves.error[0].push(Math.sqrt(e2));
+      sum += at.weight[i] * e2;
+      if (within(hz, given.transparency_hz)) peak = Math.max(peak, e2);
+    });
+    const error = Math.sqrt(given.norm === "rms" ? sum : peak), band = given.band_hz;
+    if (!band) return { curves, error };
+    const k = least(curves.ratio[0], at.hz, (i) => within(at.hz[i], band));
+    return { curves, error, ratio: curves.ratio[0][k], ratio_hz: at.hz[k] };
+  }
+
+  function sampledLoop(x) {
+    const at = constants.sampled, curve = { x: [], y: [] };
+    let peak = 0, peak_hz = 0, turned = 0, before = [1, 0];
+    at.theta.forEach((theta, i) => {
+      const open = part(at.open, i), v = part(at.velocity, i), p = part(at.position, i);
+      const gain = [x[0] * v[0] + x[1] * p[0], x[0] * v[1] + x[1] * p[1]], F = add(open, gain), L = over(gain, open);
+      const S = Math.sqrt(abs2(open) / abs2(F));
+      if (S > peak) [peak, peak_hz] = [S, theta / (2 * Math.PI * given.sample_time)];
+      turned += Math.atan2(im(F, before), re(F, before));
+      before = F;
+      curve.x.push(L[0]);
+      curve.y.push(L[1]);
+    });
+    return { curve, peak, peak_hz, unstable: Math.abs(Math.round(turned / Math.PI)) };
+  }
+
+  function inHands(x) {
+    const at = constants.hands, T = given.sample_time;
+    if (!at) return {};
+    const hz = at.theta.map((theta) => theta / (2 * Math.PI * T)), most = hz.map(() => -Infinity), whose = hz.map(() => 0);
+    const Z_c = at.theta.map((theta) => {
+      const r = x[3] * 2 * Math.sin(theta / 2) / T, c = x[2] * Math.cos(theta / 2);
+      return x[4] + x[2] * (r * r / (c * c + r * r));
+    });
+    given.hands.forEach((_, h) => at.theta.forEach((theta, i) => {
+      const open = part(at.open[h], i), v = part(at.velocity[h], i), p = part(at.position[h], i);
+      const seen_v = part(at.seen_velocity[h], i), seen_p = part(at.seen_position[h], i), s = Math.sin(theta / 2);
+      const even = open[0] + x[0] * v[0] + x[1] * p[0], odd = open[1] + x[0] * v[1] + x[1] * p[1];
+      const P = [x[0] * seen_v[0] + x[1] * seen_p[0], x[0] * seen_v[1] + x[1] * seen_p[1]];
+      const R = -0.5 * (P[1] * even - P[0] * odd) / (even * even + s * s * odd * odd);
+      if (R > most[i]) [most[i], whose[i]] = [R, h];
+    }));
+    const ratio = hz.map((_, i) => (most[i] > 0 ? Z_c[i] / most[i] : Infinity)), k = least(ratio, hz, () => true);
+    return { in_hand: [Z_c, most], hand_ratio: [ratio], hz, least: ratio[k], least_hz: hz[k], hand: given.hands[whose[k]] };
+  }
+
+  function evaluate(x) {
+    const model = frequencyModel(x), loop = sampledLoop(x), hands = inHands(x);
+    const lines = { nyquist: [[loop.curve.x, loop.curve.y]] };
+    for (const [name, found] of Object.entries(model.curves)) if (name !== "hz") lines[name] = found.map((y) => [model.curves.hz, y]);
+    for (const name of ["in_hand", "hand_ratio"]) if (hands[name]) lines[name] = hands[name].map((y) => [hands.hz, y]);
+    return {
+      error: model.error, ratio: model.ratio, ratio_hz: model.ratio_hz, peak: loop.peak, peak_hz: loop.peak_hz,
+      unstable: loop.unstable, hand_ratio: hands.least, hand_ratio_hz: hands.least_hz, hand: hands.hand, lines,
+    };
+  }
+
+  function path(axes, [xs, ys]) {
+    const place = (value, [low, high, logarithmic], start, length) => {
+      if (!logarithmic) return start + length * (value - low) / (high - low);
+      return value > 0 ? start + length * Math.log(value / low) / Math.log(high / low) : NaN;
+    };
+    const [left, top, width, height] = axes.box, far = 4 * (width + height);
+    let text = "", pen = "M";
+    xs.forEach((value, i) => {
+      const u = place(value, axes.x, left, width), v = place(ys[i], axes.y, top + height, -height);
+      const there = Math.abs(u) < far && Math.abs(v) < far;
+      if (there) text += pen + u.toFixed(1) + " " + v.toFixed(1);
+      pen = there ? "L" : "M";
+    });
+    return text;
+  }
+
+  const name = "http://www.w3.org/2000/svg";
+  function drawn() {
+    return Object.entries(given.overlays).flatMap(([figure, all]) => {
+      const svg = document.querySelector("#figure-" + figure + " svg");
+      return all.map((axes, k) => {
+        const frame = document.createElementNS(name, "svg"), [x, y, width, height] = axes.box, outer = svg.viewBox.baseVal;
+        Object.entries({ x, y, width, height, viewBox: axes.box.join(" "), class: "tried" }).forEach(([key, value]) => frame.setAttribute(key, value));
+        const line = frame.appendChild(document.createElementNS(name, "path"));
+        svg.appendChild(frame);
+        return { axes, line };
+      });
+    });
+  }
+
+  function panel() {
+    const box = document.getElementById("try"), frames = drawn(), list = box.querySelector(".sliders");
+    const text = (value, digits = 4) => (value === undefined ? "" : Number.isFinite(value) ? String(+value.toPrecision(digits)) : value > 0 ? "∞" : "none");
+    const inputs = given.variables.map((variable) => {
+      const label = list.appendChild(document.createElement("label"));
+      label.append(variable.symbol);
+      const input = label.appendChild(Object.assign(document.createElement("input"), { type: "range", min: 0, max: 1000, value: variable.value > 0 ? 500 : 0 }));
+      input.setAttribute("aria-label", variable.key);
+      const output = label.appendChild(document.createElement("output"));
+      return { input, output, start: input.value };
+    });
+    const values = () => inputs.map(({ input, start }, k) => {
+      const { low, top, value } = given.variables[k], share = input.value / 1000;
+      return input.value === start ? value : low > 0 ? low * (top / low) ** share : top * share ** 3;
+    });
+    const rows = (found) => [
+      ["error", text(found.error)],
+      ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
+      ...(given.hands.length ? [["least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
+      ["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`],
+      ["sampled loop", found.unstable ? "unstable" : "stable"],
+    ];
+    const first = rows(evaluate(shipped)), table = box.querySelector("table");
+    const mark = box.querySelector(".mark-of"), notes = document.querySelector(".tries"), file = notes.querySelector("pre");
+    function update() {
+      const x = values(), same = x.every((value, k) => value === shipped[k]), found = evaluate(x);
+      const meets = (ratio) => ratio === undefined || ratio >= given.factor * (1 - 1e-4);
+      const missed = [
+        ...(found.unstable ? ["the loop is unstable"] : []),
+        ...(meets(found.ratio) && meets(found.hand_ratio) ? [] : [`a ratio is below ${given.factor}`]),
+        ...(found.peak > given.max_sensitivity * (1 + 1e-4) ? [`|S| is above ${given.max_sensitivity}`] : []),
+      ];
+      mark.className = "mark-of " + (same ? given.shipped.kind : missed.length ? "bad" : "doubtful");
+      mark.innerHTML = "";
+      const say = (tag, words) => mark.appendChild(Object.assign(document.createElement(tag), { textContent: words }));
+      if (same) say("strong", "the shipped design: " + given.shipped.word);
+      else {
+        say("strong", "tried, not proved");
+        say("span", missed.length ? ": " + missed.join(", ") : ": meets the demands where it was sampled; only the shipped design is proved");
+      }
+      inputs.forEach(({ output }, k) => {
+        const { bounds, unit } = given.variables[k];
+        const outside = bounds && (x[k] < bounds[0] * (1 - 1e-9) || x[k] > bounds[1] * (1 + 1e-9)) ? ", out of bounds" : "";
+        output.textContent = `${text(x[k], 5)} ${unit}${outside}`;
+      });
+      table.replaceChildren(...[["", "tried", "shipped"], ...rows(found).map(([label, value], k) => [label, value, first[k][1]])].map((cells) => {
+        const row = document.createElement("tr");
+        cells.forEach((cell, k) => row.appendChild(Object.assign(document.createElement(k ? "td" : "th"), { textContent: cell })));
+        return row;
+      }));
+      frames.forEach(({ axes, line }) => line.setAttribute("d", same ? "" : found.lines[axes.curve].map((curve) => path(axes, curve)).join("")));
+      const [v, p, b, m, d] = x.map((value) => +value.toPrecision(8));
+      file.textContent = `[gains]\nvelocity = ${v}\nposition = ${p}\n[coupling]\ndamping = ${b}\nmass = ${m}\ndrag = ${d}\n`;
+    }
+    inputs.forEach(({ input }) => input.addEventListener("input", update));
+    box.querySelector("button").addEventListener("click", () => { inputs.forEach((each) => (each.input.value = each.start)); update(); });
+    box.hidden = notes.hidden = false;
+    update();
+  }
+
+  panel();
+  return { evaluate, shipped };
+})();
