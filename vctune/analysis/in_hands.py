@@ -230,7 +230,7 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
     Returns
     -------
     list of RatioInAnyHand
-        At least one; 0 where some hand makes the loop of K_v alone unstable.
+        One to `SEARCHED`; 0 where some hand makes the loop of K_v alone unstable.
     """
 
     def ratio(theta: Floats) -> Floats:
@@ -241,7 +241,7 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
     first = np.zeros(1)
     minima = local_minima(ratio, _angles(device, PER_DECADE)[1:])
     theta, value = np.append(first, minima.omega), np.append(ratio(first), minima.value)
-    return [RatioInAnyHand(float(value[k]), float(theta[k] / device.sample_time)) for k in np.argsort(value)]
+    return [RatioInAnyHand(float(value[k]), float(theta[k] / device.sample_time)) for k in np.argsort(value)[:SEARCHED]]
 
 
 @np.errstate(all="ignore")

@@ -8,8 +8,8 @@ REPORT = "report.html"
 READINGS = {
     "loop": (
         "The loop as designed",
-        "From the hand's force to its velocity: blue is what is designed, green what makes it late. A part that the "
-        "device has not is a plain line.",
+        "From the hand's force to its velocity, or from its motion to a force: blue is what is designed, green what "
+        "makes it late. A part that the device has not is a plain line.",
     ),
     "llewellyn": (
         "Absolute stability",
@@ -37,7 +37,8 @@ READINGS = {
     "transparency": (
         "Transparency",
         "All four should be small in the shaded band: the free handle should yield, follow the environment, and the "
-        "coupling should not be felt. Grey: the same loop without a coupling, and the device without any loop.",
+        "coupling should not be felt. Of an admittance display, grey: the same loop without a "
+        "coupling, and the device without any loop.",
     ),
     "impedance": (
         "What the hand feels",

@@ -265,7 +265,9 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     ]
     force = f"force for a steady {SPEED:g} {UNITS.speed}"
     lines.append(FeelLine(force, _number(here.force), _number(bare.force), UNITS.force))
-    late = (("loop latency", here.loop_latency), (f"force-path latency at {WALL_HZ:g} Hz", here.force_latency))
+    late = [("loop latency", here.loop_latency), (f"force-path latency at {WALL_HZ:g} Hz", here.force_latency)]
+    if problem.device.renders_force:  # which moves at once, and whose force path is its loop
+        late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
 
 
