@@ -4,7 +4,6 @@ what is designed for the box is certified for the truth."""
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 import pytest
@@ -104,9 +103,7 @@ def test_no_interval_is_wider_than_the_errors_that_are_made(trials, key):
 
 @pytest.mark.slow
 def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_path):
-    """Devices of one mass: with two the proof of a box of five numbers takes minutes for each."""
-    rigid = (seed for seed in MANY if random_case(seed).device.structure is None)
-    passed = [designed_for_the_box(seed, tmp_path) for seed in islice(rigid, 60)]
+    passed = [designed_for_the_box(seed, tmp_path) for seed in MANY[:60]]
     assert np.mean(passed) >= 0.95
 
 

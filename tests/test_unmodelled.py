@@ -184,3 +184,46 @@ def test_a_radius_of_1_within_the_band_is_not_searched_for_a_design():
 def test_a_radius_below_1_within_the_band_is_no_theorems_business(radii):
     text = f"{DEVICES['ideal'][0]}{DEMANDS}[uncertainty]\nunmodelled = [{radii}]\n"
     assert impossible(parse_problem(text, "x", "x")) is None
+
+
+def random_loop(rng):
+    """A two-mass device late by a little, its gains and an operator's damping, none of which need be a good one."""
+    T = 1e-3
+    real = Real(
+        0.4,
+        10 ** rng.uniform(-2, 1),
+        T,
+        delay=T * rng.uniform(0, 1),
+        actuator=LowPass(10 ** rng.uniform(2, 3)),
+        structure=Spring(rng.uniform(0.05, 0.35), 10 ** rng.uniform(1.3, 2.2), 10 ** rng.uniform(-2, -0.5)),
+    )
+    return real, LawNumbers(10 ** rng.uniform(0, 2.3), rng.choice([0.0, 10 ** rng.uniform(1, 4)])), rng.choice([0, 1.0])
+
+
+def demanded(real, gains, b_h, hz, delta):
+    """R with all of P times 1 + delta in hands of at least b_h, inf where no coupling will do; N over that at rest."""
+    s = 2j * pi * hz
+    known = response_at(real, gains, s, DOUBLES)
+    P_hh, P_hu, P_mh, P_mu = (P * (1 + delta) for P in mechanism(real, s, DOUBLES))
+    N = P_hh + known.C_f * (P_hh * P_mu - P_hu * P_mh)
+    D = 1 + P_mu * known.C_f
+    G_hh, q = N / D, low_pass(real.force_sensor, s, DOUBLES) * P_hu * known.C_0 / D
+    held = G_hh.real + b_h * np.abs(G_hh) ** 2
+    need = (np.abs(q) - q.real - 2 * b_h * (q * G_hh.conj()).real) / (2 * held)
+    return np.where(held > 0, np.maximum(need, 0), np.inf), N / P_hh
+
+
+def test_a_disc_is_worst_at_its_edge():
+    """R is the greatest of functions that are harmonic where N is not 0, one for each hand."""
+    rng, met, edge = np.random.default_rng(3), 0, np.exp(2j * pi * np.linspace(0, 1, 2000))
+    inside = np.sqrt(rng.random(20_000)) * np.exp(2j * pi * rng.random(20_000))
+    for _ in range(400):
+        (real, gains, b_h), r = random_loop(rng), rng.uniform(0.02, 0.7)
+        hz = real.structure.frequency_hz * np.exp(rng.uniform(-1, 0.5))
+        around, N = demanded(real, gains, b_h, hz, r * edge)
+        within, _ = demanded(real, gains, b_h, hz, r * inside)
+        turns = np.angle(N / np.roll(N, 1)).sum() / (2 * pi)
+        if np.isfinite(around).all() and abs(turns) < 0.5:
+            met += 1
+            assert within.max() <= around.max() * (1 + 1e-4) + 1e-9
+    assert met > 100

@@ -84,6 +84,10 @@ class _SymbolArithmetic:
     cos = staticmethod(ca.cos)
 
     @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return ca.sqrt(re * re + im * im)
+
+    @staticmethod
     def sinc(x: Number) -> Number:
         return ca.sin(x) / x
 

@@ -99,8 +99,9 @@ class Prepared:
         return self.given.problem
 
     def on_device(self, device: Device) -> Device:
-        """Return a device of the given problem in the optimiser's units."""
-        return _dimensionless(with_device(self.problem, device), self.units).device
+        """Return a device of the given problem in the optimiser's units, one with its own response in a disc of it."""
+        disc = self.problem.device.unmodelled if device.unmodelled is None else device.unmodelled
+        return _dimensionless(with_device(self.problem, replace(device, unmodelled=disc)), self.units).device
 
 
 def prepare(problem: Problem) -> Prepared:

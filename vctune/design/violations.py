@@ -24,7 +24,7 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.design.prepared import Posed
 from vctune.design.variables import Point, design_of
 from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
-from vctune.design.worst import worst_inside
+from vctune.design.worst import loudest, worst_inside
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
 
@@ -68,6 +68,9 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)
     peaks = [sensitivity_maxima(case, gains) for case in loops]
+    inside = loudest(posed, gains, *min(zip(loops, peaks, strict=True), key=lambda pair: float(pair[1].value[0])))
+    if inside is not None:
+        loops, peaks = [*loops, inside[0]], [*peaks, inside[1]]
     parts = [_ratios(case, gains, coupling, tightening) for case in cases if case.passive]
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}

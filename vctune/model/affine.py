@@ -30,10 +30,11 @@ class Affine:
         parts = [] if self.constant is None else [self.constant]
         parts += [] if self.velocity is None else [self.velocity.scaled(gains.velocity)]
         parts += [] if self.position is None else [self.position.scaled(gains.position)]
-        total = parts[0]
-        for part in parts[1:]:
-            total = total + part
-        return total
+        return sum(parts[1:], start=parts[0]) if parts else Pair(0, 0)
+
+    def driven(self, gains: Gains) -> Pair:
+        """Return what the gains add."""
+        return Affine(None, self.velocity, self.position).closed(gains)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,17 +80,22 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     if spring is None:
         one = Pair(1, 0 * omega)
         return LoopConstants(told, C, motor, Affine(Z_1, lost, None), Affine(one, None, None), motor, one)
-    y = Pair(omega * omega * spring.y_c, omega * spring.y_k)
-    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
-    bent = y * Z_2
-    e, idle = Pair(1 + bent.re, bent.im), y * Z_1
-    D_0, swung = e * Z_1 + Z_2, bent * heard
+    # the masses alone make j omega m (1 - g) of D_0, y Z_1 = -g m/m_2, y Z_2 = -g m/m_1: D_0 cancels next to the
+    # resonance, where enclosures are to be sharp
+    g, m, m_1, m_2 = Pair(spring.bent, spring.bent_im), spring.total, at.mass, spring.own_mass
+    y = Pair(-g.im, g.re).scaled(m / (m_1 * m_2) / omega)
+    bent, N_0 = g.scaled(-(m / m_1)), (g.scaled(-(m / m_2)) + y.scaled(at.damping)).plus(1)
+    D_0 = Pair(g.im, 1 - g.re).scaled(omega * m) + bent.plus(1).scaled(at.damping)
+    if spring.damping is not None:
+        load = Pair(spring.damping, omega * (spring.mass - spring.own_mass))
+        bent, D_0 = bent + y * load, D_0 + load * N_0
+    e, swung = bent.plus(1), bent * heard
     return LoopConstants(
         controller=told,
         C=C,
         D=Affine(D_0, e * heard, e * turned),
         miss=Affine(D_0, swung if lost is None else swung + lost, bent * turned),
-        numerator=Affine(Pair(1 + idle.re, idle.im), y * heard, y * turned),
+        numerator=Affine(N_0, y * heard, y * turned),
         motor=motor,
         factor=e,
     )

@@ -33,6 +33,9 @@ class Arithmetic(Protocol):
         """Return whether a number is 0 for certain, so that what it multiplies can be left out."""
 
     def sqrt(self, x: Number) -> Number: ...
+    def modulus(self, re: Number, im: Number) -> Number:
+        """Return |re + j im|, whose derivatives are bounded by those of its parts, at 0 too."""
+
     def exp(self, x: Number) -> Number: ...
     def sin(self, x: Number) -> Number: ...
     def cos(self, x: Number) -> Number: ...
@@ -121,6 +124,11 @@ class _FloatArithmetic:
 
     sqrt = staticmethod(np.sqrt)
     exp = staticmethod(np.exp)
+
+    @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return np.sqrt(re * re + im * im)
+
     sin = staticmethod(np.sin)
     cos = staticmethod(np.cos)
 

@@ -34,14 +34,20 @@ class Spring:
 
     Attributes
     ----------
-    mass, damping : of the handle, kg and N s/m; None without damping
+    mass, damping : of the handle with what it is loaded with, kg and N s/m; None without a load
     y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
+    total, own_mass : of the device and of its handle, without a load, kg
+    bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
     """
 
     mass: Number
     damping: Number | None
     y_c: Number
     y_k: Number
+    total: Number
+    own_mass: Number
+    bent: Number
+    bent_im: Number
 
 
 class DeviceResponse(NamedTuple):
@@ -173,9 +179,19 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         parts = mechanism(device, device.structure, ops)
         loss = omega * parts.viscosity
         below = 1 / (parts.stiffness * parts.stiffness + loss * loss)
-        mass, spring = (
-            parts.motor,
-            Spring(parts.handle, parts.damping, parts.viscosity * below, parts.stiffness * below),
+        rate = 2 * ops.pi * device.structure.frequency_hz
+        stiff, lossy = rate * rate, 2 * device.structure.damping_ratio * rate * omega
+        flat = omega2 / (stiff * stiff + lossy * lossy)
+        mass = parts.motor
+        spring = Spring(
+            parts.handle,
+            parts.damping,
+            parts.viscosity * below,
+            parts.stiffness * below,
+            device.mass,
+            device.structure.handle_mass,
+            stiff * flat,
+            -lossy * flat,
         )
     factor = None
     if device.unmodelled is not None:

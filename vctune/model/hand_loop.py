@@ -228,11 +228,11 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         push["velocity"] = one
     else:
         motor["force"] = one
-        corner = _low_pass(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
+        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
         push[("force", "rate")[actuator.order - 1]] = corner
     sensed: dict[str, Number] = {}
     if sensor is not None and filtered:
-        corner = _low_pass(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
+        corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         driven = ("felt", "felt rate")[sensor.order - 1]
         rows[driven] |= {name: -share for name, share in felt.items()}
         sensed[driven], felt = carried, {"felt": -corner}  # filtered force over the corner: no square of it is in A/E
@@ -248,7 +248,7 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
     )
 
 
-def _low_pass(
+def filter_rows(
     rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
 ) -> Number:
     """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
@@ -337,14 +337,6 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     square = sin * sin
     d = EvenOdd(2 * square, 2 * cos, square)
 
-    def real(x: Number) -> EvenOdd:
-        return EvenOdd(x, 0, square)
-
-    def entry(a: Number, q: Number) -> EvenOdd | None:
-        if nothing(a) and nothing(q):
-            return None
-        return EvenOdd(0 if nothing(a) else -(cos * a), 0 if nothing(q) else 2 * q, square)
-
     def late(whole: Number) -> EvenOdd:
         """Return e^{-j (N + 1/2) theta}."""
         if isinstance(whole, int) and whole == 0:
@@ -353,17 +345,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
         return EvenOdd(ops.cos(theta * steps), -2 * steps * (ops.sinc(theta * steps) / ops.sinc(theta / 2)), square)
 
     def states(older: Vector | None) -> dict[int, EvenOdd]:
-        """Return det(2 j s Q - c A), which is that of n, and its n numerators."""
-        n = len(plant.push)
-        pushed = [None if nothing(x) else real(x) for x in plant.push]
-        if older is not None:
-            pushed = [
-                b if nothing(x) else d.scaled(-x) if b is None else b + d.scaled(-x)
-                for b, x in zip(pushed, older, strict=True)
-            ]
-        rows = [[*map(entry, a, q), b] for a, q, b in zip(plant.rates, plant.step, pushed, strict=True)]
-        found = minors(rows)
-        return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in found.items()}
+        return numerators(equations(plant.rates, plant.step, plant.push, older, cos, square))
 
     def of_states(shares: Vector, states: dict[int, EvenOdd]) -> EvenOdd:
         first, *others = (states[j].scaled(x) for j, x in enumerate(shares) if j in states and not nothing(x))
@@ -372,17 +354,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     n, delays, T = len(plant.push), plant.delays, plant.sample_time
     found = states(plant.older)
     if plant.renders_force:
-        turned, unit = late(delays.loop), T / plant.mass
-        open_loop, position = found[n], found[0] * turned
-        velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
-        if plant.low_pass is not None:
-            # a quotient, unlike below: what is met stays free of the filter, and boxes of hands tight
-            a, rest = plant.low_pass, 2 - plant.low_pass
-            below = 1 / (a * a * (cos * cos) + rest * rest * square)
-            passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
-            for _ in range(plant.order):
-                velocity = velocity * passed
-        return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
+        return _force_in_hand(plant, found[n], found[0] * late(delays.loop), cos, square)
     felt_states = found if plant.felt_older is plant.older else states(plant.felt_older)
     turned, felt_turned = late(delays.loop), late(delays.felt)
     open_loop, position = found[n], found[0] * turned
@@ -408,6 +380,54 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
         seen_velocity=felt * EvenOdd(0, 2, square),
         seen_position=felt.scaled(T * cos),
     )
+
+
+def _force_in_hand(
+    plant: PlantInHand, open_loop: EvenOdd, position: EvenOdd, cos: Number, square: Number
+) -> ForceInHand:
+    """Return the loop of an impedance display from its determinant and the numerator of its position."""
+    d, unit = EvenOdd(2 * square, 2 * cos, square), plant.sample_time / plant.mass
+    velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
+    if plant.low_pass is not None:
+        # a quotient, unlike in `loop_in_hand`: what is met stays free of the filter, and boxes of hands tight
+        a, rest = plant.low_pass, 2 - plant.low_pass
+        below = 1 / (a * a * (cos * cos) + rest * rest * square)
+        passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
+        for _ in range(plant.order):
+            velocity = velocity * passed
+    return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
+
+
+def equations(
+    rates: Matrix, step: Matrix, push: Vector, older: Vector | None, cos: Number, square: Number
+) -> list[list[EvenOdd | None]]:
+    """Return the rows of (2 j s Q - c A) x = b - d b_1, the right hand side as their last column; None for 0.
+
+    Parameters
+    ----------
+    rates, step, push, older : A, Q, b and b_1, None for 0
+    cos, square : c and s^2
+    """
+    d = EvenOdd(2 * square, 2 * cos, square)
+
+    def entry(a: Number, q: Number) -> EvenOdd | None:
+        if nothing(a) and nothing(q):
+            return None
+        return EvenOdd(0 if nothing(a) else -(cos * a), 0 if nothing(q) else 2 * q, square)
+
+    pushed = [None if nothing(x) else EvenOdd(x, 0, square) for x in push]
+    if older is not None:
+        pushed = [
+            b if nothing(x) else d.scaled(-x) if b is None else b + d.scaled(-x)
+            for b, x in zip(pushed, older, strict=True)
+        ]
+    return [[*map(entry, a, q), b] for a, q, b in zip(rates, step, pushed, strict=True)]
+
+
+def numerators(rows: list[list[EvenOdd | None]]) -> dict[int, EvenOdd]:
+    """Return the determinant of n equations, which is that of n, and what each of the n unknowns is times it."""
+    n = len(rows)
+    return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:

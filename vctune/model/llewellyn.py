@@ -15,6 +15,12 @@ from vctune.model.impedances import LoopResponse
 from vctune.model.pair import Pair, re_conj_product
 
 
+def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return |C||D|, scaled twice."""
+    C, D = loop.C_scaled, loop.D_scaled
+    return ops.modulus(C.re, C.im) * ops.modulus(D.re, D.im)
+
+
 def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     """Return (|q| - Re q) |D|^2 = |C||D| - Re(C conj D), (N s/m)^2, without cancellation.
 
@@ -30,7 +36,7 @@ def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
     Number
         Of the shape of the loop's frequencies, not scaled.
     """
-    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2())
+    product = moduli(loop, ops)
     P = re_conj_product(loop.C_scaled, loop.D_scaled)
     return ops.where_positive(
         P,
@@ -88,6 +94,6 @@ def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
     Z_c : the coupling's impedance there, N s/m
     ops : arithmetic of both
     """
-    product = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) / loop.scale2
+    product = moduli(loop, ops) / loop.scale2
     excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2
     return (excess if loop.operator_relief is None else excess + loop.operator_relief) / product

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.model.affine import Affine, loop_constants
+from vctune.model.affine import loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.device_response import DeviceResponse, Spring
 from vctune.model.filters import FilterResponse
@@ -135,14 +135,12 @@ def perturbed_loop(at: DeviceResponse, x: Pair, gains: Gains) -> LoopResponse:
         With the scale 1.
     """
     known, inverse = loop_constants(at), Pair(x.re, -x.im).scaled(1 / x.abs2())
-    C, miss = known.C.closed(gains), known.miss.closed(gains)
-    idle, N_0 = known.D.constant, known.numerator.constant
-    assert idle is not None and N_0 is not None
-    moved = Pair(inverse.re - 1, inverse.im) * idle
-    miss = miss + moved
-    D, numerator = known.D.closed(gains) + moved, N_0
+    idle, numerator = known.D.constant, known.numerator.constant
+    assert idle is not None and numerator is not None
     if at.spring is not None:
-        numerator = N_0 + x * Affine(None, known.numerator.velocity, known.numerator.position).closed(gains)
+        numerator = numerator + x * known.numerator.driven(gains)
+    moved = inverse * idle
+    C, D, miss = known.C.closed(gains), moved + known.D.driven(gains), moved + known.miss.driven(gains)
     told = known.controller.closed(gains)
     # Im(F_s C_0 conj(C_0 + miss)), of which C_0 against itself leaves only what F_s turns
     im = im_conj_product(C, miss)

@@ -44,6 +44,10 @@ class _BallArithmetic:
         return x.sqrt()
 
     @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return (re * re + im * im).sqrt()
+
+    @staticmethod
     def exp(x: Number) -> Number:
         return x.exp()
 

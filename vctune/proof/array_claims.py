@@ -7,20 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
 
 from vctune.model.arithmetic import Number
 from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.hand_loop import Delays, PlantInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
 from vctune.model.quantities import HAND, Device, Hand, Hands
-from vctune.model.sampled import (
-    SampledPlant,
-    return_difference,
-    sampled_plant,
-    split_delay,
-)
+from vctune.model.sampled import sampled_plant, split_delay
 from vctune.proof.array_intervals import Enclosure, decimal
 from vctune.proof.box_tests import Curve, Margin
 from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
@@ -30,6 +29,7 @@ from vctune.proof.claims import (
     across_position,
     along_drive,
     any_hand_margin,
+    clamped_margin,
     conditions_margin,
     hand_curve,
     hand_margin,
@@ -80,6 +80,7 @@ class Claims:
     conditions_near_zero : proves as much as `conditions`, next to omega = 0
     unmodelled : must be positive too where the device's response is not known exactly, of theta
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
+    clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
     resistance : the loop's, which must be positive too, whatever the coupling, N s/m
     in_hand : must be positive in every hand, of theta
     any_hand : both must be positive for any passive hand on an impedance display, of theta
@@ -97,6 +98,7 @@ class Claims:
     conditions: Margin
     conditions_near_zero: Margin
     conditions_near_infinity: Margin
+    clamped: tuple[Margin, Margin]
     sensitivity: Margin
     unmodelled: Margin
     resistance: Margin
@@ -135,10 +137,12 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         parts = return_difference(plant(v), theta, OPS, position=not OPS.is_zero(gains_of(v).position))
         return parts.closed(gains_of(v))
 
+    def radius_at(omega: Number) -> Number:
+        known = demands.device.unmodelled
+        return OPS.interpolated(omega / (2 * OPS.pi), known.radii) if known is not None else Enclosure(0.0)
+
     def unmodelled(theta: Number, v: Values) -> Number:
-        known = device(v).unmodelled
-        hz = theta / (2 * OPS.pi * device(v).sample_time)
-        radius = OPS.interpolated(hz, known.radii) if known is not None else Enclosure(0.0)
+        radius = radius_at(theta / device(v).sample_time)
         return unmodelled_margin(plant(v), gains_of(v), theta, radius, OPS)
 
     in_hand = _plant_in_hand(demands.device, uncertain, delays_of(demands.device))
@@ -156,6 +160,10 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         conditions_near_infinity=lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
         sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
         unmodelled=unmodelled,
+        clamped=(
+            lambda omega, v: 1 - radius_at(omega),
+            lambda omega, v: clamped_margin(design(v), omega, radius_at(omega), OPS),
+        ),
         resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
         in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
         any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
@@ -229,19 +237,28 @@ def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) 
 
 def _devices(
     nominal: Device, uncertain: tuple[str, ...]
-) -> tuple[Callable[[Values], Device], Callable[[Values], SampledPlant]]:
-    """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain."""
+) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
+    """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain.
+
+    The plant is sampled once for boxes of the same devices at several frequencies.
+    """
     exact = nominal.converted(decimal)
     whole, fraction = split_delay(nominal.delay, nominal.sample_time)
 
-    def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
-        return sampled_plant(device, whole, OPS, fractional=fractional)
-
-    device = _uncertain_device(nominal, uncertain)
     if not uncertain:
-        known = sampled(exact, whole, fractional=fraction > 0)
+        known = sampled_plant(exact, whole, OPS, fractional=fraction > 0)
         return lambda v: exact, lambda v: known
+    sample = plant_let_go if has_sharp_form(nominal) else sampled_plant
     any_delay = "delay" in uncertain
-    return device, lambda v: sampled(
-        device(v), v[WHOLE_SAMPLES] if any_delay else whole, fractional=any_delay or fraction > 0
-    )
+
+    def of_numbers(whole: Number, *numbers: Number) -> Plant:
+        one = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
+        return sample(one, whole, OPS, fractional=any_delay or fraction > 0)
+
+    def plant(v: Values) -> Plant:
+        rows = [v[f"device.{key}"] for key in uncertain]
+        samples = [Enclosure(np.asarray(v[WHOLE_SAMPLES], float))] if any_delay else []
+        found: Plant = shared(of_numbers if any_delay else partial(of_numbers, whole), [*samples, *rows])
+        return found
+
+    return _uncertain_device(nominal, uncertain), plant

@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import inf, nextafter, pi
 
+from vctune.model.affine import loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.hand_loop import PlantInHand, loop_in_hand, required_in_hand, room
 from vctune.model.impedance_display import any_hand
-from vctune.model.llewellyn import llewellyn_demand
+from vctune.model.let_go import Plant, return_difference
+from vctune.model.llewellyn import llewellyn_demand, moduli
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
-from vctune.model.sampled import SampledPlant, difference_slope, return_difference
+from vctune.model.sampled import difference_slope
 
 HALF_TURN = nextafter(pi, inf)
 """theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
@@ -61,6 +63,20 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
     return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
 
 
+def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:
+    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0, positive where N is not 0 for any response within the disc.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, > 0
+    radius : r there
+    ops : arithmetic of all of these
+    """
+    numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
+    return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
+
+
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
 
@@ -77,7 +93,7 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     """
     device, coupling = design.device, design.series
     loop = loop_response(device_response(device, omega, ops), design.gains, ops)
-    weight = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) + re_conj_product(loop.C_scaled, loop.D_scaled)
+    weight = moduli(loop, ops) + re_conj_product(loop.C_scaled, loop.D_scaled)
     im = loop.im_C_conj_D_scaled
     if device.operator is not None and not ops.is_zero(device.operator.damping):
         eased = 2 * loop.resistance * coupling.drag + factor * loop.operator_relief
@@ -120,7 +136,7 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     return 2 * (re_D + b_h) * re_Z_c + factor * (2 * b_h * re_C - excess)
 
 
-def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit.
 
     Parameters
@@ -134,7 +150,7 @@ def sensitivity_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: 
     return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
 
 
-def unmodelled_margin(plant: SampledPlant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
+def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1.
 
     Then no response within the disc of that radius around the device's makes a stable loop unstable (small gain).
@@ -151,7 +167,7 @@ def unmodelled_margin(plant: SampledPlant, gains: Gains, theta: Number, radius: 
     return (parts.open + loop).abs2() - radius * radius * loop.abs2()
 
 
-def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
 
     Whole samples of delay turn F - F_0 and do not change its size.
@@ -279,7 +295,7 @@ def along_drive(at: DeviceResponse, gains: Gains) -> Number:
     return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
 
 
-def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
+def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
 
     Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
@@ -297,9 +313,7 @@ def across_position(plant: SampledPlant, gains: Gains, theta: Number, ops: Arith
     return im_conj_product(F, P), (velocity_loop.open * slope).abs2() * P.abs2()
 
 
-def sensitivity_sufficient_margin(
-    plant: SampledPlant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic
-) -> Number:
+def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
     """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is.
 
     Parameters

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from math import ceil, floor, inf, nextafter, pi
 
+from vctune.model.arithmetic import Number
 from vctune.model.problem import Uncertainty
-from vctune.model.quantities import NUMBERS, PERTURBATION, Device, Unmodelled
+from vctune.model.quantities import NUMBERS, Device, Unmodelled
 
+DIRECTION = "unmodelled.phase"
+"""Of a response at the edge of the disc."""
 UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
 """The numbers of a device that may be uncertain: all but the firmware's clock."""
 
@@ -22,7 +26,8 @@ class DeviceBox:
     ----------
     nominal : the device as its numbers say
     low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
-        place. Where their responses are not known exactly either, `Device.unmodelled` is one of all of these
+        place. Where their responses are not known exactly either, these are at the edge of the disc: proof/README.md,
+        section 9
     """
 
     nominal: Device
@@ -32,7 +37,7 @@ class DeviceBox:
     @property
     def uncertain(self) -> tuple[str, ...]:
         """The numbers that are uncertain."""
-        keys = (*UNCERTAIN, *(PERTURBATION if self.low.unmodelled is not None else ()))
+        keys = (*UNCERTAIN, *((DIRECTION,) if self.low.unmodelled is not None else ()))
         ends = ((key, self.low.number(key), self.high.number(key)) for key in keys)
         return tuple(key for key, low, high in ends if low is not None and low < high)
 
@@ -47,6 +52,15 @@ class DeviceBox:
         parts = zip(self.nominal.loops, self.low.loops, self.high.loops, strict=True)
         return tuple(DeviceBox(*ends) for ends in parts)
 
+    def device(self, numbers: Mapping[str, Number]) -> Device:
+        """Return a device of the box.
+
+        Parameters
+        ----------
+        numbers : all that are uncertain, by their keys
+        """
+        return self.low.with_numbers(numbers)
+
     def corners(self) -> list[Device]:
         """Return the devices at the vertices, of many numbers those with one number at an end.
 
@@ -59,7 +73,7 @@ class DeviceBox:
         else:
             found = [{key: value} for key, pair in ends.items() for value in pair]
         if self.nominal.unmodelled is not None:
-            turns = [{"unmodelled.share": 1.0, "unmodelled.phase": 2 * pi * k / PHASES} for k in range(PHASES)]
+            turns = [{"unmodelled.share": 1.0, DIRECTION: 2 * pi * k / PHASES} for k in range(PHASES)]
             found = [numbers | turn for numbers in found for turn in turns]
         return [self.nominal.with_numbers(numbers) for numbers in found]
 
@@ -119,8 +133,9 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     )
     if not uncertainty.unmodelled:
         return DeviceBox(device, low, high)
-    none, all_ = Unmodelled(uncertainty.unmodelled), Unmodelled(uncertainty.unmodelled, 1.0, nextafter(2 * pi, inf))
-    return DeviceBox(replace(device, unmodelled=none), replace(low, unmodelled=none), replace(high, unmodelled=all_))
+    own = Unmodelled(uncertainty.unmodelled)
+    first, last = replace(own, share=1.0), replace(own, share=1.0, phase=nextafter(2 * pi, inf))
+    return DeviceBox(replace(device, unmodelled=own), replace(low, unmodelled=first), replace(high, unmodelled=last))
 
 
 def _edge(value: float, change: float) -> float:

@@ -238,6 +238,16 @@ class _EnclosureArithmetic:
         return x.mapped(root, 0.5 / root)
 
     @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        parts = [x.value if isinstance(x, Jet) else x for x in (re, im)]
+        size = (parts[0] * parts[0] + parts[1] * parts[1]).sqrt()
+        slopes: Slopes = ()
+        for x, part in zip((re, im), parts, strict=True):
+            if isinstance(x, Jet):
+                slopes = _sums(slopes, _scaled(x.slopes, _cosine(part / size)))
+        return Jet(size, slopes) if slopes else size
+
+    @staticmethod
     def exp(x: Number) -> Number:
         if isinstance(x, Jet):
             value = ENCLOSURES.exp(x.value)
@@ -288,8 +298,8 @@ class _EnclosureArithmetic:
     def interpolated(x: Number, table: Table) -> Number:
         if not isinstance(x, Jet):
             return interpolated_over(x, table)
-        value = interpolated_over(x.value, table)
-        return x.mapped(value, value * (_exponents(x.value, table) / x.value))
+        value, slope = interpolated_over(x.value, table), _exponents(x.value, table) / x.value
+        return x.mapped(value, selected(_beyond(x.value, table), Enclosure(0.0), value * slope))
 
     @staticmethod
     def within(radius: Number) -> Number:
@@ -337,6 +347,17 @@ def _exponents(x: Enclosure, table: Table) -> Enclosure:
             np.where(touched, np.maximum(greatest, slope), greatest),
         )
     return between(least - EXPONENT_ERROR, greatest + EXPONENT_ERROR)
+
+
+def _beyond(x: Enclosure, table: Table) -> NDArray[np.bool_]:
+    """Return where x is outside a table for certain, at 0 too."""
+    first, last = table[0][0] * (1 - PHI_ERROR), table[-1][0] * (1 + PHI_ERROR)
+    return np.asarray((x.mid + x.rad < first) | (x.mid - x.rad > last))
+
+
+def _cosine(x: Enclosure) -> Enclosure:
+    """Return what is between -1 and 1 of numbers that are; all of it where nothing is known of them."""
+    return between(np.fmax(x.mid - x.rad, -1.0), np.fmin(x.mid + x.rad, 1.0))
 
 
 def _falling(f: Callable[[Any], Any], x: Enclosure) -> Enclosure:
