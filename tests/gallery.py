@@ -31,7 +31,10 @@ def _design(problem: Path, folder: Path) -> str:
         verdict += f", {low} to {high} Hz"
     if (record["certificate"] or {}).get("hands", {}).get("verdict") == "proved":
         verdict += ", in every hand"
-    picture = "llewellyn" if (folder / "llewellyn.svg").exists() else "hands"
+    if (record["certificate"] or {}).get("any_hand", {}).get("verdict") == "proved":
+        verdict += ", in any passive hand"
+    names = ("llewellyn", "any-hand", "hands")
+    picture = next((name for name in names if (folder / f"{name}.svg").exists()), "hands")
     return _row(folder, picture, verdict, error, problem)
 
 

@@ -16,9 +16,12 @@ from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
 import vctune
+from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.design.check import CheckVerdict, check
 from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
+from vctune.design.record import record_of
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
@@ -29,6 +32,7 @@ from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, Spring
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict
+from vctune.report.report import report_files
 from vctune.simulation.record import quiet_stiffness
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import fastest_mode
@@ -473,3 +477,39 @@ def test_what_is_not_there_yet_is_refused():
 def test_problems_that_are_shipped_are_certified():
     for name in ("desktop-arm", "delta-4khz", "paddle"):
         assert vctune.solve(f"problems/{name}.toml").status is Status.CERTIFIED
+
+
+def test_a_gains_file_without_gains_is_checked(tmp_path):
+    device = f'[device]\ndisplay = "impedance"\nmass = 0.1\ndamping = {B}\nsample_time = {T}\n'
+    (tmp_path / "arm.toml").write_text(device + "[stability]\nsafety_factor = 1.0\n")
+    for name, stiffness in (("soft", 1199.0), ("stiff", 1201.0)):
+        (tmp_path / f"{name}.toml").write_text(f"[coupling]\ndamping = 0.2\nstiffness = {stiffness}\n")
+    passed, failed = check([tmp_path / "arm.toml", tmp_path / "soft.toml", tmp_path / "stiff.toml"])
+    assert passed.verdict is CheckVerdict.PASSED
+    assert "in any passive hand up to Nyquist" in passed.message
+    assert failed.verdict is CheckVerdict.FAILED
+    assert "coupling.stiffness = 1199.98" in failed.message
+    assert "drag" not in failed.message
+
+
+def test_the_report_of_an_impedance_display(tmp_path):
+    solved = vctune.solve("problems/delta-4khz.toml")
+    made = report_files(record_of(problem_of("problems/delta-4khz.toml"), solved), tmp_path)
+    assert {path.stem for path in made} == {"report", "loop", "any-hand", "impedance", "transparency"}
+    page = made[tmp_path / "report.html"]
+    assert "a wall may be as stiff as 3232 N/m" in page
+    assert "Re 1/Z_c" in page
+    assert "without a loop:" not in page
+
+
+def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
+    device, coupling = display(), SpringDamper(0.0, 1000.0)
+    felt = feel(device, Gains(0.0, 0.0), coupling)
+    assert felt.static_stiffness == 1000.0
+    assert felt.mass == pytest.approx((0.1, 0.1), rel=1e-9)
+    assert felt.damping == pytest.approx((B, B), rel=1e-9)
+    assert felt.force == pytest.approx(0.1 * B)
+    w = np.array([2 * pi * 10.0])
+    late = np.sinc(w * T / (2 * np.pi)) * np.exp(-0.5j * w * T)  # of the hold
+    wall = 1j * w * 0.1 + B + late * 1000.0 / (1j * w)  # T/(1 - 1/z) of a difference is exactly 1/(j w)
+    assert felt.stiffness == pytest.approx(float(np.abs(w * wall)[0]), rel=1e-9)

@@ -6,7 +6,7 @@ See cli/README.md, section 2.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from enum import StrEnum
 from math import pi
 from pathlib import Path
@@ -24,6 +24,7 @@ from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.errors import InputError, Mistake
+from vctune.document.gains import design_tables
 from vctune.document.plausibility import doubts
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
@@ -187,7 +188,12 @@ def _read(path: Path) -> _Input:
         document = toml.parse(text, str(toml.called(path)))
     except InputError as error:
         return _Input(toml.called(path), "", error, False)
-    return _Input(toml.called(path), text, None, "gains" in document and "device" not in document)
+    return _Input(
+        toml.called(path),
+        text,
+        None,
+        not document.keys().isdisjoint(("gains", "coupling")) and "device" not in document,
+    )
 
 
 def _refused(given: _Input, error: InputError | None = None) -> Checked:
@@ -258,7 +264,7 @@ def _repairs(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None
     stated = toml.parse(file.text, file.problem.name)
-    pasted = stated | {"gains": asdict(judgement.gains), "coupling": asdict(judgement.coupling)}
+    pasted = stated | design_tables(judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, file.problem.name)
     assert problem is not None, "a valid problem with valid gains is one"
     if not judgement.idle:
@@ -273,12 +279,13 @@ def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:
         demands = judgement.certificate.demands
         low, high = (edge / (2 * pi) for edge in demands.band)
         where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
+        where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
         where += [f"in every hand of {demands.hands} up to Nyquist"] if demands.hands is not None else []
         return (
-            f"proved, least Re Z_c / R {judgement.min_ratio:.6g} {' and '.join(where)}, "
+            f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, "
             f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
         )
-    worst = f"least Re Z_c / R {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
+    worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
     if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
         worst += f" in the hand of {judgement.in_hand.hand}"
     known = judgement.reserve_missed or worst

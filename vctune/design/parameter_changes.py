@@ -8,11 +8,11 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from math import inf, pi
 from typing import Any
 
-from vctune.design.variables import NAMES
 from vctune.document.device_contradictions import FASTEST
 from vctune.document.raw import number_at, placed
+from vctune.document.statement import stated_keys
 from vctune.document.validation import KeyPath, dotted
-from vctune.model.keys import KEYS, SYMBOLS
+from vctune.model.keys import KEYS, SPRING_KEYS, SYMBOLS
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
@@ -256,9 +256,10 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
     tau = problem.device.loop_lag
     loop = problem.device.mass / tau + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
-    natural = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True))
-    for key, name in zip(KEYS, NAMES, strict=True):
-        path, bounds, symbol = tuple(key.split(".")), getattr(problem.bounds, name), SYMBOLS[key]
+    natural = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
+    for key in stated_keys(problem.device):
+        table, name = key.split(".")
+        path, bounds, symbol = (table, name), getattr(problem.bounds, name), SYMBOLS[key]
         downwards = key not in ONLY_UPWARDS
         if number_at(document, *path, "max") is not None:
             furthest, unit = _upwards(bounds.max, natural[key]), natural[key]

@@ -178,7 +178,8 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
-    if demand <= judgement.min_ratio < demand * 1.001:
+    edged = not problem.device.renders_force  # whose demands have no band
+    if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
             if judgement.worst == edge and 0 < edge < inf:
                 said = (

@@ -12,6 +12,22 @@ from vctune.model.keys import SYMBOLS, UNITS, keys_of
 from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
 
 
+def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
+    """Return the tables [gains] and [coupling] of a design; an impedance display has no K_p.
+
+    Parameters
+    ----------
+    gains, coupling : plain floats
+    """
+    numbers = astuple(gains) + astuple(coupling)
+    tables: dict[str, dict[str, float]] = {"gains": {}, "coupling": {}}
+    for key, value in zip(keys_of(len(numbers)), numbers, strict=True):
+        table, name = key.split(".")
+        if not (key == "gains.position" and isinstance(coupling, SpringDamper)):
+            tables[table][name] = value
+    return tables
+
+
 def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str]) -> str:
     """Return the text of a gains file.
 
@@ -20,21 +36,18 @@ def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str]) -> s
     gains, coupling : plain floats, written in their shortest exact decimals
     origin : keys and texts of the [design] table
     """
-    numbers = astuple(gains) + astuple(coupling)
-    written: dict[str, list[str]] = {"gains": [], "coupling": []}
-    for key, value in zip(keys_of(len(numbers)), numbers, strict=True):
-        table, name = key.split(".")
-        if not (key == "gains.position" and isinstance(coupling, SpringDamper)):
-            written[table].append(f"{name} = {value!r}  # {SYMBOLS[key]}, {UNITS[key]}")
+    written = [
+        [f"[{table}]", *(f"{name} = {value!r}  # {_told(f'{table}.{name}')}" for name, value in numbers.items()), ""]
+        for table, numbers in design_tables(gains, coupling).items()
+    ]
     lines = [
         "# Paste [gains] and [coupling] into a problem file to fix them.",
-        "[gains]",
-        *written["gains"],
-        "",
-        "[coupling]",
-        *written["coupling"],
-        "",
+        *(line for table in written for line in table),
         "[design]",
         *(f"{key} = {quoted(text)}" for key, text in origin.items()),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _told(key: str) -> str:
+    return f"{SYMBOLS[key]}, {UNITS[key]}"
