@@ -67,7 +67,6 @@ MACHINES = {
     "check": ("check good.toml poor.toml bad.toml", ExitCode.BAD_INPUT),
     "simulation": ("simulate good.toml", ExitCode.OK),
     "sweep": ("sweep study.toml --executor serial", ExitCode.OK),
-    "front": ("front free.toml --executor serial", ExitCode.OK),
     "region": ("region free.toml --y coupling.damping --resolution 0.125", ExitCode.OK),
     "comparison": ("compare good.toml poor.toml", ExitCode.OK),
     "export": ("export good.toml --to json", ExitCode.OK),
@@ -84,6 +83,11 @@ def test_documents_are_as_their_schemas_say(folder, kind):
     assert list(VALID[kind].iter_errors(document)) == []
     for broken in damaged(document):
         assert not VALID[kind].is_valid(broken)
+
+
+@pytest.mark.parametrize("kind", ["design", "check", "sweep", "export", "comparison"])
+def test_quiet_says_only_what_cannot_be_used(folder, kind):
+    words, code = MACHINES[kind]
     quiet = run(*words.split(), "--quiet", cwd=folder)
     refused = ["bad.toml"] * (kind == "check")
     assert (quiet.returncode, quiet.stdout) == (code, "")
@@ -212,7 +216,7 @@ def test_a_comparison_shows_what_differs(folder):
             assert values[key][side] == design[table][name]
     table = run("compare", "good.toml", "other.toml", cwd=folder).stdout
     assert "device.mass" in table and not any(line.endswith(" ") for line in table.splitlines())
-    none = run("compare", "good.toml", ROOT / "problems/infeasible.toml", cwd=folder)
+    none = run("compare", "good.toml", ROOT / "results/infeasible/design.json", cwd=folder)
     assert none.returncode == ExitCode.OK and "B: " in none.stdout
 
 
