@@ -80,7 +80,7 @@ def reference(schema: dict) -> str:
                 rows.append(f"| `{name}` | {entry.get('description', '')}{shown} |")
 
     add("", schema)
-    escaped = [re.sub(r"\|(S|1 - G_he|G_hh|Z_c)\|", r"\\|\1\\|", row) for row in rows]
+    escaped = [re.sub(r"\|(S|1 - G_he|G_hh|Z_c|1/G_hh|1 - A H/N|1/Z_c)\|", r"\\|\1\\|", row) for row in rows]
     return "\n".join(escaped) + "\n"
 
 

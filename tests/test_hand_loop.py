@@ -26,7 +26,7 @@ from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in
 from vctune.model.quantities import HAND, Actuator, Coupling, Device, ForceSensor, Gains, Hand, Structure
 from vctune.proof.arb_balls import BALLS, ball, box, device_ball, gains_ball
 from vctune.proof.array_intervals import Enclosure, between, decimal
-from vctune.proof.claims import hand_margin
+from vctune.proof.claims import Design, hand_margin
 from vctune.proof.jets import ENCLOSURES, Jet, variables
 
 HERTZ = (1, 10, 100, 400, 499.999999)
@@ -307,7 +307,8 @@ def test_the_margin_is_the_demand_times_the_square_of_F():
     size = np.abs(number(loop_in_hand(plant, theta, FLOATS).closed(gains), theta)) ** 2
     demand = 1.05 * required(device, gains, hand, theta)
     expected = size * (sampled_resistance(coupling, device.sample_time, theta, FLOATS) - demand)
-    assert hand_margin(plant, gains, coupling, theta, 1.05, FLOATS) == pytest.approx(expected, rel=1e-12)
+    design = Design(device, gains, coupling)
+    assert hand_margin(plant, design, theta, 1.05, FLOATS) == pytest.approx(expected, rel=1e-12)
 
 
 def as_ball(x: Any) -> arb:

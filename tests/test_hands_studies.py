@@ -359,4 +359,4 @@ def test_hands_count_in_no_claim_that_was_not_made():
     certificate = certify(Design(problem.device, *problem.fixed_design), pose(problem).demands)
     assert set(certificate.outcomes) == {Claim.SENSITIVITY, Claim.SAMPLED_POLES, Claim.HANDS}
     assert problem.hands == Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-    assert all(bounds.fixed for bounds in ranges(problem.bounds))
+    assert all(bounds.fixed for bounds in ranges(problem))

@@ -135,7 +135,7 @@ def designs_in(region, bounds, count, seed):
 def contradictions(text, x, y, levels, count, seed=0):
     """Return the designs that refute their cells, and how many there were of each kind."""
     problem, region = posed(text), found(text, x, y, levels)
-    cell, designs = designs_in(region, ranges(problem.bounds), count, seed)
+    cell, designs = designs_in(region, ranges(problem), count, seed)
     infeasible = np.flatnonzero(region.kinds[cell] == Kind.INFEASIBLE)
     if free_damping(region.plane):
         designs[2, infeasible] = best_damping(problem, designs[:, infeasible])
@@ -272,7 +272,7 @@ def test_witnesses_are_certified_by_arb(name):
     assert np.isnan(cells.damping[cells.kinds != Kind.FEASIBLE]).all()
     for cell in feasible[:: len(feasible) // 5]:
         for corner in ((0, 2), (1, 2), (0, 3), (1, 3)):
-            v = [bounds.max for bounds in ranges(problem.bounds)]
+            v = [bounds.max for bounds in ranges(problem)]
             v[2] = cells.damping[cell]
             for place, axis in enumerate(cells.plane.axes):
                 v[axis] = float(cells.plane.edges[place][cells.squares[corner[place], cell]])

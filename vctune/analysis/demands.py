@@ -16,12 +16,14 @@ from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device_response import device_response
+from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import llewellyn_demand, rollett_factor
 from vctune.model.loop import loop_response
+from vctune.model.pair import Pair
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.transparency import Terms, log_quadrature, squared_terms
+from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper, series_coupling
+from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5
 """Decades beyond every corner of the device that are sampled of an endless band: what approaches its limit like
@@ -51,7 +53,7 @@ def response(device: Device, gains: Gains, omega: Floats) -> LoopResponse:
     return loop_response(device_response(device, omega, FLOATS), gains, FLOATS)
 
 
-def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+def stability_ratio(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
     """Return Re Z_c / R; -inf where the loop's resistance is not positive, inf where R <= 0.
 
     See model/README.md, section 4.
@@ -65,7 +67,7 @@ def stability_ratio(device: Device, gains: Gains, coupling: Coupling, omega: Flo
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), -inf)
 
 
-def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+def ratio_or_resistance(device: Device, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
     """Return Re Z_c / R, where the resistance is not positive that relative to |N D|: continuous, to go down on.
 
     Parameters
@@ -78,14 +80,14 @@ def ratio_or_resistance(device: Device, gains: Gains, coupling: Coupling, omega:
     return np.where(loop.resistance > 0, _ratio(loop, coupling, omega), loop.resistance / size)
 
 
-def _ratio(loop: LoopResponse, coupling: Coupling, omega: Floats) -> Floats:
+def _ratio(loop: LoopResponse, coupling: AnyCoupling, omega: Floats) -> Floats:
     needed = llewellyn_demand(loop, FLOATS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = 2 * loop.resistance * coupling_impedance(coupling, omega).re / needed
+        ratio = 2 * loop.resistance * coupling_impedance(series_coupling(coupling), omega).re / needed
     return ratio if loop.operator_relief is None else np.where(needed > 0, ratio, inf)
 
 
-def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: float) -> float:
+def rollett_factor_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float) -> float:
     """Return Rollett's K at a frequency omega > 0; inf without a loop.
 
     Parameters
@@ -95,7 +97,9 @@ def rollett_factor_at(device: Device, gains: Gains, coupling: Coupling, omega: f
     """
     at = np.array([omega])
     with np.errstate(divide="ignore"):
-        return float(rollett_factor(response(device, gains, at), coupling_impedance(coupling, at), FLOATS)[0])
+        return float(
+            rollett_factor(response(device, gains, at), coupling_impedance(series_coupling(coupling), at), FLOATS)[0]
+        )
 
 
 def sampled_span(problem: Problem) -> tuple[float, float]:
@@ -148,7 +152,7 @@ def _ripple_delay(device: Device) -> float:
     return float(device.loop_lag) + sensor
 
 
-def ratio_minima(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+def ratio_minima(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
     """Return the local minima of Re Z_c / R over the stability band, lowest first.
 
     Parameters
@@ -236,7 +240,7 @@ class TransparencyError:
     coupling: float
 
 
-def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Terms:
+def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Terms:
     """Return the squares of the three unweighted terms at frequencies omega.
 
     Parameters
@@ -245,8 +249,26 @@ def error_terms(problem: Problem, gains: Gains, coupling: Coupling, omega: Float
     gains, coupling : a design
     omega : rad/s, > 0
     """
-    loop = response(problem.device, gains, omega)
-    return squared_terms(loop, coupling_impedance(coupling, omega), problem.transparency.reference_impedance)
+    device, Z_0 = problem.device, problem.transparency.reference_impedance
+    at, renders_force = device_response(device, omega, FLOATS), device.renders_force
+    of_loop = loop_terms(loop_response(at, gains, FLOATS), at, renders_force=renders_force)
+    return squared_terms(of_loop, coupling_response(coupling, device, omega), Z_0, renders_force=renders_force)
+
+
+def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> Pair:
+    """Return Z_c, N s/m, or of an impedance display 1/Z_c, m/(N s).
+
+    Parameters
+    ----------
+    coupling : plain numbers
+    device : whose firmware runs it
+    omega : rad/s, > 0
+    """
+    if not isinstance(coupling, SpringDamper):
+        return coupling_impedance(coupling, omega)
+    theta = omega * device.sample_time
+    low_pass = firmware_filter(device, theta, FLOATS)
+    return spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS)
 
 
 def weighted_square(weights: Terms, squares: Terms) -> Floats:
@@ -270,7 +292,7 @@ def weighted_square(weights: Terms, squares: Terms) -> Floats:
     return total
 
 
-def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+def transparency_error(problem: Problem, gains: Gains, coupling: AnyCoupling) -> TransparencyError:
     """Return the error of a design and its three terms, to about 1e-9 relative (model/README.md, section 8).
 
     Parameters
@@ -282,13 +304,13 @@ def transparency_error(problem: Problem, gains: Gains, coupling: Coupling) -> Tr
     return norm(problem, gains, coupling)
 
 
-def _columns(problem: Problem, gains: Gains, coupling: Coupling, omega: Floats) -> Floats:
+def _columns(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Floats) -> Floats:
     squares = error_terms(problem, gains, coupling, omega)
     error = weighted_square(problem.transparency.weights, squares)
     return np.stack(np.broadcast_arrays(error, squares.admittance, squares.tracking, squares.coupling))
 
 
-def _rms(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+def _rms(problem: Problem, gains: Gains, coupling: AnyCoupling) -> TransparencyError:
     band = problem.transparency.band
     previous = None
     for doubling in range(2, 14):
@@ -300,7 +322,7 @@ def _rms(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyErro
     return TransparencyError(*(float(value) for value in np.sqrt(means)))
 
 
-def _peak(problem: Problem, gains: Gains, coupling: Coupling) -> TransparencyError:
+def _peak(problem: Problem, gains: Gains, coupling: AnyCoupling) -> TransparencyError:
     band = problem.transparency.band
     grid = demand_grid(problem.device, band.min, band.max)
 

@@ -19,7 +19,7 @@ import numpy as np
 from vctune.model.arithmetic import FLOATS, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.hand_loop import PlantInHand, delays_of, loop_in_hand, plant_in_hand
-from vctune.model.quantities import Coupling, Device, Gains, Hand
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, series_coupling
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
@@ -62,7 +62,7 @@ class GrowingEnvironment:
 
 
 def destabilising(
-    device: Device, gains: Gains, coupling: Coupling, hand: Hand, omega: float
+    device: Device, gains: Gains, coupling: AnyCoupling, hand: Hand, omega: float
 ) -> GrowingEnvironment | None:
     """Return what a loop in a hand grows with, for a frequency at which Re(Z_c + Z_seen) < 0.
 
@@ -123,8 +123,8 @@ def _warped(theta: complex, sample_time: float) -> complex:
     return complex(2 / sample_time * np.tan(theta / 2))
 
 
-def _coupling(coupling: Coupling, omega: complex) -> complex:
-    Z_c = coupling_impedance(coupling, omega)
+def _coupling(coupling: AnyCoupling, omega: complex) -> complex:
+    Z_c = coupling_impedance(series_coupling(coupling), omega)
     return complex(Z_c.re + 1j * Z_c.im)
 
 

@@ -6,15 +6,17 @@ from dataclasses import astuple, dataclass
 from functools import lru_cache
 from itertools import product
 from math import inf
+from typing import ClassVar
 
 import numpy as np
 
-from vctune.analysis.extrema import Floats
+from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.model.arithmetic import FLOATS
-from vctune.model.coupling import sampled_resistance
-from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
-from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
+from vctune.model.hand_loop import AnyLoopInHand, delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.impedance_display import AnyHand, any_hand
+from vctune.model.problem import Problem
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 """Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
@@ -27,6 +29,8 @@ SOFT = np.geomspace(1e-12, 1.0, 97)
 most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+DRIVEN = 1e6
+"""1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
 ROUNDS = 22
 """Steps of the closer look, each of which moves to the best neighbour or halves the distance: to 1e-4 of the first
 distance, of which the ratio knows the square. Half: to 1e-2, and the prover finds what is missing, at its price."""
@@ -45,13 +49,54 @@ class LoopsInHands:
 
     theta: Floats
     hands: Hand
-    loop: LoopInHand
+    loop: AnyLoopInHand
 
     def required(self, gains: Gains) -> Floats:
         """Return R, of the shape of the loop; of the gains' shape before it if they are arrays (..., 1, 1)."""
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(found.lost / found.size)
+
+
+@dataclass(frozen=True, slots=True)
+class LoopsInAnyHand:
+    """The loop of an impedance display in any passive hand on the unit circle.
+
+    Attributes
+    ----------
+    theta : omega T, rad, from 0 to pi, shape (n,)
+    answers : of the device, of shape (1, n)
+    """
+
+    theta: Floats
+    answers: AnyHand
+
+    def required(self, gains: Gains) -> Floats:
+        """Return R/s^2, of shape (1, n), inf where some hand makes the loop of K_v alone unstable.
+
+        Of the gains' shape before it if they are arrays (..., 1, 1).
+        """
+        found = self.answers.required(gains)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(found.size > 0, found.lost / found.size, inf))
+
+
+@lru_cache(maxsize=64)
+def loops_in_any_hand(device: Device, per_decade: int = PER_DECADE) -> LoopsInAnyHand:
+    """Return the loop of an impedance display in any passive hand at some angles.
+
+    Parameters
+    ----------
+    device : plain numbers
+    per_decade : angles
+    """
+    theta = _angles(device, per_decade)
+    return LoopsInAnyHand(theta, _answers(device, theta[None]))
+
+
+def _answers(device: Device, theta: Floats) -> AnyHand:
+    delays = delays_of(device)
+    return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
 
 
 @lru_cache(maxsize=64)
@@ -67,14 +112,17 @@ def loops_in_hands(
     shares : of each range at which hands are looked at
     per_decade : angles
     """
-    count = int(per_decade * np.log10(np.pi / LOWEST))
-    theta = np.geomspace(LOWEST, np.pi, count)
-    if device.structure is not None:
-        theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
-    theta = np.append(0.0, theta)
+    theta = _angles(device, per_decade)
     some = Hand(*np.array(list(product(*(_places(*ends, shares) for ends in _ranges(hands))))).T)
     plant = plant_in_hand(device, Hand(*(number[:, None] for number in astuple(some))), delays_of(device), FLOATS)
     return LoopsInHands(theta, some, loop_in_hand(plant, theta, FLOATS))
+
+
+def _angles(device: Device, per_decade: int) -> Floats:
+    theta = np.geomspace(LOWEST, np.pi, int(per_decade * np.log10(np.pi / LOWEST)))
+    if device.structure is not None:
+        theta = np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, np.pi)
+    return np.append(0.0, theta)
 
 
 @lru_cache(maxsize=64)
@@ -112,7 +160,38 @@ class RatioInHand:
     hand: Hand
 
 
-def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: Coupling) -> list[RatioInHand]:
+@dataclass(frozen=True, slots=True)
+class RatioInAnyHand:
+    """The least Re(1/Z_c)/R of an impedance display in any passive hand, next to a frequency.
+
+    Attributes
+    ----------
+    ratio : inf where nothing is required
+    omega : rad/s
+    """
+
+    ratio: float
+    omega: float
+    hand: ClassVar[None] = None
+
+
+def least_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand | RatioInAnyHand]:
+    """Return the local minima of the ratio in the hands that a problem asks for, lowest first of each kind.
+
+    Parameters
+    ----------
+    problem : of one device, with hands to be met, or any on an impedance display
+    gains, coupling : plain floats, in the problem's units
+    """
+    found: list[RatioInHand | RatioInAnyHand] = []
+    if problem.hands_met is not None:
+        found += least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)
+    if problem.any_hand:
+        found += least_ratios_in_any_hand(problem.device, gains, coupling)
+    return found
+
+
+def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling) -> list[RatioInHand]:
     """Return the local minima of Re Z_c / R over the angle in the worst hand at each, lowest first.
 
     Parameters
@@ -127,8 +206,8 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
         At least one.
     """
     where = loops_in_hands(device, hands)
-    Z_c = sampled_resistance(coupling, device.sample_time, where.theta, FLOATS)
-    need = where.required(gains) / np.maximum(Z_c, 1e-300)  # 1/ratio, continuous where R changes its sign
+    Z_c = offered(coupling, device, where.theta, FLOATS)
+    need = _need(where.required(gains), Z_c)
     hand = np.argmax(need, axis=0)
     worst = need[hand, np.arange(where.theta.size)]
     padded = np.concatenate(([-inf], worst, [-inf]))
@@ -140,6 +219,38 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     return sorted(found, key=lambda each: each.ratio)
 
 
+def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
+    """Return the local minima of Re(1/Z_c)/R of an impedance display in any passive hand, lowest first.
+
+    Parameters
+    ----------
+    device : of an impedance display, plain numbers
+    gains, coupling : a design, plain numbers
+
+    Returns
+    -------
+    list of RatioInAnyHand
+        At least one; 0 where some hand makes the loop of K_v alone unstable.
+    """
+
+    def ratio(theta: Floats) -> Floats:
+        found = _answers(device, theta).required(gains)
+        ratio = offered(coupling, device, theta, FLOATS) * found.size / np.maximum(found.lost, 1e-300)
+        return np.where(found.size > 0, ratio, 0.0)
+
+    first = np.zeros(1)
+    minima = local_minima(ratio, _angles(device, PER_DECADE)[1:])
+    theta, value = np.append(first, minima.omega), np.append(ratio(first), minima.value)
+    return [RatioInAnyHand(float(value[k]), float(theta[k] / device.sample_time)) for k in np.argsort(value)]
+
+
+@np.errstate(all="ignore")
+def _need(required: Floats, there: Floats) -> Floats:
+    """Return 1/ratio, continuous where R changes its sign; of a coupling that drives, 0 or more than any other."""
+    drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
+    return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
+
+
 def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
     """Return the hand that asks for most at angle 0."""
     where = loops_at_rest(device, hands)
@@ -148,7 +259,7 @@ def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
 
 
 def _closer(
-    device: Device, hands: Hands, gains: Gains, coupling: Coupling, theta: Floats, starts: Floats
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
 ) -> list[RatioInHand]:
     """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share."""
     low, width = np.array([(low, high - low) for low, high in _ranges(hands)]).T
@@ -164,8 +275,8 @@ def _closer(
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))
         plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
         found = required_in_hand(loop_in_hand(plant, angle[:, None, :], FLOATS), gains)
-        Z_c = sampled_resistance(coupling, device.sample_time, angle[:, None, :], FLOATS)
-        need = (found.lost / found.size / np.maximum(Z_c, 1e-300)).reshape(theta.size, -1)
+        Z_c = offered(coupling, device, angle[:, None, :], FLOATS)
+        need = _need(found.lost / found.size, Z_c).reshape(theta.size, -1)
         at = np.argmax(need, axis=1)
         rows, (which, turn) = np.arange(theta.size), np.unravel_index(at, (offsets.shape[1], 3))
         better = need[rows, at] > best

@@ -21,7 +21,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, SimulationRecord, simulation_of
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run
 from vctune.simulation.library import CompiledController
@@ -43,7 +43,7 @@ class Simulation:
 
     file: ProblemFile
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     experiments: tuple[Simulated, ...]
     controller: str | None = None
     made_for: str | None = None
@@ -70,7 +70,7 @@ class Simulation:
 def simulate(
     problem: ProblemSource,
     gains: Gains | str | Path | None = None,
-    coupling: Coupling | None = None,
+    coupling: AnyCoupling | None = None,
     experiment: Experiment | str | None = None,
     *,
     controller: str | Path | CompiledController | None = None,
@@ -168,7 +168,7 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     return value
 
 
-def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, Coupling]:
+def _found(file: ProblemFile, progress: Progress) -> tuple[Gains, AnyCoupling]:
     from vctune.design.solve import solve
 
     solved = solve(file.problem, progress)

@@ -18,7 +18,7 @@ from vctune.document.files import Content, folder_name, make_folder, write_toget
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
 from vctune.firmware.firmware import Firmware, Precision, certified, firmware
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"
@@ -44,7 +44,7 @@ class Exported:
 def export(
     source: ProblemSource | DesignRecord,
     gains: Gains | str | Path | None = None,
-    coupling: Coupling | None = None,
+    coupling: AnyCoupling | None = None,
     *,
     to: Format = "c",
     precision: Precision = "double",
@@ -122,8 +122,8 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def stated_design(
-    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: Coupling | None
-) -> tuple[ProblemFile, tuple[Gains, Coupling]]:
+    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: AnyCoupling | None
+) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design that are meant.
 
     Parameters

@@ -13,14 +13,16 @@ from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.design.result import Solved
 from vctune.design.solve import solve
+from vctune.design.variables import keys_for
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.markup import html_facts
-from vctune.model.keys import KEYS
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.keys import KEYS, SPRING_KEYS
+from vctune.model.problem import Problem
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
@@ -48,7 +50,7 @@ class AdmissibleGains:
         return {kind.name.lower(): self.region.area(kind) for kind in (Kind.FEASIBLE, Kind.INFEASIBLE, Kind.UNDECIDED)}
 
     @property
-    def designs(self) -> list[tuple[Gains, Coupling]]:
+    def designs(self) -> list[tuple[Gains, AnyCoupling]]:
         """Designs that are certified on their own."""
         best = self.solved.judgement
         certified = best is not None and self.solved.status is Status.CERTIFIED
@@ -73,8 +75,8 @@ class AdmissibleGains:
 
 def region(
     problem: ProblemSource,
-    x: str = "gains.velocity",
-    y: str = "gains.position",
+    x: str | None = None,
+    y: str | None = None,
     *,
     resolution: float = 1 / 256,
     progress: Progress = lambda stage: None,
@@ -84,8 +86,8 @@ def region(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    x, y : dotted keys of two variables that are free; where others are free, feasible means that some values of theirs
-        within their bounds will do
+    x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c.
+        Where others are free, feasible means that some values of theirs within their bounds will do
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
     progress : told the stage of the work
 
@@ -98,7 +100,9 @@ def region(
     InputError
         If the problem is none, or x and y span no plane.
     """
-    file = require_plane(problem_of(problem), x, y)
+    file = problem_of(problem)
+    x, y = axes_of(file.problem, x, y)
+    require_plane(file, x, y)
     finest, coarsest = RESOLUTIONS
     if not finest <= resolution <= coarsest:
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
@@ -106,6 +110,18 @@ def region(
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
     found = divide(file.problem, across, across.coarsest_squares(), progress)
     return AdmissibleGains(file, found, solve(file.problem, progress))
+
+
+def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
+    """Return the axes of a problem's plane: those that are named, or the usual ones of its display.
+
+    Parameters
+    ----------
+    problem : Problem
+    x, y : dotted keys; None for the usual one
+    """
+    usual = SPRING_KEYS[2:] if problem.device.renders_force else KEYS[:2]
+    return x or usual[0], y or usual[1]
 
 
 def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
@@ -121,9 +137,9 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     InputError
         If it has none.
     """
-    unknown = [
-        Mistake("no-plane", key, f"is no variable; there are: {', '.join(KEYS)}") for key in (x, y) if key not in KEYS
-    ]
+    keys = keys_for(file.problem)
+    said = f"is no variable; there are: {', '.join(keys)}"
+    unknown = [Mistake("no-plane", key, said) for key in (x, y) if key not in keys]
     if mistakes := unknown or plane_errors(file.problem, x, y):
         raise InputError(file.source, mistakes)
     return file

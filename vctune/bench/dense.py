@@ -23,7 +23,7 @@ from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.interrupt import interrupt_deferred
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 PANELS = 16
 """Panels of the objective's quadrature: enough for nine digits on the reference problems."""
@@ -72,12 +72,12 @@ class Dense:
         """The least values of the demands."""
         return self.numbers.least[self.posed]
 
-    def design(self, z: Floats) -> tuple[Gains, Coupling]:
+    def design(self, z: Floats) -> tuple[Gains, AnyCoupling]:
         """Return gains and coupling of a solution as they would be written to a file."""
         values = list(self.fixed)
         for coordinate, at in zip(self.free, z, strict=True):
             values[coordinate.index] = coordinate.to_x(float(np.clip(at, coordinate.low, coordinate.high)))
-        return design_of(rounded(self.prepared.problem, self.prepared.units.to_si(tuple(values))))  # type: ignore[arg-type]
+        return design_of(rounded(self.prepared.problem, self.prepared.units.to_si(tuple(values))))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ it too, many designs or many devices at a time.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields, replace
 from math import inf, pi
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains, series_coupling
 
 Floats = NDArray[np.float64]
 
@@ -85,7 +85,7 @@ def cases(device: Device, design: ArrayLike) -> Case:
     return Case(*numbers, *np.asarray(design, float), *hand)
 
 
-def case_of(device: Device, gains: Gains, coupling: Coupling) -> Case:
+def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
     """Return one case.
 
     Parameters
@@ -93,7 +93,7 @@ def case_of(device: Device, gains: Gains, coupling: Coupling) -> Case:
     device : of any hold
     gains, coupling : the design
     """
-    return cases(device, (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag))
+    return cases(device, (*astuple(gains), *astuple(series_coupling(coupling))))
 
 
 def _column(number: Any) -> Any:

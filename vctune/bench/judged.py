@@ -8,7 +8,7 @@ from math import inf
 from vctune.bench import evaluator
 from vctune.design.judge import Status, judge
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 AGREEMENT = 1e-6
 """Relative difference of the two errors beyond which they contradict each other."""
@@ -34,7 +34,7 @@ class Worth:
     consistent: bool
 
 
-def worth(problem: Problem, gains: Gains, coupling: Coupling) -> Worth:
+def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
     """Judge an answer twice.
 
     Parameters

@@ -23,7 +23,7 @@ from vctune.design.scan import ScanResult, scan
 from vctune.design.solve import solve
 from vctune.design.start import Start
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.report.benchmarks import Panel, Series
 
 GRID = 2000
@@ -177,7 +177,7 @@ def _starts(seen: ScanResult) -> list[Start]:
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    design: tuple[Gains, Coupling]
+    design: tuple[Gains, AnyCoupling]
     error: float
     missed: float
     stable: bool

@@ -8,13 +8,16 @@ import click
 
 from vctune.api.limits import RESOLUTIONS
 from vctune.cli.options import out_option, output_options, problem_argument
-from vctune.model.keys import KEYS
+from vctune.model.keys import KEYS, SPRING_KEYS
+
+NAMED = (*KEYS, *SPRING_KEYS[3:])
+SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
 
 
 @click.command(short_help="Find the whole set of admissible gains, cell by cell.")
 @problem_argument
-@click.option("--x", type=click.Choice(KEYS), default="gains.velocity", show_default=True, help="Across.")
-@click.option("--y", type=click.Choice(KEYS), default="gains.position", show_default=True, help="Up.")
+@click.option("--x", type=click.Choice(NAMED), show_default=SHOWN[0], help="Across.")
+@click.option("--y", type=click.Choice(NAMED), show_default=SHOWN[1], help="Up.")
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
@@ -24,7 +27,7 @@ from vctune.model.keys import KEYS
 )
 @out_option()
 @output_options()
-def region(problem: Path, x: str, y: str, resolution: float, out: Path, style: str, quiet: bool) -> int:
+def region(problem: Path, x: str | None, y: str | None, resolution: float, out: Path, style: str, quiet: bool) -> int:
     """Find the gains of PROBLEM for which its demands hold.
 
     The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
@@ -33,15 +36,17 @@ def region(problem: Path, x: str, y: str, resolution: float, out: Path, style: s
 
     Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved.
     """
+    from vctune.api.regions import axes_of, require_plane, write_region
     from vctune.api.regions import region as find
-    from vctune.api.regions import require_plane, write_region
     from vctune.cli.exits import of_status
     from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
 
-    file = require_plane(read_problem(problem), x, y)
+    read = read_problem(problem)
+    x, y = axes_of(read.problem, x, y)
+    file = require_plane(read, x, y)
     folder = out / folder_name(file.problem.name)
     make_folder(folder)
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:

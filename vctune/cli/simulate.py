@@ -12,7 +12,7 @@ from vctune.cli.options import out_option, output_options, problem_argument
 if TYPE_CHECKING:
     from vctune.cli.progress import Progress
     from vctune.document.reading import ProblemFile
-    from vctune.model.quantities import Coupling, Gains
+    from vctune.model.quantities import AnyCoupling, Gains
 
 IN_THE_LOOP = "in-the-loop"
 """The folder of what a compiled controller came to, in that of the design."""
@@ -81,7 +81,7 @@ def simulate(
     return ExitCode.OK if simulation.stable else ExitCode.FAILED
 
 
-def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, Coupling] | None:
+def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
     """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
     from vctune.api.files import write_record
     from vctune.cli.output import warn

@@ -14,7 +14,7 @@ from rich.table import Table
 from vctune.document.comparison import ComparisonRecord
 from vctune.document.errors import printable
 from vctune.document.part import text
-from vctune.document.record import DesignRecord, RepairRecord
+from vctune.document.record import DesignRecord, RepairRecord, SpringRecord
 from vctune.document.rows import Cells, CornerRecord, SweepRecord
 from vctune.document.simulation import DifferenceRecord, LeastVirtualRecord, SimulationRecord
 
@@ -93,6 +93,10 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         for one in record.experiments:
             if one.difference is not None:
                 console.print(f"{escape(printable(one.name))}: {_apart(one.difference)}", soft_wrap=True)
+            if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
+                console.print(
+                    f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling)}", soft_wrap=True
+                )
             if one.least_virtual is not None:
                 console.print(f"{escape(printable(one.name))}: {_least(one.least_virtual)}", soft_wrap=True)
 
@@ -105,6 +109,13 @@ def _apart(difference: DifferenceRecord) -> str:
     return (
         f"the firmware's commands are within {difference.force:.3g} N of the design's own on the same measurements, "
         f"farthest at {difference.time_s:.4g} s"
+    )
+
+
+def _quiet(stiffness: float, coupling: SpringRecord) -> str:
+    return (
+        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} N/m in motion (Abbott and Okamura), "
+        f"the coupling has {coupling.stiffness:.4g} N/m"
     )
 
 

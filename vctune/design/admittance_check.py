@@ -21,7 +21,7 @@ from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.toml_text import toml_text
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.quantities import Coupling, Hand
+from vctune.model.quantities import Coupling, Hand, series_coupling
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import Mode, fastest_mode
 
@@ -181,7 +181,7 @@ def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Han
     operator = Operator("sine", 0.0, 0.01, 0.05, 1, *_numbers(hand))
     experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
     judged = finding.judgement
-    return fastest_mode(designed_scene(file.problem.device, judged.gains, judged.coupling, experiment))
+    return fastest_mode(designed_scene(file.problem.device, judged.gains, series_coupling(judged.coupling), experiment))
 
 
 def _in_its_words(

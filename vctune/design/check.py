@@ -20,7 +20,7 @@ from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
 from vctune.design.result import Solved
-from vctune.design.variables import ranges
+from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.errors import InputError, Mistake
@@ -29,7 +29,7 @@ from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, pr
 from vctune.markup import html_facts
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 
 class CheckVerdict(StrEnum):
@@ -224,12 +224,12 @@ def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
 
 
 def _free(problem: Problem) -> Mistake:
-    free = [key for key, bounds in zip(KEYS, ranges(problem.bounds), strict=True) if not bounds.fixed]
+    free = [key for key, bounds in zip(keys_for(problem), ranges(problem), strict=True) if not bounds.fixed]
     return Mistake("not-fixed", ", ".join(free), "nothing to check: not fixed; name a gains file, or fix the numbers")
 
 
 @np.errstate(all="ignore")
-def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, Coupling], str | None]]) -> list[Checked]:
+def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, AnyCoupling], str | None]]) -> list[Checked]:
     """Judge designs with the digests of the problems that they were made for."""
     began = perf_counter()
     judgements = judge_all(file.problem, [design for _, design, _ in given])

@@ -8,6 +8,7 @@ from vctune.design.judge import Status
 from vctune.design.optimum import attained
 from vctune.design.result import Solved
 from vctune.model.problem import Criterion
+from vctune.model.quantities import SpringDamper
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +19,12 @@ class Alternative:
     ----------
     criterion : "hands" or "passive"
     error : of its design
+    stiffness : of an impedance display's, N/m
     """
 
     criterion: Criterion
     error: float
+    stiffness: float | None = None
 
 
 def with_alternatives(solved: Solved) -> Solved:
@@ -34,10 +37,13 @@ def with_alternatives(solved: Solved) -> Solved:
     problem = solved.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
+    if problem.device.renders_force and problem.uncertainty is not None:
+        return solved  # a box of devices in a box of hands takes minutes
     found = []
-    one: Criterion
-    for one in ("hands", "passive"):
+    others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
+    for one in others:
         alone = attained(replace(problem, stability=replace(problem.stability, criterion=one)))
         if alone is not None:
-            found.append(Alternative(one, alone.error))
+            stiffness = alone.coupling.stiffness if isinstance(alone.coupling, SpringDamper) else None
+            found.append(Alternative(one, alone.error, stiffness))
     return replace(solved, alternatives=found)

@@ -12,19 +12,19 @@ from math import exp, inf
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios
 from vctune.design.ipopt import NEAR_SIDE, numbers_of, solve
 from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import Posed, with_device
 from vctune.design.result import Polished, Round
 from vctune.design.scan import ScanResult
+from vctune.design.shapes import softened
 from vctune.design.stabilise import add_stability_cut, stabilised, stable
 from vctune.design.start import Start
-from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
+from vctune.design.variables import Coordinate, Point, coordinates, design_of, point, ranges
 from vctune.design.violations import Violations, near_peak, of_own_loops, violations
 from vctune.design.working_set import ConstraintPoint, WorkingSet, constraint_points
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling
 
 # tests/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
 
@@ -180,15 +180,15 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
     if search.start_examined or not (1 + UPHILL) * search.start.error < error:
         return
     search.start_examined = True
-    gains, coupling, bounds = search.start.gains, search.start.coupling, posed.problem.bounds
+    gains, coupling = search.start.gains, search.start.coupling
     demands = violations(posed, search.cases, point(gains, coupling), search.tightening)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
-    raised = Coupling(coupling.damping * more, coupling.mass * more, coupling.drag * more)
-    bounded = raised.damping <= bounds.damping.max and raised.mass <= bounds.mass.max
-    bounded = bounded and raised.drag <= bounds.drag.max
+    raised = softened(coupling, more)
+    at_raised = point(gains, raised)
+    bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=True))
     sound = all(stable(case, gains) for case in of_own_loops(search.cases))
     if sound and demands.positive and not demands.sensitivity and bounded:
-        _remember(search, point(gains, raised), posed.error(gains, raised))
+        _remember(search, at_raised, posed.error(gains, raised))
 
 
 def _remember(search: _Search, values: Point, error: float) -> None:
@@ -224,9 +224,8 @@ def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> Worki
     if problem.uncertainty is not None and problem.uncertainty.unmodelled:
         upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
         first.unmodelled.extend(constraint_points(problem.device, upto))
-    if problem.hands_met is not None:
-        worst = least_ratios_in_hands(problem.device, problem.hands_met, start.gains, start.coupling)
-        first.in_hand.extend(ConstraintPoint(at.omega, problem.device, at.hand) for at in worst)
+    worst = least_ratios(problem, start.gains, start.coupling)
+    first.in_hand.extend(ConstraintPoint(at.omega, problem.device, at.hand) for at in worst)
     if problem.transparency.norm == "peak":
         band = problem.transparency.band
         first.peak.extend(constraint_points(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
@@ -252,7 +251,7 @@ def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
     values = list(fixed)
     for coordinate, at in zip(free, z, strict=True):
         values[coordinate.index] = coordinate.to_x(float(at))
-    return tuple(values)  # type: ignore[return-value]
+    return tuple(values)
 
 
 def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:

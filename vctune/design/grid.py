@@ -23,12 +23,14 @@ from vctune.analysis.extrema import Floats
 from vctune.design.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
 from vctune.design.prepared import Posed
 from vctune.design.samples import Samples, samples_of
+from vctune.design.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
 from vctune.design.start import Missed
 from vctune.model.arithmetic import FLOATS
-from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Gains
+from vctune.model.transparency import loop_terms
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points of each axis.
@@ -69,7 +71,7 @@ class Scores:
     missed : gravest demand that is missed
     violation : by how much, 0 where nothing is
     error : transparency error where nothing is missed, else inf
-    damping : least b_c within the bounds, which decides between equals where the coupling costs nothing
+    damping : least scale within the bounds, which decides between equals where the coupling costs nothing
     """
 
     missed: Kinds
@@ -131,14 +133,12 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
         slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
         corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
-    # two decades beyond the band the coupling is all mass or all damper in it; with a great least b_c yet further out
-    shortest = max(bounds.mass.min / bounds.damping.max, 1e-2 / high * min(1.0, 1 / bounds.damping.min))
-    longest = min(bounds.mass.max / bounds.damping.min, 1e2 / low)
+    shortest, longest = time_constants(problem, low, high)
     tau_c = np.array([shortest])
     if longest > shortest:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
-    if bounds.mass.fixed and bounds.damping.fixed:
-        tau_c = np.array([bounds.mass.min / bounds.damping.min])
+    if device.renders_force and bounds.damping.min == 0 < longest:
+        tau_c = np.append(0.0, tau_c)  # a spring alone
     # below, K_v is no loop and the drag no error: the next point is 0 itself
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
@@ -255,7 +255,10 @@ def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
 
 
 def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
-    """Return the frequencies at which a Re Z_c is required, of the coupling as it runs, and the greatest R there."""
+    """Return the places at which a Re Z_c is required, and the greatest R there.
+
+    They are the frequencies of the coupling as it runs, or of an impedance display theta, and its R is R/s^2.
+    """
     places = []
     with np.errstate(divide="ignore", invalid="ignore"):
         if samples.band.omega.size:
@@ -266,7 +269,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
             needs = [np.nan_to_num(hands.required(each), nan=0.0).max(axis=-2) for hands in held]
             half = held[0].theta / 2
             slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)
-            places.append((2 * slope, np.maximum.reduce(needs)))
+            places.append((held[0].theta if samples.device.renders_force else 2 * slope, np.maximum.reduce(needs)))
     omega, required = zip(*places, strict=True)
     return np.concatenate(omega), np.concatenate(required, axis=-1)
 
@@ -274,31 +277,32 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
 def _least_damping(
     problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes
 ) -> tuple[Floats, Floats]:
-    """Return the least b_c within the bounds and log(how far b_c or m_c exceeds its upper bound)."""
-    bounds, factor = problem.bounds, problem.stability.safety_factor
-    omega, required = _required(samples, gains, bands)
+    """Return the least scale within the bounds, b_c or 1/k_c, and log(how far it exceeds the upper one)."""
+    factor = problem.stability.safety_factor
+    place, required = _required(samples, gains, bands)
     b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
-    with np.errstate(divide="ignore"):
-        relative = np.minimum(1 + 1 / (omega * at.time_constant[..., None]) ** 2, 1e100)  # at 0 drag alone is left
+    relative = scale_per_resistance(problem.device, place, at.time_constant[..., None])
     for k in range(at.drag.shape[-1]):
         demand = np.maximum(factor * required - at.drag[..., k, None, None, None], 0.0)
         for i in range(at.time_constant.shape[-1]):
             b_c[..., i, k] = (demand * relative[..., i, None, None, :]).max(axis=-1)
-    tau_c = at.time_constant[..., None, None, :, None]
-    b_c = np.maximum(b_c, np.maximum(bounds.damping.min, bounds.mass.min / tau_c))
-    most = np.minimum(bounds.damping.max, bounds.mass.max / tau_c)
+    least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
+    b_c = np.maximum(b_c, least)
     slack = 1 + 1e-9
     return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
 
 
 def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
-    """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2 with u, v functions of omega tau_c."""
+    """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2, or |1/Z_c|^2 without b_0."""
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: samples.objective]
     loops = [there.nodes.response(spread(gains)) for there in counted]
-    error2 = [weights.admittance**2 * G_hh_abs2(loop) + weights.tracking**2 * tracking_abs2(loop) for loop in loops]
-    x2 = (samples.nodes.omega * at.time_constant[..., None]) ** 2
-    u, v = x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
+    terms = [
+        loop_terms(loop, there.nodes.device, renders_force=problem.device.renders_force)
+        for loop, there in zip(loops, counted, strict=True)
+    ]
+    error2 = [weights.admittance**2 * each.admittance + weights.tracking**2 * each.tracking for each in terms]
+    u, v = unit_response(problem.device, samples.nodes.omega, at.time_constant[..., None])
     weight = weights.coupling**2
     drag = at.drag[..., None, None, None, :]
     if problem.transparency.norm == "rms":

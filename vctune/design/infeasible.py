@@ -9,12 +9,12 @@ import numpy as np
 
 from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
 from vctune.analysis.extrema import local_minima
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios
 from vctune.design.prepared import Prepared
 from vctune.design.scan import ScanResult
 from vctune.design.variables import design_of, point
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Gains
 from vctune.proof.sampled_loop import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -68,7 +68,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     return Infeasibility(prefix + cause, advice, proved)
 
 
-def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[str, str] | None:
+def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
     """Return the gravest failure of a design on one device and what may repair it; None where it fails nothing."""
     device, stability = problem.device, problem.stability
     if gains.velocity == 0 and gains.position == 0 and device.damping == 0:
@@ -96,11 +96,17 @@ def _first_failure(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[
     return _shortfall(problem, coupling, ratio, place) if shortfall > 1 else None
 
 
-def _shortfall(problem: Problem, coupling: Coupling, ratio: float, place: str) -> tuple[str, str]:
+def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
     """Return by how much Re Z_c is less than what is asked for, and what may repair it."""
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"
+    if problem.device.renders_force:
+        return (
+            f"Re 1/Z_c is {ratio:.4g} of the required R {place}, short of the safety factor {factor:.4g} "
+            f"by a factor of {factor / ratio:.4g}",
+            "lower coupling.stiffness.min, add device damping, or shorten device.sample_time or device.delay",
+        )
     if ratio < NEXT_TO_NOTHING:
         return (
             f"Re Z_c is next to 0 {place}, where some is required",
@@ -113,15 +119,15 @@ def _shortfall(problem: Problem, coupling: Coupling, ratio: float, place: str) -
     )
 
 
-def _least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, str]:
+def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, str]:
     """Return the least Re Z_c / R of any hand that is to be met, and where."""
     found = []
     if problem.passive:
         minima = ratio_minima(problem, gains, coupling)
         found.append((float(minima.value[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
-    if problem.hands_met is not None:
-        worst = least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)[0]
-        found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in the hand of {worst.hand}"))
+    for worst in least_ratios(problem, gains, coupling):
+        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand}"
+        found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
     return min(found)
 
 
@@ -139,8 +145,9 @@ def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | Non
     return None
 
 
-def _tight_coupling(problem: Problem, coupling: Coupling) -> str:
-    at_damping = np.isclose(coupling.damping, problem.bounds.damping.max, rtol=1e-3)
-    at_mass = np.isclose(coupling.mass, problem.bounds.mass.max, rtol=1e-3)
+def _tight_coupling(problem: Problem, coupling: AnyCoupling) -> str:
+    most = problem.bounds
+    at_damping = np.isclose(coupling.damping, most.damping.max, rtol=1e-3)
+    at_mass = isinstance(coupling, Coupling) and np.isclose(coupling.mass, most.mass.max, rtol=1e-3)
     names = [name for name, tight in (("coupling.damping", at_damping), ("coupling.mass", at_mass)) if tight]
     return " and ".join(names) if names else "coupling.damping"

@@ -21,7 +21,7 @@ from vctune.design.nlp_parameters import (
     plant_numbers,
     tables,
 )
-from vctune.design.nlp_structure import TERMS, NlpStructure
+from vctune.design.nlp_structure import NlpStructure
 from vctune.design.prepared import Posed
 from vctune.design.result import Solution
 from vctune.design.variables import Coordinate, Point
@@ -29,10 +29,12 @@ from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, Work
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand
+from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.impedance_display import Required, any_hand, firmware_filter
+from vctune.model.pair import Pair
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device
-from vctune.model.transparency import log_quadrature
+from vctune.model.quantities import Device, Gains
+from vctune.model.transparency import TERMS, log_quadrature
 
 NEAR_SIDE = 1e-2
 """Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
@@ -199,6 +201,8 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
     found = device_numbers(device_response(device, omega, FLOATS))
+    if structure.renders_force:
+        found |= _firmware_filter(device, omega)
     return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
 
 
@@ -207,19 +211,41 @@ def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dic
     return {"re_G_v": G_v.real, "im_G_v": G_v.imag, "re_G_x": G_x.real, "im_G_x": G_x.imag}
 
 
+def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
+    """Return F by the names of `FIRMWARE_FILTER`; dimensionless, so that theta = omega."""
+    low_pass = firmware_filter(device, omega, FLOATS) or Pair(1.0, 0.0)
+    return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
+
+
 def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return the loop in hands by the names of `LOOP_IN_HAND`; dimensionless, so that theta = omega."""
-    numbers: dict[str, list[float]] = {}
-    for at in points:
-        assert at.hand is not None
-        theta = min(at.omega, pi)
-        loop = loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
-        found = {"theta": theta}
-        for name, part in zip(loop._fields, loop, strict=True):
-            found |= {f"{name}_even": float(part.even), f"{name}_odd": float(part.odd)}
-        for name, number in found.items():
-            numbers.setdefault(name, []).append(number)
-    return {name: np.array(each) for name, each in numbers.items()}
+    """Return the loop in hands by the names of `LOOP_IN_HAND` or `FORCE_IN_HAND`; dimensionless: theta = omega."""
+    found = [_force_in_hand(at) if at.device.renders_force else _loop_in_hand(at) for at in points]
+    return {name: np.array([each[name] for each in found]).T for name in found[0]}
+
+
+def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
+    assert at.hand is not None
+    theta = min(at.omega, pi)
+    loop = loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
+    parts = zip(loop._fields, loop, strict=True)
+    sides = {f"{name}_{side}": float(getattr(part, side)) for name, part in parts for side in ("even", "odd")}
+    return {"theta": theta, **sides}
+
+
+def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
+    """Return R of an impedance display from its values at K_v of 0, 1 and -1, which its polynomials follow from."""
+    theta = min(at.omega, pi)
+    without, plus, minus = (_required(at, Gains(K_v, 0.0), theta) for K_v in (0.0, 1.0, -1.0))
+    lost = without.lost, (plus.lost - minus.lost) / 2
+    size = without.size, (plus.size - minus.size) / 2, (plus.size + minus.size) / 2 - without.size
+    return {"theta": theta, **_firmware_filter(at.device, theta), "lost": lost, "size": size}
+
+
+def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:
+    delays = delays_of(at.device)
+    if at.hand is None:
+        return any_hand(at.device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional).required(gains)
+    return required_in_hand(loop_in_hand(plant_in_hand(at.device, at.hand, delays, FLOATS), theta, FLOATS), gains)
 
 
 def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from enum import StrEnum
 from math import inf, pi
 
@@ -15,14 +15,15 @@ from vctune.analysis.demands import (
     sensitivity_maxima,
     transparency_error,
 )
-from vctune.analysis.in_hands import RatioInHand, least_ratios_in_hands
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.design.prepared import Posed, pose
 from vctune.design.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.frequency import hertz
+from vctune.model.keys import SYMBOLS, UNITS, keys_of
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains, series_coupling
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
@@ -62,12 +63,13 @@ class Judgement:
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
     in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
     """
 
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     transparency: TransparencyError
     error: float
     min_ratio: float
@@ -77,6 +79,7 @@ class Judgement:
     worst_sensitivity: float
     certificate: Certificate
     in_hand: RatioInHand | None = None
+    in_any_hand: RatioInAnyHand | None = None
 
     @property
     def status(self) -> Status:
@@ -94,17 +97,18 @@ class Judgement:
         return hertz(self.worst_sensitivity)
 
     @property
+    def ratio_name(self) -> str:
+        """What is called the least ratio: of the impedances, or of an impedance display of the admittances."""
+        return "least Re 1/Z_c / R" if self.tightest.renders_force else "least Re Z_c / R"
+
+    @property
     def facts(self) -> dict[str, float | str | None]:
         """The design and what is proved of it, by name and unit."""
-        gains, coupling = self.gains, self.coupling
+        values = astuple(self.gains) + astuple(self.coupling)
         return {
-            "K_v, N s/m": gains.velocity,
-            "K_p, N/m": gains.position,
-            "b_c, N s/m": coupling.damping,
-            "m_c, kg": coupling.mass,
-            "b_0, N s/m": coupling.drag,
+            **{f"{SYMBOLS[key]}, {UNITS[key]}": x for key, x in zip(keys_of(len(values)), values, strict=True)},
             "error": self.transparency.error,
-            "least Re Z_c / R": self.min_ratio,
+            self.ratio_name: self.min_ratio,
             "at, Hz": self.worst_hz,
             "greatest |S|": self.peak_sensitivity,
             "proved band, Hz": span(self.certificate.proved_band_hz),
@@ -149,7 +153,7 @@ def _place(outcome: Outcome) -> str:
     return f"{place} with {', '.join([*known, *off])}"
 
 
-def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
+def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
     """Judge given gains against a problem's demands.
 
     Parameters
@@ -166,7 +170,7 @@ def judge(problem: Problem, gains: Gains, coupling: Coupling) -> Judgement:
 
 
 @np.errstate(all="ignore")
-def judge_posed(posed: Posed, gains: Gains, coupling: Coupling) -> Judgement:
+def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     """Judge given gains against the demands of a problem.
 
     Parameters
@@ -179,7 +183,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: Coupling) -> Judgement:
 
 
 @np.errstate(all="ignore")
-def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> list[Judgement]:
+def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
     """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
 
     Parameters
@@ -197,7 +201,7 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, Coupling]]) -> li
     return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
 
 
-def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Certificate) -> Judgement:
+def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
     """Add to a certificate what double precision gives."""
     cases = posed.cases
     (min_ratio, worst), tightest, held = (inf, 0.0), posed.problem.device, None
@@ -216,6 +220,12 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
         held, case = min(found, key=lambda pair: pair[0].ratio)
         if held.ratio < min_ratio:
             min_ratio, worst, tightest = held.ratio, held.omega, case.device
+    in_any_hand = None
+    if posed.demands.any_hand:
+        of_any = ((least_ratios_in_any_hand(case.device, gains, coupling)[0], case) for case in posed.hand_cases)
+        in_any_hand, case = min(of_any, key=lambda pair: pair[0].ratio)
+        if in_any_hand.ratio < min_ratio:
+            min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, case.device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency = transparency_error(posed.problem, gains, coupling)
     return Judgement(
@@ -230,10 +240,11 @@ def _judgement(posed: Posed, gains: Gains, coupling: Coupling, certificate: Cert
         worst_sensitivity=float(sensitivity.omega[0]),
         certificate=certificate,
         in_hand=held,
+        in_any_hand=in_any_hand,
     )
 
 
-def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float]:
+def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
     """Return the least Re Z_c / R on the stability band and its frequency, the ends of the axis by exact limits.
 
     Parameters
@@ -250,10 +261,10 @@ def least_ratio(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[flo
     minima = ratio_minima(problem, gains, coupling)
     candidates = [(float(minima.value[0]), float(minima.omega[0]))]
     if band.min == 0:
-        limit = low_frequency_limit(device, gains, coupling)
+        limit = low_frequency_limit(device, gains, series_coupling(coupling))
         candidates.append((_quotient(limit.coupling, limit.required), 0.0))
     if band.max == inf:
-        limit = high_frequency_limit(device, gains, coupling)
+        limit = high_frequency_limit(device, gains, series_coupling(coupling))
         candidates.append((_quotient(limit.coupling, limit.required), inf))
     return min(candidates)
 

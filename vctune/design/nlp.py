@@ -17,7 +17,6 @@ from typing import Any
 import casadi as ca
 
 from vctune.design.nlp_parameters import (
-    LOOP_IN_HAND,
     PERTURBED_LOOP,
     PULSE_TRANSFER,
     STABILITY_CUT,
@@ -30,17 +29,19 @@ from vctune.design.nlp_parameters import (
     tables,
     unpacked,
 )
-from vctune.design.nlp_structure import DEMANDS, TERMS, NlpStructure
+from vctune.design.nlp_structure import DEMANDS, NlpStructure
+from vctune.design.variables import coupling_from
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance, sampled_resistance
 from vctune.model.hand_loop import LoopInHand, required_in_hand
+from vctune.model.impedance_display import offered_by_spring, spring_damper_admittance
 from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import loop_response
 from vctune.model.pair import EvenOdd, Pair
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.sampled import return_difference, sensitivity_abs2
-from vctune.model.transparency import PANEL_NODES, squared_terms
+from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
@@ -154,17 +155,18 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
     pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
     perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
     cut_column, cut = _symbols("cut", STABILITY_CUT)
-    held_column, held = _symbols("held", LOOP_IN_HAND)
+    held_column, held = _symbols("held", tables(structure)["in_hand"].layout)
     plant_column, plant = _symbols("plant", plant_layout(structure))
 
     gains, coupling = _design(structure, z, common)
     operator = common["operator_damping"] if structure.operator_damping else None
-    loop = loop_response(device_of(structure, common | frequency, operator), gains, SYMBOLS)
-    Z_c = coupling_impedance(coupling, frequency["omega"])
-    squares = squared_terms(loop, Z_c, 1.0)
+    at, renders_force = device_of(structure, common | frequency, operator), structure.renders_force
+    loop, response = loop_response(at, gains, SYMBOLS), _coupling_response(coupling, frequency)
+    of_loop = loop_terms(loop, at, renders_force=renders_force)
+    squares = squared_terms(of_loop, response, 1.0, renders_force=renders_force)
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
-    offered = 2 * loop.resistance * Z_c.re
+    offered = 2 * loop.resistance * response.re
     if loop.operator_relief is not None:  # R may be negative and has no logarithm then
         offered += common["safety_factor"] * loop.operator_relief
     L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
@@ -214,12 +216,28 @@ SCALE_IN_HAND = 0.05
 negative there. Half and twice it take as many iterations."""
 
 
-def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: Coupling) -> Number:
-    """Return a function of Re Z_c that rises, less that of factor R."""
+def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
+    """Return Z_c, or of an impedance display 1/Z_c; dimensionless, so that theta = omega."""
+    if isinstance(coupling, SpringDamper):
+        return spring_damper_admittance(coupling, 1.0, _low_pass(frequency), frequency["omega"], SYMBOLS)
+    return coupling_impedance(series_coupling(coupling), frequency["omega"])
+
+
+def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
+    return Pair(numbers["low_pass_re"], numbers["low_pass_im"])
+
+
+def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return a function of Re Z_c that rises, less that of factor R; of an impedance display of Re(1/Z_c)/s^2."""
+    if isinstance(coupling, SpringDamper):
+        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
+        wanted = held["factor"] * (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
+        offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
+        return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
     sine = ca.sin(held["theta"] / 2)
     parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
     required = required_in_hand(LoopInHand(*parts), gains)
-    offered = sampled_resistance(coupling, 1.0, held["theta"], SYMBOLS)
+    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
     wanted = held["factor"] * required.lost / required.size
     return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
 
@@ -230,12 +248,12 @@ def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
     return column, unpacked(layout, column)
 
 
-def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, Coupling]:
+def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, AnyCoupling]:
     values = ca.vertsplit(common["fixed"])
     for k, (index, from_zero) in enumerate(structure.free):
         values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
-    K_v, K_p, b_c, m_c, b_0 = values
-    return Gains(K_v, K_p if structure.integrator else 0.0), Coupling(b_c, m_c, b_0)
+    K_v, K_p, *of_coupling = values
+    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(of_coupling)
 
 
 @lru_cache(maxsize=16)

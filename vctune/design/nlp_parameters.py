@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.nlp_structure import DEMANDS, TERMS, NlpStructure
-from vctune.design.variables import NAMES
+from vctune.design.nlp_structure import DEMANDS, NlpStructure
+from vctune.design.variables import NAMES, SPRING_NAMES
 from vctune.model.device_response import DeviceResponse, DriveResponse, Spring
 from vctune.model.filters import FilterResponse
 from vctune.model.hand_loop import LoopInHand
 from vctune.model.pair import Pair
 from vctune.model.sampled import SampledPlant
-from vctune.model.transparency import PANEL_NODES
+from vctune.model.transparency import PANEL_NODES, TERMS
 
 PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
 """What a `DeviceResponse` may have beside an ideal device, by its fields."""
@@ -35,6 +35,10 @@ LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
     f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
 }
 """The loop in a hand at an angle, and the least Re Z_c / R."""
+FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
+"""F, the firmware's low-passes, which the coupling of an impedance display meets."""
+FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
+"""Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 
@@ -42,10 +46,11 @@ STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 def common_layout(structure: NlpStructure) -> Layout:
     """Return the rows of what all frequencies have in common.
 
-    The device's mass and damping, the five variables' scales, their values where they are not free, the weights, and,
+    The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
     where an operator eases the conditions, its damping and the safety factor.
     """
-    layout = {"mass": 1, "damping": 1, "scales": len(NAMES), "fixed": len(NAMES), "weights": len(TERMS)}
+    numbers = len(SPRING_NAMES if structure.renders_force else NAMES)
+    layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
     return layout | ({"operator_damping": 1, "safety_factor": 1} if structure.operator_damping else {})
 
 
@@ -53,7 +58,8 @@ def frequency_layout(structure: NlpStructure) -> Layout:
     """Return the rows of a frequency: omega, the drive, the device's parts and, where devices differ, its numbers."""
     layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
     layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
-    return layout | ({"mass": 1, "damping": 1} if structure.uncertain else {})
+    layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}
+    return layout | (FIRMWARE_FILTER if structure.renders_force else {})
 
 
 def plant_layout(structure: NlpStructure) -> Layout:
@@ -146,7 +152,8 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the parts of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, LOOP_IN_HAND)
+    in_hand = FORCE_IN_HAND if structure.renders_force else LOOP_IN_HAND
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand)
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
     }

@@ -8,16 +8,17 @@ from typing import Any
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp_structure import DEMANDS
+from vctune.design.prepared import acting_terms
 from vctune.design.result import Polished, Solved
 from vctune.design.uncertainty import device_record
-from vctune.design.variables import design_of, ranges
+from vctune.design.variables import design_of, keys_for, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
 from vctune.document.codes import Note
 from vctune.document.record import ActiveRecord, DeviceRecord
 from vctune.model.arithmetic import FLOATS
-from vctune.model.keys import KEYS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem
+from vctune.model.transparency import TERMS
 
 ACTIVE = 1e-5
 """Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
@@ -32,12 +33,16 @@ def active(solved: Solved) -> list[ActiveRecord]:
         return []
     posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
+    coupled = "Re 1/Z_c" if solved.problem.device.renders_force else "Re Z_c"
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
     where += [("greatest error", at) for at in posed.peak]
     where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
-    where += [("Re Z_c >= safety_factor R in a hand", at) for at in posed.in_hand]
+    where += [
+        (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
+        for at in posed.in_hand
+    ]
     for at in posed.tracked_peaks:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
@@ -77,12 +82,14 @@ def left_out(solved: Solved) -> list[Note]:
     """Return what is not in the NLP, each with the reason."""
     problem = solved.problem
     found = []
-    for key, bounds in zip(KEYS, ranges(problem.bounds), strict=True):
-        if bounds.fixed:
+    for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
+        if bounds.fixed and not (key == "gains.position" and problem.device.renders_force):
             found.append(Note("left-out-fixed", f"{key}: fixed at {bounds.min:g}"))
-    for term in ("admittance", "tracking", "coupling"):
+    for term in TERMS:
         if getattr(problem.transparency.weights, term) == 0:
             found.append(Note("left-out-weight", f"transparency.weights.{term}: 0"))
+        elif term not in acting_terms(problem):
+            found.append(Note("left-out-same", f"transparency.{term}: the same for every design"))
     if problem.uncertainty is not None:
         found += [
             Note("left-out-certain", f"uncertainty.{key}: device.{key} is 0")

@@ -11,8 +11,8 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
 from vctune.model.problem import Norm
 from vctune.model.quantities import Device, VelocityEstimate
+from vctune.model.transparency import TERMS
 
-TERMS = ("admittance", "tracking", "coupling")
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
 CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
@@ -27,7 +27,8 @@ class NlpStructure:
 
     Attributes
     ----------
-    free : (index in `NAMES`, whether it may be 0) for each variable
+    renders_force : whether the device is an impedance display
+    free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
     norm : "rms" or "peak" (an epigraph variable is added)
@@ -42,6 +43,7 @@ class NlpStructure:
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
+    renders_force: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[str, ...]
@@ -94,6 +96,7 @@ def nlp_structure(
     if sensitivity > 0:  # where |S| can bind the stability boundary is near
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
+        renders_force=problem.device.renders_force,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

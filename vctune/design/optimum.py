@@ -89,14 +89,14 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     return Optimum(judgement, best, len(optima), seconds)
 
 
-def nominal_start(prepared: Prepared) -> Start | None:
-    """Return the best design for the nominal device of an uncertain one: its basin may be the best, too."""
+def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
+    """Return the best design for the nominal device of an uncertain one, whose basin may be the best, and its error."""
     nominal = prepare(replace(prepared.problem, uncertainty=None))
     judgement = optimum(nominal, scan(nominal.scaled)).judgement
     if judgement is None:
         return None
     law = design_of(prepared.units.to_dimensionless(point(judgement.gains, judgement.coupling)))
-    return Start(*law, judgement.error / prepared.units.error)
+    return Start(*law, nominal.scaled.error(*law)), judgement.error
 
 
 @np.errstate(all="ignore")
@@ -129,7 +129,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     incumbent : error to fall below, in the units of the problem as it was given
     """
     scaled, units = prepared.scaled, prepared.units
-    start = start_at(scaled, design_of(units.to_dimensionless((gains.velocity, gains.position, 0.0, 0.0, 0.0)))[0])
+    start = start_at(scaled, units.gains(gains))
     target = incumbent / units.error
     if start is None or start.error >= target:
         return None
@@ -197,6 +197,8 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             (witnesses.sensitivity, Claim.SENSITIVITY),
             (witnesses.unmodelled, Claim.UNMODELLED),
             (witnesses.in_hand, Claim.HANDS),
+            (witnesses.in_hand, Claim.FORCE_HANDS),
+            (witnesses.in_hand, Claim.ANY_HAND),
         ):
             if claim in certificate.outcomes:
                 _collect(known, certificate.outcomes[claim], prepared)

@@ -12,7 +12,7 @@ from vctune.design.variables import NAMES
 from vctune.document.device_contradictions import FASTEST
 from vctune.document.raw import number_at, placed
 from vctune.document.validation import KeyPath, dotted
-from vctune.model.keys import KEYS
+from vctune.model.keys import KEYS, SYMBOLS
 from vctune.model.problem import Problem
 
 RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
@@ -27,7 +27,6 @@ FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
 """Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
 DIGITS = 12
 """Significant digits of a new value at most."""
-SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True))
 FASTER = {
     "velocity.filter_hz": "a faster filter of the velocity",
     "actuator.bandwidth_hz": "a faster actuator",

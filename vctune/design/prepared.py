@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
-from vctune.model.transparency import Terms
+from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.transparency import TERMS, Terms
 from vctune.proof.array_claims import Demands
 from vctune.proof.devices import DeviceBox, device_box
 
@@ -29,15 +29,23 @@ class Units:
     error: float
 
     def to_si(self, values: Point) -> Point:
-        """Return K_v, K_p, b_c, m_c, b_0 in SI units."""
-        K_v, K_p, b_c, m_c, b_0 = values
-        Z, T = self.impedance, self.time
+        """Return a design's numbers in SI units."""
+        (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
+        if len(others) == 1:
+            return (K_v * Z, K_p * Z / T, b_c * Z, others[0] * Z / T)
+        m_c, b_0 = others
         return (K_v * Z, K_p * Z / T, b_c * Z, m_c * Z * T, b_0 * Z)
 
+    def gains(self, gains: Gains) -> Gains:
+        """Return gains in the optimiser's units."""
+        return Gains(gains.velocity / self.impedance, gains.position * self.time / self.impedance)
+
     def to_dimensionless(self, values: Point) -> Point:
-        """Return K_v, K_p, b_c, m_c, b_0 in the optimiser's units."""
-        K_v, K_p, b_c, m_c, b_0 = values
-        Z, T = self.impedance, self.time
+        """Return a design's numbers in the optimiser's units."""
+        (K_v, K_p, b_c, *others), Z, T = values, self.impedance, self.time
+        if len(others) == 1:
+            return (K_v / Z, K_p * T / Z, b_c / Z, others[0] * T / Z)
+        m_c, b_0 = others
         return (K_v / Z, K_p * T / Z, b_c / Z, m_c / (Z * T), b_0 / Z)
 
 
@@ -67,7 +75,7 @@ class Posed:
     demands: Demands
     span: tuple[float, float]
 
-    def error(self, gains: Gains, coupling: Coupling) -> float:
+    def error(self, gains: Gains, coupling: AnyCoupling) -> float:
         """Return the objective of a design: its error, or the greatest of the devices that count.
 
         Parameters
@@ -97,8 +105,7 @@ class Prepared:
 
 def prepare(problem: Problem) -> Prepared:
     """Make a problem ready."""
-    weights = problem.transparency.weights
-    greatest = max(weights.admittance, weights.tracking, weights.coupling)
+    greatest = max(getattr(problem.transparency.weights, term) for term in acting_terms(problem))
     units = Units(problem.transparency.reference_impedance, problem.device.sample_time, greatest)
     return Prepared(pose(problem), pose(_dimensionless(problem, units)), units)
 
@@ -116,12 +123,25 @@ def pose(problem: Problem) -> Posed:
         factor=stability.safety_factor,
         max_sensitivity=stability.max_sensitivity,
         passive=problem.passive,
+        any_hand=problem.any_hand,
         hands=problem.hands_met,
     )
-    held = cases if problem.hands_met is not None else ()
+    held = cases if problem.hands_met is not None or problem.any_hand else ()
     if held and box is not None:
         held += tuple(with_device(problem, device) for device in box.modelled.next_to_whole_samples())
     return Posed(problem, cases, held, cases if worst else (problem,), box, demands, sampled_span(problem))
+
+
+def acting_terms(problem: Problem) -> tuple[str, ...]:
+    """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
+
+    Of an impedance display how the commanded force is met is the device's business, and so is its free motion where K_v
+    is fixed. Added to the mean square they would only hide what the coupling does.
+    """
+    objective, fixed = problem.transparency, set()
+    if problem.device.renders_force and objective.norm == "rms" and objective.weights.coupling > 0:
+        fixed = {"tracking", "admittance"} if problem.bounds.velocity.fixed else {"tracking"}
+    return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)
 
 
 def with_device(problem: Problem, device: Device) -> Problem:
@@ -137,6 +157,6 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
 def _dimensionless(problem: Problem, units: Units) -> Problem:
     scaled = problem.in_units(units.impedance, units.time)
-    weights, one = scaled.transparency.weights, units.error
-    relative = Terms(weights.admittance / one, weights.tracking / one, weights.coupling / one)
+    weights, acting = scaled.transparency.weights, acting_terms(problem)
+    relative = Terms(*(getattr(weights, term) / units.error if term in acting else 0.0 for term in TERMS))
     return replace(scaled, transparency=replace(scaled.transparency, weights=relative))

@@ -163,11 +163,9 @@ def _polished_again(problem: Problem, known: _Known) -> Judgement | None:
     prepared, judgement = prepare(problem), known.judgement
     units = prepared.units
     law = design_of(units.to_dimensionless(point(judgement.gains, judgement.coupling)))
-    starts = [Start(*law, judgement.error / units.error)]
+    starts = [Start(*law, prepared.scaled.error(*law))]
     for gains in known.others:
-        moved = start_at(
-            prepared.scaled, design_of(units.to_dimensionless((gains.velocity, gains.position, 0, 0, 0)))[0]
-        )
+        moved = start_at(prepared.scaled, units.gains(gains))
         starts += [moved] if moved is not None else []
     return optimum(prepared, ScanResult(starts, known.peak_sensitivity)).judgement
 

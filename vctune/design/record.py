@@ -23,17 +23,17 @@ from vctune.design.repair import CUT_SHORT, LONGEST, Repair
 from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import device_record, uncertainty_record
-from vctune.design.variables import Point, point, ranges
+from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.document.codes import Note
 from vctune.document.plausibility import doubts
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
     AlternativeRecord,
+    AnyHandRecord,
     BoxRecord,
     CertificateRecord,
     ClaimRecord,
-    CouplingRecord,
     DesignRecord,
     EnvironmentRecord,
     GainsRecord,
@@ -47,18 +47,19 @@ from vctune.document.record import (
     RepairRecord,
     TransparencyRecord,
     WithoutOperatorRecord,
+    coupling_record,
 )
 from vctune.model.frequency import hertz
-from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
-from vctune.proof.certificate import Claim
+from vctune.model.quantities import AnyCoupling, Gains
+from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
+    from vctune.design.criteria import Alternative
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
@@ -102,7 +103,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
         if problem.uncertainty is not None:
             parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
     if solved.alternatives is not None:
-        parts["alternatives"] = [AlternativeRecord(**asdict(each)) for each in solved.alternatives]
+        parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -123,6 +124,10 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> De
     )
 
 
+def _alternative(each: Alternative) -> AlternativeRecord:
+    return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
+
+
 @cache
 def versions(ipopt: str | None) -> dict[str, str | None]:
     """Return the versions that determine a result; IPOPT's is None where it took no part."""
@@ -135,7 +140,7 @@ def versions(ipopt: str | None) -> dict[str, str | None]:
     }
 
 
-def at_bound(problem: Problem, gains: Gains, coupling: Coupling) -> list[str]:
+def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
     """Return the dotted keys of the free variables that lie on a bound.
 
     Parameters
@@ -148,7 +153,7 @@ def at_bound(problem: Problem, gains: Gains, coupling: Coupling) -> list[str]:
 
 def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
     found = []
-    for key, value, bounds in zip(KEYS, values, ranges(problem.bounds), strict=True):
+    for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
         if not bounds.fixed:
             found += [(key, "upper")] if near(value, bounds.max, bounds) else []
             found += [(key, "lower")] if near(value, bounds.min, bounds) else []
@@ -165,7 +170,8 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
-        if not (key in ("gains.position", "coupling.drag") and side == "lower"):
+        of_spring = key == "coupling.damping" and problem.device.renders_force and problem.bounds.damping.min == 0
+        if not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
@@ -203,10 +209,12 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
     somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
+    also |= _in_any_hand(problem, judgement)
+    display = _display(problem)
     return {
         "gains": GainsRecord(**asdict(gains)),
-        "coupling": CouplingRecord(**asdict(coupling)),
-        "transparency": TransparencyRecord(**asdict(judgement.transparency)),
+        "coupling": coupling_record(coupling),
+        "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
             band_hz=[_hz(band.min), _hz(band.max)] if problem.passive else None,
@@ -218,9 +226,15 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
             boxes=certificate.boxes,
             claims=claim_records(problem, judgement),
             **also,
+            **display,
         ),
         "inner_loop": _inner_loop(problem, judgement),
     }
+
+
+def _display(problem: Problem) -> dict[str, Any]:
+    """Return what a record says of the display: nothing of an admittance display."""
+    return {"display": problem.device.display} if problem.device.renders_force else {}
 
 
 def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
@@ -240,7 +254,7 @@ def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcom
         also["witness_device"] = device_record(outcome.device, problem)
     if outcome.hand is not None:
         also["witness_hand"] = HandRecord(**asdict(outcome.hand))
-        if claim is Claim.HANDS and outcome.verdict is Verdict.REFUTED:
+        if claim in IN_HANDS and outcome.verdict is Verdict.REFUTED:
             also |= _environment(problem, judgement, outcome)
     return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **also)
 
@@ -277,7 +291,8 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
-    outcome = judgement.certificate.outcomes[Claim.HANDS]
+    outcomes = judgement.certificate.outcomes
+    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
     low, high = asdict(hands.low), asdict(hands.high)
     return {
         "hands": HandsRecord(
@@ -287,11 +302,29 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
             worst_hz=_hz(held.omega),
             worst_hand=HandRecord(**asdict(held.hand)),
             boxes=outcome.boxes,
+            **_display(problem),
         )
     }
 
 
-def _without_operator(problem: Problem, gains: Gains, coupling: Coupling) -> dict[str, WithoutOperatorRecord]:
+def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRecord]:
+    """Return what is proved of any passive hand on an impedance display; nothing if none is to be met."""
+    held = judgement.in_any_hand
+    if held is None:
+        return {}
+    outcome = judgement.certificate.outcomes[Claim.ANY_HAND]
+    return {
+        "any_hand": AnyHandRecord(
+            verdict=outcome.verdict.value,
+            min_ratio=held.ratio,
+            worst_hz=_hz(held.omega),
+            boxes=outcome.boxes,
+            **_display(problem),
+        )
+    }
+
+
+def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> dict[str, WithoutOperatorRecord]:
     """Return what the design is worth to hands that do not contain the least operator; nothing if there is none."""
     if problem.device.operator is None:
         return {}

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.grid import Axes, Scores, evaluated, position_gain
 from vctune.design.samples import Samples
+from vctune.design.shapes import coupling_of
 from vctune.design.start import Missed, Start
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import Gains
 
 HALVINGS = 3
 """How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, near enough for the
@@ -112,15 +113,11 @@ def _finer(near: Floats) -> Floats:
 
 
 def _start(problem: Problem, at: tuple[float, ...], best: Scores, k: int) -> Start:
-    (K_v, corner, tau_c, drag), bounds, b_c = at, problem.bounds, float(best.damping[k])
+    K_v, corner, tau_c, drag = map(float, at)
     missed, violation, error = best.rank((k,))
     return Start(
-        Gains(float(K_v), float(position_gain(problem, np.array(K_v), np.array(corner)))),
-        Coupling(
-            float(np.clip(b_c, bounds.damping.min, bounds.damping.max)),
-            float(np.clip(b_c * tau_c, bounds.mass.min, bounds.mass.max)),
-            float(drag),
-        ),
+        Gains(K_v, float(position_gain(problem, np.array(K_v), np.array(corner)))),
+        coupling_of(problem, float(best.damping[k]), tau_c, drag),
         error,
         Missed(missed),
         violation,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
@@ -22,7 +22,7 @@ from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.reading import ProblemFile, pose
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles
@@ -94,14 +94,13 @@ def _seems_admissible(problem: Problem) -> bool:
     return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
 
 
-def _seems_admissible_on(problem: Problem, gains: Gains, coupling: Coupling) -> bool:
+def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) -> bool:
     least = problem.stability.safety_factor * (1 + SLACK)
     if problem.passive and least_ratio(problem, gains, coupling)[0] < least:
         return False
     if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
         return False
-    hands = problem.hands_met
-    if hands is not None and least_ratios_in_hands(problem.device, hands, gains, coupling)[0].ratio < least:
+    if any(worst.ratio < least for worst in least_ratios(problem, gains, coupling)):
         return False
     stable = (prove_sampled_poles, prove_model_poles) if problem.passive else (prove_sampled_poles,)
     proofs = (prove(loop, gains) for loop in problem.device.loops for prove in stable)

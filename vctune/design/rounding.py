@@ -23,7 +23,7 @@ def rounded(problem: Problem, values: Point, digits: int = DIGITS) -> Point:
     Point
         Within the bounds.
     """
-    return tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem.bounds), strict=True))  # type: ignore[return-value]
+    return tuple(_rounded(value, bounds, digits) for value, bounds in zip(values, ranges(problem), strict=True))
 
 
 def _rounded(value: float, bounds: Range, digits: int) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.analysis.demands import slowest_resonance, towards_zero
 from vctune.analysis.extrema import Floats
-from vctune.analysis.in_hands import LoopsInHands, loops_at_rest, loops_in_hands
+from vctune.analysis.in_hands import LoopsInAnyHand, LoopsInHands, loops_at_rest, loops_in_any_hand, loops_in_hands
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
 from vctune.design.prepared import Posed
@@ -58,7 +58,7 @@ class Samples:
     circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
         device whose loops are another's
     radius : of what is not modelled, on the first circle; None where there is none
-    in_hand : the loop in some hands, and in springs at angle 0; none where no hands are to be met
+    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are to be met
     objective : of how many devices the greatest error is the objective
     others : the other devices at which the demands are posed, with the same frequencies
     """
@@ -70,7 +70,7 @@ class Samples:
     averages: Floats
     circles: list[ReturnDifference]
     radius: Floats | None
-    in_hand: tuple[LoopsInHands, ...]
+    in_hand: tuple[LoopsInHands | LoopsInAnyHand, ...]
     objective: int
     others: list[Samples]
 
@@ -109,10 +109,12 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
     def samples(device: Device, others: list[Samples]) -> Samples:
         band, quadrature = (Spectrum(w, device_response(device, w, FLOATS)) for w in (within, nodes))
         loops = device.loops if device.modelled not in known else ()
-        hands: tuple[LoopsInHands, ...] = ()
+        hands: tuple[LoopsInHands | LoopsInAnyHand, ...] = ()
         if problem.hands_met is not None and loops:
             box = problem.hands_met
             hands = loops_in_hands(device, box, FEW, FEW_ANGLES), loops_at_rest(device, box, FEW_SPRINGS)
+        if problem.any_hand and loops:
+            hands = (*hands, loops_in_any_hand(device, FEW_ANGLES))
         known.add(device.modelled)
         circles = [unit_circle(loop, first, position=integrator) for loop in loops]
         radius = FLOATS.interpolated(angles(device, first) / (2 * pi), radii) if radii and circles else None

@@ -12,12 +12,13 @@ from vctune.design.grid import Axes, Scores, axes, evaluated, least_errors, posi
 from vctune.design.prepared import Posed
 from vctune.design.refine import Index, between_neighbours, lowest, minima_of, refined
 from vctune.design.samples import Samples, samples_of
+from vctune.design.shapes import shape_of
 from vctune.design.start import Missed, Start
 from vctune.design.variables import point
 from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import lags
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 STARTS = 8
 """Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'
@@ -136,7 +137,7 @@ def start_at(posed: Posed, gains: Gains) -> Start | None:
     return refined(problem, samples, between_neighbours(fine, [at]))[0] if scores.error[at] < inf else None
 
 
-def better_start_near(posed: Posed, gains: Gains, coupling: Coupling) -> Start | None:
+def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
     """Return a better start near a polished design: the best design of another coupling may be a basin away.
 
     What is better is judged on the scan's few frequencies, the design itself too.
@@ -152,8 +153,9 @@ def better_start_near(posed: Posed, gains: Gains, coupling: Coupling) -> Start |
         None where the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
     """
     problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
-    tau_c = np.sort(np.append(fine.time_constant, coupling.mass / coupling.damping))
-    fine = replace(fine, time_constant=tau_c, drag=np.sort(np.append(fine.drag, coupling.drag)))
+    tau_c, drag = shape_of(coupling)
+    time_constant, drags = np.sort(np.append(fine.time_constant, tau_c)), np.sort(np.append(fine.drag, drag))
+    fine = replace(fine, time_constant=time_constant, drag=drags)
     (scores, _), place = evaluated(problem, samples, fine), _place(problem, gains, coupling)
     here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
     at = lowest(scores)
@@ -176,9 +178,9 @@ def _corner(problem: Problem, gains: Gains) -> float:
     return gains.position / (problem.device.damping + gains.velocity) if gains.position > 0 else 0.0
 
 
-def _place(problem: Problem, gains: Gains, coupling: Coupling) -> tuple[float, float, float, float]:
+def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, float, float]:
     """Return K_v, corner, tau_c and b_0 of a design."""
-    return gains.velocity, _corner(problem, gains), coupling.mass / coupling.damping, coupling.drag
+    return gains.velocity, _corner(problem, gains), *shape_of(coupling)
 
 
 def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:

@@ -60,7 +60,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    early = _early(prepared) if not admissible else None
+    bounded = not problem.device.renders_force
+    early = _early(prepared) if bounded and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)
@@ -69,9 +70,8 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     nominal = nominal_start(prepared) if problem.uncertainty is not None else None
     if problem.uncertainty is not None:
         seconds["nominal"] = perf_counter() - waited
-    starts = [nominal, *scanned.starts] if nominal is not None else scanned.starts
+    starts = [nominal[0], *scanned.starts] if nominal is not None else scanned.starts
     best = optimum(prepared, replace(scanned, starts=starts), progress)
-    nominal_error = nominal.error * prepared.units.error if nominal is not None else None
     solved = Solved(
         problem=problem,
         judgement=best.judgement,
@@ -79,9 +79,9 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         optima=best.optima,
         scanned=scanned,
         seconds=seconds | best.seconds,
-        nominal_error=nominal_error,
+        nominal_error=nominal[1] if nominal is not None else None,
     )
-    if solved.judgement is None or gap is not None:
+    if bounded and (solved.judgement is None or gap is not None):
         solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 
 class Missed(IntEnum):
@@ -36,7 +36,7 @@ class Start:
     """
 
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     error: float
     missed: Missed = Missed.NOTHING
     violation: float = 0.0

@@ -20,10 +20,22 @@ LEAST_POSITION = 5e-324
 
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
+    if problem.device.renders_force:
+        return _without_damping(problem)
     found = _of_passive_hands(problem) if problem.passive else None
     if found is None and problem.hands_met is not None:
         return _in_limp_hands(problem, problem.hands_met)
     return None if found is None else Infeasibility(*found, proved=True)
+
+
+def _without_damping(problem: Problem) -> Infeasibility | None:
+    """In any passive hand an impedance display without damping can meet a response of any size."""
+    if not problem.any_hand or problem.device.least_damping > 0:
+        return None
+    cause = (
+        "device.damping is 0: any passive hand, or none, may answer any force with any motion, so that R is infinite"
+    )
+    return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
 
 
 def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:

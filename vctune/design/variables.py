@@ -2,36 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, replace
 from math import exp, expm1, inf, log, log1p
 
-from vctune.model.problem import Bounds, Problem, Range
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.arithmetic import Number
+from vctune.model.keys import keys_of
+from vctune.model.problem import Problem, Range
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper
 
 NAMES = ("velocity", "position", "damping", "mass", "drag")
+SPRING_NAMES = ("velocity", "position", "damping", "stiffness")
+"""The numbers of a design, of an admittance display and of an impedance display."""
 
-Point = tuple[float, float, float, float, float]
-"""K_v, K_p, b_c, m_c, b_0."""
+Point = tuple[float, ...]
+"""K_v, K_p, b_c, m_c, b_0; of an impedance display K_v, K_p, which is 0, b_c, k_c."""
 
 
-def point(gains: Gains, coupling: Coupling) -> Point:
-    """Return the five numbers of a design in the order of `NAMES`.
+def names_of(device: Device) -> tuple[str, ...]:
+    """Return the names of the numbers of a device's designs."""
+    return SPRING_NAMES if device.renders_force else NAMES
+
+
+def keys_for(problem: Problem) -> tuple[str, ...]:
+    """Return the keys of the numbers of a problem's designs, in order."""
+    return keys_of(len(names_of(problem.device)))
+
+
+def point(gains: Gains, coupling: AnyCoupling) -> Point:
+    """Return the numbers of a design in order.
 
     Parameters
     ----------
     gains, coupling : in any units, which stay
     """
-    return (gains.velocity, gains.position, coupling.damping, coupling.mass, coupling.drag)
+    return (*astuple(gains), *astuple(coupling))
 
 
-def design_of(values: Point) -> tuple[Gains, Coupling]:
-    """Return gains and coupling from their five numbers."""
-    return Gains(values[0], values[1]), Coupling(values[2], values[3], values[4])
+def design_of(values: Point) -> tuple[Gains, AnyCoupling]:
+    """Return gains and coupling from their numbers."""
+    return Gains(*values[:2]), coupling_from(values[2:])
 
 
-def ranges(bounds: Bounds) -> tuple[Range, ...]:
-    """Return the five ranges in the order of `NAMES`."""
-    return tuple(getattr(bounds, name) for name in NAMES)
+def coupling_from(values: Sequence[Number]) -> AnyCoupling:
+    """Return a coupling from its numbers: b_c, m_c and b_0, or b_c and k_c."""
+    return Coupling(*values) if len(values) == len(NAMES) - 2 else SpringDamper(*values)
+
+
+def ranges(problem: Problem) -> tuple[Range, ...]:
+    """Return the ranges of a design's numbers in order."""
+    return tuple(getattr(problem.bounds, name) for name in names_of(problem.device))
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,20 +60,17 @@ class Coordinate:
 
     Attributes
     ----------
-    index : position in `NAMES`
+    index : of the variable among a design's numbers
+    name : of the variable
     scale : 0, or the size below which x hardly matters, so that x = 0 is an ordinary point
     low, high : bounds of z
     """
 
     index: int
+    name: str
     scale: float
     low: float
     high: float
-
-    @property
-    def name(self) -> str:
-        """Its name, of `NAMES`."""
-        return NAMES[self.index]
 
     def to_z(self, x: float) -> float:
         """Return the coordinate of x."""
@@ -75,17 +92,18 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
     Returns
     -------
     tuple of Coordinate
-        In the order of `NAMES`, without those that are fixed.
+        In the order of a design's numbers, without those that are fixed.
     """
     device = problem.device
     loop_impedance = device.mass / device.loop_lag + device.damping
-    scales = {"velocity": 1e-4 * loop_impedance, "position": 1e-2 * problem.transparency.band.min, "drag": 1e-3}
+    scales = dict.fromkeys(("velocity", "damping"), 0.0001 * loop_impedance)
+    scales |= {"position": 1e-2 * problem.transparency.band.min, "drag": 1e-3}
     scales["position"] *= device.damping + problem.bounds.velocity.max
     found = []
-    for index, (name, bounds) in enumerate(zip(NAMES, ranges(problem.bounds), strict=True)):
+    for index, (name, bounds) in enumerate(zip(names_of(device), ranges(problem), strict=True)):
         if bounds.fixed or (name == "position" and not integrator):
             continue
         scale = min(scales[name], bounds.max) if bounds.min == 0 else 0.0
-        bare = Coordinate(index, scale, -inf, inf)
-        found.append(Coordinate(index, scale, bare.to_z(bounds.min), bare.to_z(bounds.max)))
+        bare = Coordinate(index, name, scale, -inf, inf)
+        found.append(replace(bare, low=bare.to_z(bounds.min), high=bare.to_z(bounds.max)))
     return tuple(found)

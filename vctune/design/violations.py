@@ -20,13 +20,13 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios
 from vctune.design.prepared import Posed
 from vctune.design.variables import Point, design_of
 from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.worst import worst_inside
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 TRACKED_FROM = 0.8
 """Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
@@ -96,7 +96,7 @@ def of_own_loops(cases: list[Problem]) -> list[Problem]:
     return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
 
 
-def _ratios(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
     device, stability, found = problem.device, problem.stability, Violations()
     ratio = _lowest_ratios(problem, gains, coupling)
     short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
@@ -108,12 +108,11 @@ def _ratios(problem: Problem, gains: Gains, coupling: Coupling, tightening: floa
     return found
 
 
-def _in_hands(problem: Problem, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
     """Find where the ratio fails in the hands of a problem."""
-    assert problem.hands_met is not None
     tightening = max(tightening, TIGHTENING_IN_HANDS)
     found, least = Violations(), log(problem.stability.safety_factor) + tightening
-    for worst in least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling):
+    for worst in least_ratios(problem, gains, coupling):
         short = least - log(max(worst.ratio, 1e-300))
         if short > tightening / 2:
             found.in_hand.append(ConstraintPoint(worst.omega, problem.device, worst.hand))
@@ -135,7 +134,7 @@ def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations
     return Violations(unmodelled=points, greatest=max(float(over[0]) - tightening / 2, 0.0))
 
 
-def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -> Violations:
+def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
     """Find where the ratio fails on devices that are not among the vertices of their box."""
     found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
     for worst in worst_inside(posed, gains, coupling):
@@ -147,7 +146,7 @@ def _inside(posed: Posed, gains: Gains, coupling: Coupling, tightening: float) -
     return found
 
 
-def _lowest_ratios(problem: Problem, gains: Gains, coupling: Coupling) -> Minima:
+def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
     """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
     minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
     if gains.position == 0 or not low.size:
@@ -201,7 +200,7 @@ def least_resistance(problem: Problem, gains: Gains) -> Minima:
     return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
 
 
-def _error_peaks(problem: Problem, gains: Gains, coupling: Coupling) -> list[ConstraintPoint]:
+def _error_peaks(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[ConstraintPoint]:
     band, weights = problem.transparency.band, problem.transparency.weights
 
     def negative_error(omega: Floats) -> Floats:

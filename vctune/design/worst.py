@@ -17,7 +17,7 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, ratio_or_resistance
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Posed
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.proof.devices import DeviceBox
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
@@ -57,7 +57,7 @@ Value = Callable[[Floats], Floats]
 """Of omega and the uncertain numbers, along the first axis."""
 
 
-def worst_inside(posed: Posed, gains: Gains, coupling: Coupling) -> list[Worst]:
+def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
     """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first.
 
     Parameters

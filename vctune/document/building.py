@@ -13,13 +13,13 @@ from vctune.document.device_contradictions import impossible_parts
 from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
-from vctune.document.schema import DeviceTable, GainsDocument
+from vctune.document.schema import DeviceTable, GainsDocument, SpringGainsDocument
 from vctune.document.statement import statement, table_of
 from vctune.document.toml_text import toml_text
 from vctune.document.validation import examined, refusal, shown
 from vctune.model import quantities
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """What states a problem: the path of its file, the file's tables, or the problem itself."""
@@ -85,7 +85,7 @@ def problem(source: ProblemSource) -> ProblemFile:
     return ProblemFile(posed, toml_text(document))
 
 
-def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> GainsFile:
+def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> GainsFile:
     """Return a design, read or built.
 
     Parameters
@@ -100,18 +100,20 @@ def design(gains: Gains | str | Path, coupling: Coupling | None = None) -> Gains
     """
     if isinstance(gains, str | Path) and coupling is None:
         return read_gains(gains)
-    if not (isinstance(gains, Gains) and isinstance(coupling, Coupling)):
-        message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...)"
+    if not (isinstance(gains, Gains) and isinstance(coupling, AnyCoupling)):
+        message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
         raise InputError.of("design", "bad-option", message)
-    raw = {"gains": plain(gains), "coupling": plain(coupling)}
-    _, faults = examined(GainsDocument, raw, lambda _raw: [])
+    raw, spring = {"gains": plain(gains), "coupling": plain(coupling)}, isinstance(coupling, SpringDamper)
+    if spring and raw["gains"].pop("position"):
+        raise InputError.of("design", "other-display", "gains.position: an impedance display has none; leave it at 0")
+    _, faults = examined(SpringGainsDocument if spring else GainsDocument, raw, lambda _raw: [])
     if faults:
         raise refusal(faults, None, "design")
-    gains, coupling = Gains(**raw["gains"]), Coupling(**raw["coupling"])
+    gains, coupling = Gains(**{"position": 0.0, **raw["gains"]}), type(coupling)(**raw["coupling"])
     return GainsFile(gains, coupling, None, gains_text(gains, coupling, {}))
 
 
-def plain_design(gains: Gains | str | Path, coupling: Coupling | None = None) -> tuple[Gains, Coupling]:
+def plain_design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> tuple[Gains, AnyCoupling]:
     """Return gains and coupling of a design, of what `design` takes."""
     given = design(gains, coupling)
     return given.gains, given.coupling

@@ -7,11 +7,12 @@ from math import floor, inf, isfinite
 from typing import Any
 
 from vctune.document.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
+from vctune.document.display_contradictions import impossible_display
 from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.plausibility import in_finer_unit
 from vctune.document.raw import number_at
 from vctune.document.validation import Contradiction
-from vctune.model.keys import KEYS
+from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.quantities import HAND, PARTS
 
 MAX_DECADES = 12
@@ -24,12 +25,13 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *_impossible_bands(raw),
         *_impossible_numbers(raw),
         *_impossible_criterion(raw),
+        *impossible_display(raw),
         *impossible_experiments(raw),
     ]
 
 
 def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    for key in (*KEYS, *HAND):
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND):
         path = tuple(key.split("."))
         low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
         if low is not None and high is not None and low > high:

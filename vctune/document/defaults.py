@@ -11,13 +11,14 @@ from __future__ import annotations
 
 from dataclasses import astuple, replace
 from math import inf, pi, sqrt
+from typing import Literal
 
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema import DeviceTable, OperatorTable, ProblemDocument, StabilityTable, UncertaintyTable
 from vctune.model.arithmetic import FLOATS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.limits import lags
-from vctune.model.problem import HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
+from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
 from vctune.model.quantities import (
     Actuator,
     Device,
@@ -50,13 +51,23 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     gains, coupling = document.gains, document.coupling
     stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
     dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
-    bounds = Bounds(
-        velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
-        position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
-        damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
-        mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
-        drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
-    )
+    if device.renders_force:
+        bounds = Bounds(
+            velocity=_range(gains.velocity, 0.0, 0.0),
+            damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
+            stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle, 1e6 * Z_0 * middle),
+            position=ABSENT,
+            mass=ABSENT,
+            drag=ABSENT,
+        )
+    else:
+        bounds = Bounds(
+            velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
+            position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
+            damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+            mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+            drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
+        )
     return Problem(
         name=document.name if document.name is not None else default_name,
         description=document.description,
@@ -68,7 +79,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             objective.norm,
             Terms(weights.admittance, weights.tracking, weights.coupling),
         ),
-        stability=_stability(document.stability, lag, f1),
+        stability=_stability(document.stability, lag, f1, 0.5 / device.sample_time if device.renders_force else None),
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
@@ -86,8 +97,9 @@ def _hands(table: OperatorTable) -> Hands:
     return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
 
 
-def _stability(table: StabilityTable, lag: float, f1: float) -> Stability:
-    low, high = table.band_hz or (f1, 0.05 / lag)
+def _stability(table: StabilityTable, lag: float, f1: float, nyquist: float | None) -> Stability:
+    """Return the demands; those of an impedance display, of which the Nyquist frequency is given, are up to there."""
+    low, high = table.band_hz or (f1, nyquist if nyquist is not None else 0.05 / lag)
     return Stability(
         Band(2 * pi * low, 2 * pi * high if high < inf else inf),
         table.safety_factor,
@@ -99,7 +111,10 @@ def _stability(table: StabilityTable, lag: float, f1: float) -> Stability:
 def device_of(table: DeviceTable) -> Device:
     """Return the device of a table; a part that does nothing is none."""
     velocity, actuator, sensor, structure = table.velocity, table.actuator, table.force_sensor, table.structure
-    estimate = VelocityEstimate(velocity.source, velocity.filter_hz, velocity.filter_order) if velocity else None
+    own: Literal["measured", "difference"] = "difference" if table.display == "impedance" else "measured"
+    estimate = VelocityEstimate(own)
+    if velocity is not None:
+        estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)
     sensed = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay) if sensor else None
     flexible = None
     if structure is not None:
@@ -114,6 +129,7 @@ def device_of(table: DeviceTable) -> Device:
         actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
         force_sensor=None if sensed == ForceSensor() else sensed,
         structure=flexible,
+        display=table.display,
     )
 
 

@@ -19,6 +19,8 @@ def problem_digest(problem: Problem) -> str:
     # what an ideal device has not is not in it: a digest of before there was anything else still holds
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
     stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
+    if not problem.device.renders_force:
+        del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)

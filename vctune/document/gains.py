@@ -5,11 +5,14 @@ See document/README.md, section 2.
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 from vctune.document.toml_text import quoted
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.keys import SYMBOLS, UNITS, keys_of
+from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
 
 
-def gains_text(gains: Gains, coupling: Coupling, origin: dict[str, str]) -> str:
+def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str]) -> str:
     """Return the text of a gains file.
 
     Parameters
@@ -17,16 +20,19 @@ def gains_text(gains: Gains, coupling: Coupling, origin: dict[str, str]) -> str:
     gains, coupling : plain floats, written in their shortest exact decimals
     origin : keys and texts of the [design] table
     """
+    numbers = astuple(gains) + astuple(coupling)
+    written: dict[str, list[str]] = {"gains": [], "coupling": []}
+    for key, value in zip(keys_of(len(numbers)), numbers, strict=True):
+        table, name = key.split(".")
+        if not (key == "gains.position" and isinstance(coupling, SpringDamper)):
+            written[table].append(f"{name} = {value!r}  # {SYMBOLS[key]}, {UNITS[key]}")
     lines = [
         "# Paste [gains] and [coupling] into a problem file to fix them.",
         "[gains]",
-        f"velocity = {gains.velocity!r}  # K_v, N s/m",
-        f"position = {gains.position!r}  # K_p, N/m",
+        *written["gains"],
         "",
         "[coupling]",
-        f"damping = {coupling.damping!r}  # b_c, N s/m",
-        f"mass = {coupling.mass!r}  # m_c, kg",
-        f"drag = {coupling.drag!r}  # b_0, N s/m",
+        *written["coupling"],
         "",
         "[design]",
         *(f"{key} = {quoted(text)}" for key, text in origin.items()),

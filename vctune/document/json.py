@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from vctune.document.errors import InputError, Mistake
 from vctune.document.part import Document
-from vctune.document.validation import MAX_MISTAKES, dotted
+from vctune.document.validation import MAX_MISTAKES, dotted, untagged
 
 Record = TypeVar("Record", bound=Document)
 
@@ -68,7 +68,7 @@ def as_record(value: Any, part: type[Record], source: str, *, kind: str, remedy:
         return part.model_validate(value)
     except ValidationError as error:
         faults = error.errors(include_url=False)[:MAX_MISTAKES]
-        mistakes = [Mistake("damaged-document", dotted(fault["loc"]), fault["msg"]) for fault in faults]
+        mistakes = [Mistake("damaged-document", dotted(untagged(fault["loc"])), fault["msg"]) for fault in faults]
         raise InputError(source, [*mistakes, Mistake("damaged-document", "", f"is damaged; {remedy}")]) from None
 
 

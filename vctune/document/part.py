@@ -18,7 +18,7 @@ class Shown:
     Attributes
     ----------
     label : what it is called
-    unit : text behind the number; a field's name in braces stands for its value
+    unit : text behind the number; in both a field's name in braces stands for its value
     digits : significant digits
     scale : of the number in that unit
     optional : whether the row is left out where the number does not exist
@@ -76,8 +76,12 @@ class Part(BaseModel):
             value = getattr(self, name)
             if value is not None or not shown.optional:
                 scaled = value * shown.scale if isinstance(value, float) else value
-                unit = re.sub(r"{(\w+)}", lambda field: text(getattr(self, field[1])), shown.unit)
-                yield Row(shown.label, text(scaled, shown.digits), unit, shown.detail)
+                label, unit = (_filled(self, words) for words in (shown.label, shown.unit))
+                yield Row(label, text(scaled, shown.digits), unit, shown.detail)
+
+
+def _filled(part: Part, words: str) -> str:
+    return re.sub(r"{(\w+)}", lambda field: text(getattr(part, field[1])), words)
 
 
 class Document(Part):

@@ -11,10 +11,10 @@ from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
-from vctune.document.schema import GainsDocument, ProblemDocument
+from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
 from vctune.document.validation import Fault, examined, refusal, validated
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Gains, SpringDamper
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ class GainsFile:
     """
 
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     sha256: str | None
     text: str
 
@@ -158,14 +158,12 @@ def gains_file(text: str, path: Path) -> GainsFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    document = validated(GainsDocument, text, str(path), lambda _raw: [])
-    gains, coupling = document.gains, document.coupling
-    return GainsFile(
-        Gains(gains.velocity, gains.position),
-        Coupling(coupling.damping, coupling.mass, coupling.drag),
-        document.design.get("sha256"),
-        text,
-    )
+    spring = isinstance(stated := toml.parse(text, str(path)).get("coupling"), dict) and "stiffness" in stated
+    model: type[GainsDocument | SpringGainsDocument] = SpringGainsDocument if spring else GainsDocument
+    document = validated(model, text, str(path), lambda _raw: [])
+    gains = Gains(document.gains.velocity, getattr(document.gains, "position", 0.0))
+    coupling = (SpringDamper if spring else Coupling)(**document.coupling.model_dump())
+    return GainsFile(gains, coupling, document.design.get("sha256"), text)
 
 
 def _empty_default_band(problem: Problem) -> Fault:

@@ -7,14 +7,17 @@ from the fields of these classes: a new number is a new field.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
 from math import radians
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from vctune.document.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
-from vctune.model.quantities import Coupling, Gains, Hand, Unmodelled
+from vctune.model.quantities import AnyCoupling, Coupling, Display, Gains, Hand, SpringDamper, Unmodelled
+
+ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
 Four = Annotated[list[float], Field(min_length=4, max_length=4)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -50,18 +53,72 @@ class CouplingRecord(Part):
     drag: Annotated[NotNegative, Shown("drag b_0", "N s/m", 8)] = 0.0
 
     @property
-    def plain(self) -> Coupling:
+    def plain(self) -> AnyCoupling:
         """The coupling."""
         return Coupling(self.damping, self.mass, self.drag)
 
 
-class TransparencyRecord(Part):
-    """The error and its unweighted terms."""
+class SpringRecord(Part):
+    """The virtual coupling of an impedance display."""
+
+    damping: Annotated[NotNegative, Shown("damping b_c", "N s/m", 8)]
+    stiffness: Annotated[Positive, Shown("stiffness k_c", "N/m", 8)]
+
+    @property
+    def plain(self) -> SpringDamper:
+        """The coupling."""
+        return SpringDamper(self.damping, self.stiffness)
+
+
+def of_spring(value: Any) -> str:
+    """Return the tag of a coupling, tables or a record: an impedance display's has a stiffness."""
+    stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
+    return "<spring>" if stiff else "<mass>"
+
+
+AnyCouplingRecord = Annotated[
+    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(of_spring)
+]
+
+
+def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
+    """Return the record of a coupling."""
+    return (SpringRecord if isinstance(coupling, SpringDamper) else CouplingRecord)(**asdict(coupling))
+
+
+class DisplayPart(Part):
+    """Part of a record whose words depend on the display."""
+
+    display: Display = "admittance"
+
+    @property
+    def coupled(self) -> str:
+        """What must be resistive enough."""
+        return "Re 1/Z_c" if self.display == "impedance" else "Re Z_c"
+
+
+class TransparencyRecord(DisplayPart):
+    """The error and its unweighted terms, of an impedance display those of the dual."""
 
     error: Annotated[Number, Shown("error")]
-    admittance: Annotated[Number, Shown("|Z_0 G_hh|")]
-    tracking: Annotated[Number, Shown("|1 - G_he|")]
-    coupling: Annotated[Number, Shown("|Z_c|/Z_0")]
+    admittance: Annotated[Number, Shown("{free_motion}")]
+    tracking: Annotated[Number, Shown("{missed}")]
+    coupling: Annotated[Number, Shown("{given_way}")]
+
+    @property
+    def free_motion(self) -> str:
+        """The term of free motion."""
+        return "|1/G_hh|/Z_0" if self.display == "impedance" else "|Z_0 G_hh|"
+
+    @property
+    def missed(self) -> str:
+        """The term of what is commanded and not done."""
+        return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
+
+    @property
+    def given_way(self) -> str:
+        """The term of the coupling."""
+        return "Z_0 |1/Z_c|" if self.display == "impedance" else "|Z_c|/Z_0"
 
 
 class PerturbationRecord(Part):
@@ -154,12 +211,12 @@ class WithoutOperatorRecord(Part):
     worst_hz: Number
 
 
-class HandsRecord(Part):
+class HandsRecord(DisplayPart):
     """What is proved of every hand of a box, in the sampled loop at every frequency."""
 
     verdict: Annotated[Proof, Shown("every hand", "{stated}")]
     box: dict[str, Pair]
-    min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
     worst_hand: HandRecord
     boxes: int
@@ -174,24 +231,35 @@ class HandsRecord(Part):
     @property
     def promise(self) -> str:
         """What is proved if it is, in words."""
-        environments = "with every environment that is passive as the firmware runs it"
-        return f"in every hand {self.stated}, {environments}, at every frequency"
+        return f"in every hand {self.stated}, {ENVIRONMENTS}, at every frequency"
 
 
-class CertificateRecord(Part):
+class AnyHandRecord(DisplayPart):
+    """What is proved of any passive hand on an impedance display, in the sampled loop at every frequency."""
+
+    verdict: Annotated[Proof, Shown("any passive hand")]
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
+    worst_hz: Number
+    boxes: int
+
+    promise: ClassVar[str] = f"in any passive hand, {ENVIRONMENTS}, at every frequency"
+
+
+class CertificateRecord(DisplayPart):
     """What is proved of absolute stability and of the velocity loop."""
 
     verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
     band_hz: Annotated[Pair | None, Shown("band", "Hz")]
     proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
     proved_ratio: Number
-    min_ratio: Annotated[Number, Shown("least Re Z_c / R", "at {worst_hz} Hz")]
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
     worst_hz: Number
     rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]
     boxes: int
     claims: list[ClaimRecord]
     without_operator: WithoutOperatorRecord | None = None
     hands: HandsRecord | None = None
+    any_hand: AnyHandRecord | None = None
 
     @property
     def beyond(self) -> str:
@@ -202,6 +270,7 @@ class CertificateRecord(Part):
         """Yield what is shown of it, and the claims that are not proved; rows of a band only where there is one."""
         shown = list(super().rows())
         yield from shown if self.band_hz is not None else shown[:1]
+        yield from self.any_hand.rows() if self.any_hand else ()
         yield from self.without_operator.rows() if self.without_operator else ()
         yield from self.hands.rows() if self.hands else ()
         for claim in self.claims:
@@ -272,6 +341,7 @@ class AlternativeRecord(Part):
 
     criterion: Literal["passive", "hands"]
     error: float
+    stiffness: float | None = None
 
 
 class GlanceRecord(Part):
@@ -344,7 +414,7 @@ class DesignRecord(Document):
     status: Literal["certified", "violated", "undecided", "infeasible"]
     reason: str | None
     gains: GainsRecord | None
-    coupling: CouplingRecord | None
+    coupling: AnyCouplingRecord | None
     transparency: TransparencyRecord | None
     certificate: CertificateRecord | None
     inner_loop: InnerLoopRecord | None
@@ -383,6 +453,8 @@ class DesignRecord(Document):
             None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
         )
         passive = [f"absolutely stable in any passive hand {place}"] if place else []
+        if self.certificate.any_hand:
+            passive = [f"stable{known} {self.certificate.any_hand.promise}"]
         return "; ".join([*hands, *passive])
 
     @property
@@ -391,13 +463,16 @@ class DesignRecord(Document):
         if not self.alternatives or self.transparency is None:
             return []
         error = text(self.transparency.error, 3)
-        return [
-            f'with criterion = "{each.criterion}" alone: error {text(each.error, 3)} instead of {error}'
-            for each in self.alternatives
-        ]
+        found = []
+        for each in self.alternatives:
+            line = f'with criterion = "{each.criterion}" alone: error {text(each.error, 3)} instead of {error}'
+            if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
+                line += f", k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)} N/m"
+            found.append(line)
+        return found
 
     @property
-    def design(self) -> tuple[Gains, Coupling] | None:
+    def design(self) -> tuple[Gains, AnyCoupling] | None:
         """Gains and coupling; None if there is no design."""
         return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
 
@@ -406,4 +481,7 @@ class DesignRecord(Document):
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        return {title: list(part.rows()) for title, part in parts.items() if part is not None}
+        found = {title: list(part.rows()) for title, part in parts.items() if part is not None}
+        if isinstance(self.coupling, SpringRecord):  # which has no K_p
+            found["gains"] = found["gains"][:1]
+        return found

@@ -9,18 +9,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Document, Pair, Part
-from vctune.document.record import CouplingRecord, GainsRecord, NotNegative, ProblemRecord
+from vctune.document.record import (
+    CouplingRecord,
+    GainsRecord,
+    NotNegative,
+    ProblemRecord,
+    SpringRecord,
+    of_spring,
+)
 from vctune.model.problem import Criterion
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 
 MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"
 
-Key = Literal["gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag"]
+Key = Literal[
+    "gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag", "coupling.stiffness"
+]
 Index = Annotated[int, Field(ge=0)]
 Edges = Annotated[list[NotNegative], Field(min_length=2)]
 Verdict = Literal["feasible", "infeasible", "undecided"]
@@ -59,14 +68,20 @@ class ListedCoupling(CouplingRecord, extra="forbid"):
     """Their coupling."""
 
 
+class ListedSpring(SpringRecord, extra="forbid"):
+    """Their coupling on an impedance display."""
+
+
 class DesignPoint(Part):
     """Gains and coupling that are proved on their own."""
 
     gains: ListedGains
-    coupling: ListedCoupling
+    coupling: Annotated[
+        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(of_spring)
+    ]
 
     @property
-    def design(self) -> tuple[Gains, Coupling]:
+    def design(self) -> tuple[Gains, AnyCoupling]:
         """Gains and coupling."""
         return self.gains.plain, self.coupling.plain
 

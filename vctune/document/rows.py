@@ -32,6 +32,7 @@ class NumbersRecord(Part):
     coupling_damping: Annotated[Number, Shown("b_c", "N s/m")]
     coupling_mass: Annotated[Number, Shown("m_c", "kg")]
     coupling_drag: Annotated[Number, Shown("b_0", "N s/m")]
+    coupling_stiffness: Annotated[Number, Shown("k_c", "N/m")] = None
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
     worst_hz: Annotated[Number, Shown("at", "Hz")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
@@ -39,6 +40,15 @@ class NumbersRecord(Part):
 
 NUMBERS = {name: shown.unit for name, shown in how_shown(NumbersRecord).items()}
 """Units of the columns, in their order."""
+DESIGN = {
+    "gains.velocity": "velocity_gain",
+    "gains.position": "position_gain",
+    "coupling.damping": "coupling_damping",
+    "coupling.mass": "coupling_mass",
+    "coupling.drag": "coupling_drag",
+    "coupling.stiffness": "coupling_stiffness",
+}
+"""The columns of a design by the keys of its numbers; one display has not got those of the other."""
 
 
 class RowRecord(NumbersRecord):

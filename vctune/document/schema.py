@@ -45,8 +45,11 @@ Order = Annotated[int, Field(strict=True, ge=1, le=2)]
 class VelocityTable(Table):
     """How the firmware knows the velocity of the motor."""
 
-    source: Literal["measured", "difference"] = Field(
-        "measured", alias="from", description="A sensor of its own, or the backward difference of the sampled position."
+    source: Literal["measured", "difference"] | None = Field(
+        None,
+        alias="from",
+        description="A sensor of its own, or the backward difference of the sampled position. Default: measured, of an "
+        "impedance display the difference, which is what it has.",
     )
     filter_hz: Positive | None = Field(
         None,
@@ -81,8 +84,12 @@ class StructureTable(Table):
 
 
 class DeviceTable(Table):
-    """The mechanism, as an admittance display: Z_d = mass s + damping."""
+    """The mechanism: Z_d = mass s + damping."""
 
+    display: Literal["admittance", "impedance"] = Field(
+        "admittance",
+        description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
+    )
     mass: Positive = Field(description="Moving mass, kg.")
     damping: NotNegative = Field(description="Viscous damping, N s/m.")
     sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
@@ -124,9 +131,13 @@ class GainsTable(Table):
 
 
 class CouplingTable(Table):
-    """The virtual coupling Z_c = drag + damping and mass in series."""
+    """The virtual coupling Z_c = drag + damping and mass in series, of an impedance display damping + stiffness/s."""
 
-    damping: PositiveVariable | None = Field(None, description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }.")
+    damping: Variable | None = Field(
+        None,
+        description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }, of an impedance display from 0, which no "
+        "other has.",
+    )
     mass: PositiveVariable | None = Field(
         None,
         description="m_c, kg. Default { min = 1e-6 M, max = 1e6 M } with M = Z_0/(2 pi f) and f the middle of the "
@@ -137,14 +148,19 @@ class CouplingTable(Table):
         description="b_0, N s/m. Default { min = 0, max = Z_0 } where hands are to be met, since a stiff and hardly "
         'damped one needs some, and 0 with the criterion "passive" or where the other four numbers are fixed.',
     )
+    stiffness: PositiveVariable | None = Field(
+        None,
+        description="k_c of an impedance display, N/m. Default { min = 1e-6 K, max = 1e6 K } with K = 2 pi f Z_0 and f "
+        "the middle of the transparency band.",
+    )
 
 
 class WeightsTable(Table):
     """Weights of the three terms of the error; a term with weight 0 is left out."""
 
-    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|.")
-    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|.")
-    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0.")
+    admittance: NotNegative = Field(1.0, description="Weight of Z_0 |G_hh|, of an impedance display of |1/G_hh|/Z_0.")
+    tracking: NotNegative = Field(1.0, description="Weight of |1 - G_he|, of an impedance display of |1 - A H/N|.")
+    coupling: NotNegative = Field(1.0, description="Weight of |Z_c|/Z_0, of an impedance display of Z_0 |1/Z_c|.")
 
 
 class TransparencyTable(Table):
@@ -266,6 +282,27 @@ class GainsDocument(Table):
         description="Where the gains come from. sha256 is of what the problem means: resolved, without comments, name, "
         "description and experiments.",
     )
+
+
+class FixedVelocityTable(Table):
+    """Gains of a gains file of an impedance display."""
+
+    velocity: NotNegative = Field(0.0, description="K_v, N s/m.")
+
+
+class FixedSpringTable(Table):
+    """Coupling of a gains file of an impedance display."""
+
+    damping: NotNegative = Field(description="b_c, N s/m.")
+    stiffness: Positive = Field(description="k_c, N/m.")
+
+
+class SpringGainsDocument(Table):
+    """A vctune gains file of an impedance display."""
+
+    gains: FixedVelocityTable = Field(default_factory=FixedVelocityTable)
+    coupling: FixedSpringTable
+    design: dict[str, Text] = Field(default_factory=dict, description="As of any gains file.")
 
 
 def json_schema() -> dict[str, Any]:

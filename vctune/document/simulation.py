@@ -15,7 +15,7 @@ from vctune.document.errors import InputError
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Document, Number, Part
 from vctune.document.reading import parse_problem
-from vctune.document.record import CouplingRecord, DesignRecord, GainsRecord
+from vctune.document.record import AnyCouplingRecord, DesignRecord, GainsRecord
 
 FILE = "simulation.json"
 MAX_BYTES = 100_000_000
@@ -109,6 +109,7 @@ class ExperimentRecord(Part):
     baseline: RunRecord | None
     design: RunRecord
     difference: DifferenceRecord | None = None
+    quiet_stiffness: float | None = None
 
 
 class SimulationRecord(Document):
@@ -118,7 +119,7 @@ class SimulationRecord(Document):
 
     problem: SimulatedProblemRecord
     gains: GainsRecord
-    coupling: CouplingRecord
+    coupling: AnyCouplingRecord
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
     controller: str | None = None

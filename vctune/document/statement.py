@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, fields, is_dataclass
 from math import inf, pi
 from typing import Any
 
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
+from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Band, Bounds, Problem, Range
-from vctune.model.quantities import ForceSensor, VelocityEstimate
+from vctune.model.quantities import Device, ForceSensor, VelocityEstimate
 
 
 def statement(problem: Problem) -> dict[str, Any]:
@@ -28,7 +30,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "description": problem.description,
         "device": device,
         **({"operator": operator} if operator else {}),
-        **_bounds(problem.bounds),
+        **_bounds(problem.bounds, stated_keys(problem.device)),
         "transparency": {
             "band_hz": _hz(transparency.band),
             "reference_impedance": transparency.reference_impedance,
@@ -36,7 +38,7 @@ def statement(problem: Problem) -> dict[str, Any]:
             "weights": asdict(transparency.weights),
         },
         "stability": {
-            "band_hz": _hz(stability.band),
+            **({} if problem.device.renders_force else {"band_hz": _hz(stability.band)}),
             "safety_factor": stability.safety_factor,
             "max_sensitivity": stability.max_sensitivity,
             "criterion": stability.criterion,
@@ -69,19 +71,26 @@ def table_of(value: Any) -> dict[str, Any]:
         table["from"] = table.pop("source")
         if "filter_hz" not in table:
             del table["filter_order"]  # of a low-pass that is not there
+    elif isinstance(value, Device) and not value.renders_force:
+        del table["display"]
     elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
         del table["order"]
     return table
 
 
-def _bounds(bounds: Bounds) -> dict[str, Any]:
+def stated_keys(device: Device) -> tuple[str, ...]:
+    """Return the keys of the variables that a device's problem states: an impedance display has no K_p."""
+    return (SPRING_KEYS[0], *SPRING_KEYS[2:]) if device.renders_force else KEYS
+
+
+def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:
     def variable(range_: Range) -> float | dict[str, float]:
         return range_.min if range_.fixed else asdict(range_)
 
-    return {
-        "gains": {name: variable(getattr(bounds, name)) for name in ("velocity", "position")},
-        "coupling": {name: variable(getattr(bounds, name)) for name in ("damping", "mass", "drag")},
-    }
+    tables: dict[str, Any] = {"gains": {}, "coupling": {}}
+    for table, name in (key.split(".") for key in keys):
+        tables[table][name] = variable(getattr(bounds, name))
+    return tables
 
 
 def _hz(band: Band) -> list[float]:

@@ -18,7 +18,7 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.hints import commas_meant, number_meant
 
 MAX_MISTAKES = 25
-TAGS = ("<number>", "<range>", "<text>", "<column>")
+TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
 """What tells the forms of a key apart, which is no part of its path."""
 LONG = 60
 
@@ -126,7 +126,7 @@ def dotted(path: KeyPath) -> str:
 
 
 def _fault(model: type[BaseModel], details: Any) -> Fault:
-    path = tuple(step for step in details["loc"] if step not in TAGS)
+    path = untagged(details["loc"])
     value, context, kind = details["input"], details.get("ctx", {}), details["type"]
     if kind == "extra_forbidden":
         moved = MOVED.get(path[-2:])
@@ -175,6 +175,11 @@ def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
         "model_type": lambda value, asked: f"{shown(value)} is not a table",
         "tuple_type": lambda value, asked: f"{shown(value)} is not a pair of numbers {_pair(path)}",
     }
+
+
+def untagged(path: KeyPath) -> KeyPath:
+    """Return a path without the tags of what a key may hold."""
+    return tuple(step for step in path if step not in TAGS)
 
 
 def shown(value: Any) -> str:

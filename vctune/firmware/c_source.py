@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, astuple
 from typing import Any
 
+from vctune.document.statement import stated_keys
 from vctune.firmware.c_text import code, comment, literal, operations
 from vctune.firmware.firmware import Firmware, certified
+from vctune.model.keys import SYMBOLS, UNITS
 from vctune.simulation import equations
 from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
 from vctune.simulation.expression import Symbol
@@ -16,7 +18,8 @@ from vctune.version import __version__
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Coefficients of a limited force."""
+"""Coefficients of a limited force; an impedance display has nothing that winds up, and no reach."""
+GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
 """Of a line of C."""
 
@@ -92,9 +95,10 @@ def assumptions(made: Firmware) -> list[str]:
     known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     built = f"a linear device of {device.mass!r} kg and {device.damping!r} N s/m with {known or 'ideal parts'}{box}"
+    sampled = "" if made.parts.renders_force else "; the force is sampled just before"
     return [
         f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
-        "sample and is held; the force is sampled just before; environments are passive as they run. Of static "
+        f"sample and is held{sampled}; environments are passive as they run. Of static "
         "friction, a limited force, quantisation and the rounding of each operation nothing is proved.",
     ]
 
@@ -107,23 +111,20 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
     """Return what the templates need of a design, its equations apart."""
     double = made.precision == "double"
     top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
-    gains, coupling, T = made.gains, made.coupling, made.device.sample_time
+    T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
+    keys = [key for key in stated_keys(made.device) if key.startswith("coupling")]
+    keys += [key for key in stated_keys(made.device) if key.startswith("gains")]
+    stated = [(SYMBOLS[key], number, UNITS[key]) for key, number in zip(keys, numbers, strict=False)]
+    stated.append(("T", T, "s"))
     design = [
-        ("VELOCITY_GAIN", made.coefficients["velocity_gain"], "K_v", "N s/m"),
-        ("POSITION_GAIN", made.coefficients["position_gain"], "K_p", "N/m"),
-    ]
-    stated = [
-        ("b_c", coupling.damping, "N s/m"),
-        ("m_c", coupling.mass, "kg"),
-        ("b_0", coupling.drag, "N s/m"),
-        ("K_v", gains.velocity, "N s/m"),
-        ("K_p", gains.position, "N/m"),
-        ("T", T, "s"),
+        (name.upper(), made.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit)
+        for name in GAINS
+        if name in made.coefficients
     ]
     constants = [
         (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit)
         for name, number in made.coefficients.items()
-        if name not in ("velocity_gain", "position_gain") and (name != "smoothing" or made.parts.low_passes)
+        if name not in GAINS and (name != "smoothing" or made.parts.low_passes)
     ]
     return {
         "top": top,
@@ -138,6 +139,8 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         "design_sha256": made.design_sha256,
         "proved": certified(made),
         "integrator": made.gains.position > 0,
+        "force": not made.parts.renders_force,
+        "limited": limiting(made),
         "difference": made.parts.difference,
         "start_head": _start_head(made),
         "measured_velocity": not made.parts.difference,
@@ -180,7 +183,7 @@ def _code(made: Firmware) -> dict[str, Any]:
         ),
         "measurement": _fields({_short(one): one for one in INPUTS if one.name in used(blocks)}),
         "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}),
-        "state": _fields({name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *LIMITING)}),
+        "state": _fields({name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *limiting(made))}),
         "start": [f"state.{name} = {_begin(name, made)};" for name in state_names(made)],
         "remember": [f"state->{name} = {name};" for name in ("desired", *kept)],
     }
@@ -189,6 +192,11 @@ def _code(made: Firmware) -> dict[str, Any]:
 def state_names(made: Firmware) -> list[str]:
     """Return what a firmware remembers, the mass of its environment apart."""
     return [name for name in equations.remembered(made.parts) if name != "inertia"]
+
+
+def limiting(made: Firmware) -> tuple[str, ...]:
+    """Return the coefficients of a limited force that a firmware has."""
+    return LIMITING[:1] if made.parts.renders_force else LIMITING
 
 
 def used(blocks: dict[str, list[Equation]]) -> set[str]:

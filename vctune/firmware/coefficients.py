@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from vctune.firmware.c_source import BUILT_IN, LIMITING, assumptions, not_proved, state_names
+from vctune.firmware.c_source import BUILT_IN, assumptions, limiting, not_proved, state_names
 from vctune.firmware.c_text import plain
 from vctune.firmware.firmware import Firmware, certified
 from vctune.simulation import equations
@@ -40,7 +41,7 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         `before.NAME` is the value that the sample before left NAME with, `choice(a, b, c, d)` is c if a > b, else d.
     """
     coefficients = {name: {**_told(COEFFICIENTS[name]), "value": number} for name, number in made.coefficients.items()}
-    settings = {name: {**_told(COEFFICIENTS[name]), "formula": FORMULAS[name]} for name in (*BUILT_IN, *LIMITING)}
+    settings = {name: {**_told(COEFFICIENTS[name]), "formula": FORMULAS[name]} for name in (*BUILT_IN, *limiting(made))}
     blocks = ("estimate", "drive", "environment", "law")
     assert all(isfinite(number) for number in made.coefficients.values())
     return {
@@ -54,7 +55,7 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         "assumed": assumptions(made),
         "precision": made.precision,
         "gains": {"velocity": made.gains.velocity, "position": made.gains.position},
-        "coupling": {"damping": made.coupling.damping, "mass": made.coupling.mass, "drag": made.coupling.drag},
+        "coupling": asdict(made.coupling),
         "inputs": {one.name: _told(one) for one in INPUTS},
         "coefficients": coefficients,
         "settings": settings,

@@ -16,7 +16,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.simulation.coefficients import coupling_of
 from vctune.simulation.controller import coefficients_of, parts_of
 from vctune.simulation.equations import Parts
@@ -44,7 +44,7 @@ class Firmware:
     record: DesignRecord
     device: Device
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
     parts: Parts
     precision: Precision
     coefficients: dict[str, float]
@@ -67,7 +67,7 @@ class Firmware:
         )
 
 
-def firmware(file: ProblemFile, gains: Gains, coupling: Coupling, precision: Precision) -> Firmware:
+def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: Precision) -> Firmware:
     """Return a design as firmware, proved with the constants that the firmware will have.
 
     Parameters
@@ -91,7 +91,9 @@ def firmware(file: ProblemFile, gains: Gains, coupling: Coupling, precision: Pre
         device=device,
         gains=gains,
         coupling=coupling,
-        parts=replace(Parts(), difference=parts.difference, low_passes=parts.low_passes),
+        parts=replace(
+            Parts(), difference=parts.difference, low_passes=parts.low_passes, renders_force=parts.renders_force
+        ),
         precision=precision,
         coefficients=coefficients,
         problem_sha256=file.sha256,
@@ -100,27 +102,22 @@ def firmware(file: ProblemFile, gains: Gains, coupling: Coupling, precision: Pre
 
 
 @np.errstate(all="ignore")
-def judged(problem: Problem, design: tuple[Gains, Coupling]) -> Judgement:
+def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
     """Return what is proved of a design, as `vctune check` proves it."""
     return judge_all(problem, [design])[0]
 
 
 def controller_coefficients(coefficients: dict[str, float]) -> dict[str, float]:
     """Return the coefficients that a firmware has as constants: not those of environment and limit."""
-    constant = (
-        "sample_time",
-        "half_sample_time",
-        "velocity_gain",
-        "position_gain",
-        "coupling_step",
-        "coupling_decay",
-        "resistance",
-        "smoothing",
-    )
+    of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
+    of_coupling = ("coupling_step", "coupling_decay")
+    if "coupling_stiffness" in coefficients:
+        of_law, of_coupling = ("velocity_gain",), ("coupling_stiffness", "coupling_damping")
+    constant = ("sample_time", "half_sample_time", *of_law, *of_coupling, "resistance", "smoothing")
     return {name: coefficients[name] for name in constant}
 
 
-def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, Coupling]]:
+def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design of which rounded coefficients are the exact ones.
 
     The sample time is then the rounded one too: it is that of the firmware's integrators.
@@ -136,7 +133,7 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
         estimate = replace(estimate, filter_hz=-log(1 - coefficients["smoothing"]) / (2 * pi * T))
     if stability.band.max <= pi / device.sample_time:
         stability = replace(stability, band=replace(stability.band, max=min(stability.band.max, pi / T)))
-    gains = Gains(coefficients["velocity_gain"], coefficients["position_gain"])
+    gains = Gains(coefficients["velocity_gain"], coefficients.get("position_gain", 0.0))
     again = replace(problem, device=replace(device, sample_time=T, velocity=estimate), stability=stability)
     return again, (gains, coupling_of(coefficients, T))
 

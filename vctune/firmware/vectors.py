@@ -118,7 +118,7 @@ def commands(firmware: Firmware, one: Replay, number: Callable[[float], Number])
     held = replace(
         rendered, **{name: number(getattr(rendered, name)) for name in ("mass", "damping", "stiffness", "zero")}
     )
-    position_gain = number(firmware.coefficients["position_gain"])
+    position_gain = number(firmware.coefficients.get("position_gain", 0.0))
     limit = limit_coefficients(number(experiment.limit or inf), position_gain, 0.0)
     given = firmware.coefficients | environment_coefficients(held, number(T)) | limit
     known = {Symbol(name): number(constant) for name, constant in given.items()}

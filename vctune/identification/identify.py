@@ -196,7 +196,7 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
         found = ForceSensor(delay=value["force_sensor.delay"])
     velocity = None
     if estimate is not None:
-        velocity = VelocityEstimate(estimate.source, estimate.filter_hz, estimate.filter_order)
+        velocity = VelocityEstimate(estimate.source or "measured", estimate.filter_hz, estimate.filter_order)
     return Device(
         value["mass"], value["damping"], T, value["delay"], velocity=velocity, actuator=actuator,
         force_sensor=found, structure=structure,

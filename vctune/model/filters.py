@@ -108,18 +108,37 @@ def velocity_estimate(
     half = ops.sinc(theta / 2)
     if estimate.source == "difference":
         found = FilterResponse(ops.sinc(theta), T * T * ops.sinc_curvature(theta), T / 2 * (half * half))
-    if estimate.filter_hz is not None:
-        a, p = smoothing(estimate.filter_hz, T, ops)
-        chord2 = half * half * (theta * theta)  # |1 - e^(-j theta)|^2
-        below = 1 / (a * a + p * chord2)
-        one = FilterResponse(
-            a * (a + p * chord2 / 2) * below,
-            p * (1 + p) / 2 * (T * T) * (half * half) * below,
-            a * p * T * ops.sinc(theta) * below,
-        )
+    one = firmware_low_pass(estimate, T, omega, ops)
+    if one is not None:
         for _ in range(estimate.filter_order):
             found = one if found is None else found.times(one, omega * omega)
     return found
+
+
+def firmware_low_pass(
+    estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
+) -> FilterResponse | None:
+    """Return one of the firmware's low-passes of the velocity at z = e^(j omega T); None without one.
+
+    Parameters
+    ----------
+    estimate : how the firmware knows the velocity
+    sample_time : T, s
+    omega : rad/s, >= 0
+    ops : arithmetic of all numbers
+    """
+    if estimate.filter_hz is None:
+        return None
+    theta, T = omega * sample_time, sample_time
+    half = ops.sinc(theta / 2)
+    a, p = smoothing(estimate.filter_hz, T, ops)
+    chord2 = half * half * (theta * theta)  # |1 - e^(-j theta)|^2
+    below = 1 / (a * a + p * chord2)
+    return FilterResponse(
+        a * (a + p * chord2 / 2) * below,
+        p * (1 + p) / 2 * (T * T) * (half * half) * below,
+        a * p * T * ops.sinc(theta) * below,
+    )
 
 
 def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> FilterResponse:

@@ -24,8 +24,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.coupling import sampled_resistance
 from vctune.model.device_response import mechanism
 from vctune.model.filters import smoothing
+from vctune.model.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.matrices import (
     Matrix,
     Vector,
@@ -39,7 +41,7 @@ from vctune.model.matrices import (
     times,
 )
 from vctune.model.pair import EvenOdd
-from vctune.model.quantities import Device, Gains, Hand
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, SpringDamper
 from vctune.model.sampled import split_delay
 from vctune.model.state_space import stepped
 
@@ -109,6 +111,7 @@ class PlantInHand:
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
     low_pass, order : a and r of the firmware's low-passes of the velocity; None without
+    renders_force : whether it is an impedance display, whose environment meets the position
     """
 
     rates: Matrix
@@ -124,6 +127,12 @@ class PlantInHand:
     difference: bool = False
     low_pass: Number | None = None
     order: int = 0
+    renders_force: bool = False
+
+    @property
+    def poles(self) -> int:
+        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
+        return len(self.push) + (0 if self.renders_force else self.order)
 
 
 def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> PlantInHand:
@@ -184,6 +193,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         difference=estimate is not None and estimate.source == "difference",
         low_pass=low_pass,
         order=order,
+        renders_force=device.renders_force,
     )
 
 
@@ -305,7 +315,11 @@ class LoopInHand(NamedTuple):
         return self.seen_velocity.scaled(gains.velocity) + self.seen_position.scaled(gains.position)
 
 
-def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> LoopInHand:
+AnyLoopInHand = LoopInHand | ForceInHand
+"""The loop of an admittance display in a hand, or of an impedance display."""
+
+
+def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
     """Evaluate the loop in a hand on the unit circle.
 
     Parameters
@@ -316,7 +330,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> LoopInHa
 
     Returns
     -------
-    LoopInHand
+    LoopInHand or ForceInHand
         Each part of the shape of theta.
     """
     sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
@@ -357,6 +371,18 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> LoopInHa
 
     n, delays, T = len(plant.push), plant.delays, plant.sample_time
     found = states(plant.older)
+    if plant.renders_force:
+        turned, unit = late(delays.loop), T / plant.mass
+        open_loop, position = found[n], found[0] * turned
+        velocity, met = position * d, position * EvenOdd(-4 * cos, 4, square)  # -4 e^{-j theta/2} G_x/T
+        if plant.low_pass is not None:
+            # a quotient, unlike below: what is met stays free of the filter, and boxes of hands tight
+            a, rest = plant.low_pass, 2 - plant.low_pass
+            below = 1 / (a * a * (cos * cos) + rest * rest * square)
+            passed = EvenOdd((a * cos * cos + rest * square) * (a * below), 2 * (a - 1) * a * (cos * below), square)
+            for _ in range(plant.order):
+                velocity = velocity * passed
+        return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
     felt_states = found if plant.felt_older is plant.older else states(plant.felt_older)
     turned, felt_turned = late(delays.loop), late(delays.felt)
     open_loop, position = found[n], found[0] * turned
@@ -384,20 +410,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> LoopInHa
     )
 
 
-class Required(NamedTuple):
-    """R = lost/size, the least admissible Re Z_c, where the loop in the hand is stable.
-
-    Attributes
-    ----------
-    lost : N s/m
-    size : |F|^2
-    """
-
-    lost: Number
-    size: Number
-
-
-def required_in_hand(loop: LoopInHand, gains: Gains) -> Required:
+def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     """Return -o/2 and |F|^2, whose quotient is R.
 
     Parameters
@@ -407,3 +420,42 @@ def required_in_hand(loop: LoopInHand, gains: Gains) -> Required:
     """
     F, P = loop.closed(gains), loop.numerator(gains)
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
+
+
+def offered(coupling: AnyCoupling, device: Device, theta: Number, ops: Arithmetic) -> Number:
+    """Return Re Z_c of the coupling as the firmware runs it, and of an impedance display Re(1/Z_c)/sin^2(theta/2).
+
+    Parameters
+    ----------
+    coupling : in numbers of the arithmetic
+    device : whose firmware runs it
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    if isinstance(coupling, SpringDamper):
+        return _by_spring(coupling, device, theta, ops).quotient
+    return sampled_resistance(coupling, device.sample_time, theta, ops)
+
+
+def room(
+    coupling: AnyCoupling, device: Device, required: Required, factor: Number, theta: Number, ops: Arithmetic
+) -> Number:
+    """Return what is offered less factor R, times something positive: no quotient is formed that may be of 0 by 0.
+
+    Parameters
+    ----------
+    coupling : in numbers of the arithmetic
+    device : whose firmware runs it
+    required : R there
+    factor : > 0
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    if isinstance(coupling, SpringDamper):
+        there = _by_spring(coupling, device, theta, ops)
+        return there.above * required.size - factor * (required.lost * there.below)
+    return sampled_resistance(coupling, device.sample_time, theta, ops) * required.size - factor * required.lost
+
+
+def _by_spring(coupling: SpringDamper, device: Device, theta: Number, ops: Arithmetic) -> Offered:
+    return offered_by_spring(coupling, device.sample_time, firmware_filter(device, theta, ops), theta, ops)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, Hand, Hands, SpringDamper
 from vctune.model.transparency import Terms
 
 Norm = Literal["rms", "peak"]
@@ -48,15 +48,20 @@ class Band:
         return hertz(self.min), hertz(self.max)
 
 
+ABSENT = Range(0.0, 0.0)
+"""Of a variable that a display has not got."""
+
+
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """The ranges of the five design variables: K_v, K_p, b_c, m_c, b_0."""
+    """The ranges of the design variables: K_v, K_p, b_c, m_c, b_0, or of an impedance display K_v, b_c and k_c."""
 
     velocity: Range
     position: Range
     damping: Range
     mass: Range
     drag: Range
+    stiffness: Range = ABSENT
 
     @property
     def fixed(self) -> bool:
@@ -126,13 +131,21 @@ class Problem:
 
     @property
     def passive(self) -> bool:
-        """Whether any passive hand is to be met, on the band."""
-        return self.stability.criterion != "hands"
+        """Whether any passive hand is to be met on an admittance display, on the band."""
+        return self.stability.criterion != "hands" and not self.device.renders_force
+
+    @property
+    def any_hand(self) -> bool:
+        """Whether any passive hand is to be met on an impedance display, at every frequency."""
+        return self.stability.criterion != "hands" and self.device.renders_force
 
     @property
     def hands_met(self) -> Hands | None:
-        """The hands that are to be met in the sampled loop; None if none are."""
-        return None if self.stability.criterion == "passive" else self.hands
+        """The hands that are to be met in the sampled loop; None if none are.
+
+        On an impedance display they are among any passive ones, which are met in the same loop.
+        """
+        return None if self.stability.criterion == "passive" or self.any_hand else self.hands
 
     @property
     def nyquist(self) -> float:
@@ -140,13 +153,13 @@ class Problem:
         return pi / self.device.sample_time
 
     @property
-    def fixed_design(self) -> tuple[Gains, Coupling]:
+    def fixed_design(self) -> tuple[Gains, AnyCoupling]:
         """The gains and the coupling of a problem that fixes all of them."""
         low = self.bounds
-        return (
-            Gains(low.velocity.min, low.position.min),
-            Coupling(low.damping.min, low.mass.min, low.drag.min),
-        )
+        gains = Gains(low.velocity.min, low.position.min)
+        if self.device.renders_force:
+            return gains, SpringDamper(low.damping.min, low.stiffness.min)
+        return gains, Coupling(low.damping.min, low.mass.min, low.drag.min)
 
     def in_units(self, impedance: float, time: float) -> Problem:
         """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s].
@@ -172,6 +185,7 @@ class Problem:
                 damping=bounds.damping.times(Z),
                 mass=bounds.mass.times(Z * t),
                 drag=bounds.drag.times(Z),
+                stiffness=bounds.stiffness.times(Z / t),
             ),
             transparency=replace(
                 transparency,

@@ -12,6 +12,8 @@ import numpy as np
 from vctune.model.arithmetic import Number
 
 Hold = Literal["zoh", "lag"]
+Display = Literal["admittance", "impedance"]
+"""What a device makes of what: a velocity of the sensed force, or a force of the measured motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +204,7 @@ PERTURBATION = ("unmodelled.share", "unmodelled.phase")
 
 @dataclass(frozen=True, slots=True)
 class Device:
-    """An admittance display: Z_d = mass s + damping, sampled and held (model/README.md, section 1).
+    """A display: Z_d = mass s + damping, sampled and held (model/README.md, sections 1 and 15).
 
     Attributes
     ----------
@@ -214,6 +216,7 @@ class Device:
     operator : what is always at the handle; None if nothing need be
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
     unmodelled : which of the responses that are as good as its own; None for its own
+    display : what it makes of what
     """
 
     mass: Number
@@ -227,6 +230,12 @@ class Device:
     force_sensor: ForceSensor | None = None
     structure: Structure | None = None
     unmodelled: Unmodelled | None = None
+    display: Display = "admittance"
+
+    @property
+    def renders_force(self) -> bool:
+        """Whether it is an impedance display: motion in, force out."""
+        return self.display == "impedance"
 
     @property
     def bare(self) -> Device:
@@ -372,3 +381,27 @@ class Coupling:
     damping: Number
     mass: Number
     drag: Number
+
+
+@dataclass(frozen=True, slots=True)
+class SpringDamper:
+    """The virtual coupling of an impedance display: a spring and a damper side by side (model/README.md, section 15).
+
+    Attributes
+    ----------
+    damping : b_c, N s/m, >= 0
+    stiffness : k_c, N/m
+    """
+
+    damping: Number
+    stiffness: Number
+
+
+AnyCoupling = Coupling | SpringDamper
+"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
+
+
+def series_coupling(coupling: AnyCoupling) -> Coupling:
+    """Return the coupling of an admittance display as one, which it must be."""
+    assert not isinstance(coupling, SpringDamper)
+    return coupling

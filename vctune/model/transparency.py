@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
+from vctune.model.device_response import DeviceResponse
 from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
 from vctune.model.pair import Pair
 
@@ -26,17 +28,50 @@ class Terms:
     coupling: Number
 
 
-def squared_terms(loop: LoopResponse, Z_c: Pair, reference_impedance: float) -> Terms:
+TERMS = ("admittance", "tracking", "coupling")
+
+
+class LoopTerms(NamedTuple):
+    """The squares of the two terms that the coupling is not in, where Z_0 = 1: of G_hh and of 1 - G_he.
+
+    Of an impedance display they are those of the dual: of 1/G_hh, the impedance in free motion, and of 1 - A H/N, by
+    how much the force at the handle misses the one that is commanded.
+    """
+
+    admittance: Number
+    tracking: Number
+
+
+def loop_terms(loop: LoopResponse, at: DeviceResponse, *, renders_force: bool) -> LoopTerms:
+    """Return the squares of the terms of a loop.
+
+    Parameters
+    ----------
+    loop : at some frequencies
+    at : its device there
+    renders_force : whether the device is an impedance display
+    """
+    if not renders_force:
+        return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
+    N = loop.numerator or Pair(1, 0)
+    missed = Pair(N.re - at.drive.re, N.im + at.omega * at.drive.lag)
+    return LoopTerms(1 / G_hh_abs2(loop), missed.abs2() / N.abs2())
+
+
+def squared_terms(of_loop: LoopTerms, coupling: Pair, Z_0: float, *, renders_force: bool) -> Terms:
     """Return the squares of the three dimensionless terms at a frequency.
 
     Parameters
     ----------
-    loop : the velocity loop at some frequencies
-    Z_c : the coupling's impedance there, N s/m
-    reference_impedance : Z_0, N s/m
+    of_loop : at some frequencies
+    coupling : Z_c there, N s/m, or of an impedance display 1/Z_c
+    Z_0 : the reference impedance, N s/m
+    renders_force : whether the device is an impedance display
     """
-    Z_0 = reference_impedance
-    return Terms(G_hh_abs2(loop) * Z_0**2, tracking_abs2(loop), Z_c.abs2() / Z_0**2)
+    square = Z_0**2
+    if renders_force:
+        return Terms(of_loop.admittance / square, of_loop.tracking, coupling.abs2() * square)
+    return Terms(of_loop.admittance * square, of_loop.tracking, coupling.abs2() / square)
 
 
 @cache

@@ -6,12 +6,13 @@ See proof/README.md, section 2.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import astuple
 from math import factorial
 
 from flint import acb, arb, arb_series
 
 from vctune.model.arithmetic import Arithmetic, Number, sinc_curvature_series
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 from vctune.proof.array_intervals import UNIT, Enclosure
 from vctune.proof.claims import Design
 from vctune.proof.jets import interpolated_over
@@ -139,9 +140,9 @@ def gains_ball(gains: Gains) -> Gains:
     return Gains(ball(gains.velocity), ball(gains.position))
 
 
-def coupling_ball(coupling: Coupling) -> Coupling:
+def coupling_ball(coupling: AnyCoupling) -> AnyCoupling:
     """Return the coupling with its decimals enclosed."""
-    return Coupling(ball(coupling.damping), ball(coupling.mass), ball(coupling.drag))
+    return type(coupling)(*map(ball, astuple(coupling)))
 
 
 def design_ball(design: Design) -> Design:
@@ -151,7 +152,7 @@ def design_ball(design: Design) -> Design:
 
 def design_series(exact: Design) -> Design:
     """Return a design in balls as one in power series that are constant."""
-    gains, coupling = exact.gains, exact.coupling
+    gains, coupling = exact.gains, exact.series
     return Design(
         exact.device.converted(as_series),
         Gains(as_series(gains.velocity), as_series(gains.position)),

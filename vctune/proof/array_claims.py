@@ -26,8 +26,10 @@ from vctune.proof.box_tests import Curve, Margin
 from vctune.proof.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
 from vctune.proof.claims import (
     Design,
+    LoopDelay,
     across_position,
     along_drive,
+    any_hand_margin,
     conditions_margin,
     hand_curve,
     hand_margin,
@@ -55,6 +57,7 @@ class Demands:
     factor : least Re Z_c / R
     max_sensitivity : greatest |S| of the sampled loop
     passive : whether any passive hand is to be met on the band
+    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
     hands : the hands that are to be met at every frequency of the sampled loop; None for none
     """
 
@@ -63,6 +66,7 @@ class Demands:
     factor: float
     max_sensitivity: float
     passive: bool = True
+    any_hand: bool = False
     hands: Hands | None = None
 
 
@@ -78,6 +82,7 @@ class Claims:
     conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
     resistance : the loop's, which must be positive too, whatever the coupling, N s/m
     in_hand : must be positive in every hand, of theta
+    any_hand : both must be positive for any passive hand on an impedance display, of theta
     required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
     poles_in_hand : curve that must not turn around 0, of a hand and of theta
     required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
@@ -96,6 +101,7 @@ class Claims:
     unmodelled: Margin
     resistance: Margin
     in_hand: Margin
+    any_hand: tuple[Margin, Margin]
     required_in_hands: Margin
     poles_in_hand: Curve
     required: Margin
@@ -152,6 +158,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
         unmodelled=unmodelled,
         resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
         in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
+        any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
         required_in_hands=required_in_hands,
         poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
         required=required,
@@ -177,7 +184,32 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -
     delays : whole samples, the same for all of them
     """
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
-    return lambda theta, v: hand_margin(in_hand(v), gains_of(v), coupling_of(v), theta, factor, OPS)
+    device = _uncertain_device(demands.device, uncertain)
+    return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, OPS)
+
+
+def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
+    """Return the margins that must be positive for any passive hand on an impedance display, of theta and of values.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margins take from among their values
+    delays : whole samples, the same for all of them
+    """
+    device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
+    delay = LoopDelay(delays.loop, delays.loop_fractional)
+
+    def margins(theta: Number, v: Values) -> tuple[Number, Number]:
+        return any_hand_margin(Design(device(v), gains_of(v), coupling_of(v)), delay, theta, factor, OPS)
+
+    return lambda theta, v: margins(theta, v)[0], lambda theta, v: margins(theta, v)[1]
+
+
+def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[Values], Device]:
+    """Return the device as a function of a claim's values."""
+    exact = nominal.converted(decimal)
+    return lambda v: exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
 
 
 def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) -> Callable[[Values], PlantInHand]:
@@ -205,14 +237,11 @@ def _devices(
     def sampled(device: Device, whole: Number, *, fractional: bool) -> SampledPlant:
         return sampled_plant(device, whole, OPS, fractional=fractional)
 
+    device = _uncertain_device(nominal, uncertain)
     if not uncertain:
         known = sampled(exact, whole, fractional=fraction > 0)
         return lambda v: exact, lambda v: known
     any_delay = "delay" in uncertain
-
-    def device(v: Values) -> Device:
-        return exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
-
     return device, lambda v: sampled(
         device(v), v[WHOLE_SAMPLES] if any_delay else whole, fractional=any_delay or fraction > 0
     )

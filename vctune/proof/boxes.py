@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
-from vctune.model.keys import KEYS
-from vctune.model.quantities import HAND, Coupling, Gains, Hands
+from vctune.model.keys import KEYS, SPRING_KEYS, keys_of
+from vctune.model.quantities import HAND, AnyCoupling, Coupling, Gains, Hands, SpringDamper
 from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
 
@@ -35,20 +35,27 @@ def gains_of(values: Values) -> Gains:
     return Gains(values[KEYS[0]], values[KEYS[1]])
 
 
-def coupling_of(values: Values) -> Coupling:
+def coupling_of(values: Values) -> AnyCoupling:
     """Return the coupling among some values."""
+    if SPRING_KEYS[3] in values:
+        return SpringDamper(values[SPRING_KEYS[2]], values[SPRING_KEYS[3]])
     return Coupling(values[KEYS[2]], values[KEYS[3]], values[KEYS[4]])
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Boxes of designs, [low, high] in each number of `KEYS`; arrays of shape (5, number of cells).
+    """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
 
     A cell whose edges meet is a single design.
     """
 
     low: Floats
     high: Floats
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the numbers, `KEYS` or `SPRING_KEYS`."""
+        return keys_of(len(self.low))
 
     def __len__(self) -> int:
         return int(self.low.shape[1])
@@ -206,7 +213,7 @@ def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
     Boxes
         n m of them, each owned by its cell.
     """
-    return over_band(KEYS, cells.low, cells.high, band)
+    return over_band(cells.keys, cells.low, cells.high, band)
 
 
 def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
@@ -227,7 +234,7 @@ def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes
         np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
         for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
     )
-    return over_band((*HAND, *KEYS), low, high, band)
+    return over_band((*HAND, *cells.keys), low, high, band)
 
 
 def over_each(cells: Cells, at: Floats) -> Boxes:
@@ -245,7 +252,7 @@ def over_each(cells: Cells, at: Floats) -> Boxes:
     """
     at = np.atleast_2d(at)
     low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
-    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *KEYS), np.arange(len(cells))
+    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *cells.keys), np.arange(len(cells))
     return Boxes(names=names, low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
 
 

@@ -22,7 +22,7 @@ from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DeviceBox
-from vctune.proof.hands import prove_hands
+from vctune.proof.hands import prove_any_hand, prove_hands
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.llewellyn import conditions_at, prove_conditions, widest_band
 from vctune.proof.many_designs import prove
@@ -48,12 +48,16 @@ class Claim(StrEnum):
     MODEL_POLES = "no pole of the frequency model in the closed right half plane"
     SAMPLED_POLES = "spectral radius of the sampled loop below 1"
     UNMODELLED = "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled"
+    ANY_HAND = "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
     HANDS = "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist"
+    FORCE_HANDS = "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
 
 
 STABILITY = Claim.MODEL_POLES, Claim.SAMPLED_POLES, Claim.UNMODELLED
 """Those without which no ratio means anything."""
-RATIOS = Claim.CONDITIONS, Claim.HANDS
+IN_HANDS = Claim.HANDS, Claim.FORCE_HANDS
+"""Those that are about the hands of a box, of an admittance display and of an impedance display."""
+RATIOS = Claim.CONDITIONS, Claim.ANY_HAND, *IN_HANDS
 """Those that are about Re Z_c / R."""
 
 ON_ARRAYS = Claim.CONDITIONS, Claim.SENSITIVITY, Claim.MODEL_POLES, Claim.SAMPLED_POLES
@@ -161,8 +165,11 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
             outcomes[Claim.UNMODELLED] = _unmodelled(
                 design, box, box.nominal.unmodelled.radii, demands, bounded=bounded
             )
+        if demands.any_hand:
+            outcomes[Claim.ANY_HAND] = prove_any_hand(design, demands, box)
         if demands.hands is not None:
-            outcomes[Claim.HANDS] = prove_hands(design, demands, box)
+            in_hands = Claim.FORCE_HANDS if design.device.renders_force else Claim.HANDS
+            outcomes[in_hands] = prove_hands(design, demands, box)
         missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
@@ -256,7 +263,7 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
         In the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
-    if designs and box is None and demands.hands is None:
+    if designs and box is None and demands.hands is None and not demands.any_hand:
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
         proofs = prove(demands, Cells(values, values))
         for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):

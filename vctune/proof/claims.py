@@ -6,17 +6,26 @@ from dataclasses import dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.coupling import coupling_impedance, sampled_resistance
+from vctune.model.coupling import coupling_impedance
 from vctune.model.device_response import DeviceResponse, device_response
-from vctune.model.hand_loop import PlantInHand, loop_in_hand, required_in_hand
+from vctune.model.hand_loop import PlantInHand, loop_in_hand, required_in_hand, room
+from vctune.model.impedance_display import any_hand
 from vctune.model.llewellyn import llewellyn_demand
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 from vctune.model.sampled import SampledPlant, difference_slope, return_difference
 
 HALF_TURN = nextafter(pi, inf)
 """theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDelay:
+    """A delay's whole samples, and whether a part of one remains."""
+
+    whole_samples: Number
+    fractional: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +34,13 @@ class Design:
 
     device: Device
     gains: Gains
-    coupling: Coupling
+    coupling: AnyCoupling
+
+    @property
+    def series(self) -> Coupling:
+        """The coupling of an admittance display, the only one that has a frequency model."""
+        assert isinstance(self.coupling, Coupling)
+        return self.coupling
 
 
 def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
@@ -43,7 +58,7 @@ def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithm
     ops : arithmetic of all of these
     """
     loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
-    return 2 * loop.resistance * coupling_impedance(design.coupling, omega).re - factor * llewellyn_demand(loop, ops)
+    return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
 
 
 def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
@@ -60,7 +75,7 @@ def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -
     factor : least Re Z_c / R
     ops : arithmetic of all of these
     """
-    device, coupling = design.device, design.coupling
+    device, coupling = design.device, design.series
     loop = loop_response(device_response(device, omega, ops), design.gains, ops)
     weight = ops.sqrt(loop.C_scaled.abs2() * loop.D_scaled.abs2()) + re_conj_product(loop.C_scaled, loop.D_scaled)
     im = loop.im_C_conj_D_scaled
@@ -86,7 +101,7 @@ def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> N
     factor : least Re Z_c / R
     ops : arithmetic of all of these
     """
-    device, gains, coupling = design.device, design.gains, design.coupling
+    device, gains, coupling = design.device, design.gains, design.series
     assert device.ideal, "beyond Nyquist only an ideal device has a model"
     half = device.sample_time / 2
     decay = 1 / (v * v + half * half)
@@ -153,23 +168,42 @@ def loop_gain_margin(plant: SampledPlant, gains: Gains, theta: Number, limit: Nu
     return limit * limit * parts.open.abs2() - loop.abs2()
 
 
-def hand_margin(
-    plant: PlantInHand, gains: Gains, coupling: Coupling, theta: Number, factor: Number, ops: Arithmetic
-) -> Number:
+def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand at theta = omega T, N s/m (model/README.md, section 14).
 
-    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there.
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. Of an impedance display it
+    is |F|^2 (Re 1/Z_c - factor R)/s^2 (section 15).
 
     Parameters
     ----------
     plant : the device in the hand
-    gains, coupling : in numbers of the arithmetic
+    design : in numbers of the arithmetic
     theta : omega T, rad, in [0, pi]
     factor : least Re Z_c / R
     ops : arithmetic of all of these
     """
-    required = required_in_hand(loop_in_hand(plant, theta, ops), gains)
-    return sampled_resistance(coupling, plant.sample_time, theta, ops) * required.size - factor * required.lost
+    required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
+    return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def any_hand_margin(
+    design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
+) -> tuple[Number, Number]:
+    """Return size (Re 1/Z_c - factor R)/s^2 in any passive hand on an impedance display, and size.
+
+    Both must be positive (model/README.md, section 15).
+
+    Parameters
+    ----------
+    design : of an impedance display, in numbers of the arithmetic
+    delay : of its device
+    theta : omega T, rad, in [0, pi]
+    factor : least Re(1/Z_c)/R
+    ops : arithmetic of all of these
+    """
+    hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
+    required = hand.required(design.gains)
+    return room(design.coupling, design.device, required, factor, theta, ops), required.size
 
 
 def hand_curve(plant: PlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
@@ -182,8 +216,8 @@ def hand_curve(plant: PlantInHand, gains: Gains, theta: Number, ops: Arithmetic)
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of all of these
     """
-    F, half, order = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), len(plant.push) + plant.order
-    turned = Pair(ops.cos(theta * (order / 2)), -ops.sin(theta * (order / 2)))
+    F, half, turns = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), plant.poles / 2
+    turned = Pair(ops.cos(theta * turns), -ops.sin(theta * turns))
     return Pair(F.even, half * F.odd) * turned
 
 

@@ -6,6 +6,7 @@ unit circle; in one hand none is outside, and from there to any other none cross
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 from math import ceil, floor, pi
 
@@ -14,16 +15,16 @@ from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.hand_loop import Delays, delays_of, plant_in_hand
-from vctune.model.keys import KEYS
+from vctune.model.keys import keys_of
 from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
 from vctune.model.sampled import SNAP
-from vctune.proof.arb_balls import BALLS, ball, device_ball, gains_ball
-from vctune.proof.array_claims import Demands, hands_margin
+from vctune.proof.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
+from vctune.proof.array_claims import Demands, any_hand_margins, hands_margin
 from vctune.proof.array_intervals import Floats, decimal
-from vctune.proof.box_tests import positive
+from vctune.proof.box_tests import Margin, positive
 from vctune.proof.boxes import Boxes, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
-from vctune.proof.claims import HALF_TURN, Design, hand_curve, hand_margin
+from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import in_rad_per_s
@@ -57,45 +58,108 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         Refuted or undecided with a hand, and with a device of the box.
     """
     assert demands.hands is not None
-    if not design.gains.closed:
-        return Outcome(Verdict.PROVED, 0)  # nothing is driven
-    if design.gains.position == 0 and demands.hands.low.stiffness == 0:
-        return Outcome(Verdict.UNDECIDED, 0)  # F and P both vanish at omega = 0 in a hand without stiffness
+    if not design.device.renders_force:
+        if not design.gains.closed:
+            return Outcome(Verdict.PROVED, 0)  # nothing is driven
+        if design.gains.position == 0 and demands.hands.low.stiffness == 0:
+            return Outcome(Verdict.UNDECIDED, 0)  # F and P both vanish at omega = 0 in a hand without stiffness
     middle = demands.hands.middle
     stable = prove_poles_in(design.device, middle, design.gains)
     if stable.verdict is not Verdict.PROVED:
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
-    low, high = _ends(demands.hands, box, uncertain)
-    names = HAND + tuple(f"device.{key}" for key in uncertain)
-    fixed = dict(zip(KEYS, map(decimal, astuple(design.gains) + astuple(design.coupling)), strict=True))
-    boxes = stable.boxes
-    for part in _parts(design.device, names, low, high):
-        test = positive(hands_margin(demands, uncertain, part.delays), fixed)
-        found = prove(
-            part.within(test, names),
-            over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
-            1,
-            halved=[True] * (1 + len(names)),
-            max_halvings=MAX_HALVINGS,
-            max_boxes=MAX_BOXES,
-            at_ends=True,
-            few=FEW,
-        )
-        boxes += int(found.boxes[0])
-        if not found.proved[0]:
-            point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-            break
-    else:
-        return Outcome(Verdict.PROVED, boxes)
+    ends = _ends(demands.hands, box, uncertain)
+
+    def margins(delays: Delays) -> list[Margin]:
+        return [hands_margin(demands, uncertain, delays)]
+
+    found = _proved_over(design, demands, uncertain, HAND, ends, margins)
+    return replace(found, boxes=found.boxes + stable.boxes)
+
+
+def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand, its loop of K_v alone being stable.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    demands : what is to be met
+    box : of devices, for all of which it is to be proved; None for the design's own
+
+    Returns
+    -------
+    Outcome
+        Refuted or undecided with a device of the box.
+    """
+    uncertain = box.modelled.uncertain if box is not None else ()
+    if design.device.least_damping == 0:
+        return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
+
+    def margins(delays: Delays) -> list[Margin]:
+        margin, size = any_hand_margins(demands, uncertain, delays)
+        return [margin, size] if design.gains.velocity > 0 else [margin]
+
+    return _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins)
+
+
+def _proved_over(
+    design: Design,
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    hand_rows: tuple[str, ...],
+    ends: tuple[Floats, Floats],
+    margins: Callable[[Delays], list[Margin]],
+) -> Outcome:
+    """Prove margins of theta, the hand's numbers and the device's positive over all of them.
+
+    Parameters
+    ----------
+    uncertain, hand_rows : numbers of device and hand that are rows of the boxes
+    ends : their least and greatest, the hand's first
+    margins : of devices whose delays have these whole samples
+    """
+    names = hand_rows + tuple(f"device.{key}" for key in uncertain)
+    numbers = (*astuple(design.gains), *astuple(design.coupling))
+    fixed = dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
+    boxes, point = 0, None
+    for part in _parts(design.device, names, *ends):
+        for margin in margins(part.delays):
+            found = prove(
+                part.within(positive(margin, fixed), names),
+                over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
+                1,
+                halved=[True] * (1 + len(names)),
+                max_halvings=MAX_HALVINGS,
+                max_boxes=MAX_BOXES,
+                at_ends=True,
+                few=FEW,
+            )
+            boxes += int(found.boxes[0])
+            if not found.proved[0]:
+                point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
+                return _in_doubt(design, demands, uncertain, names, part, point, boxes)
+    return Outcome(Verdict.PROVED, boxes)
+
+
+def _in_doubt(
+    design: Design,
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    names: tuple[str, ...],
+    part: _Part,
+    point: Floats,
+    boxes: int,
+) -> Outcome:
+    """Decide by balls about a point at which arrays have not proved the demand."""
     for row, name in enumerate(names):
         if name in DELAY_ROWS:  # at its ends the whole samples change
             inwards = NEXT_TO * design.device.sample_time
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
-    hand, device = Hand(*within[: len(HAND)]), design.device
+    count = len(names) - len(uncertain)
+    hand, device = Hand(*within[:count]) if count else None, design.device
     if uncertain:
-        device = device.with_numbers(dict(zip(uncertain, within[len(HAND) :], strict=True)))
+        device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
     theta = min(float(point[0]), pi)
     fails = _margin_at(replace(design, device=device), hand, theta, demands.factor) < 0
     outcome = Outcome(
@@ -194,19 +258,20 @@ def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
     return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
 
 
-def _margin_at(design: Design, hand: Hand, theta: float, factor: float) -> Number:
-    """Return the margin at one angle, in balls."""
-    device, coupling = design.device, type(design.coupling)(*map(ball, astuple(design.coupling)))
-    plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
-    return hand_margin(plant, gains_ball(design.gains), coupling, arb(theta), ball(factor), BALLS)
+def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -> Number:
+    """Return the margin in a hand, or in any, at one angle, in balls."""
+    exact, delays = design_ball(design), delays_of(design.device)
+    if hand is None:
+        delay = LoopDelay(delays.loop, delays.loop_fractional)
+        return any_hand_margin(exact, delay, arb(theta), ball(factor), BALLS)[0]
+    plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays, BALLS)
+    return hand_margin(plant, exact, arb(theta), ball(factor), BALLS)
 
 
-def _ends(hands: Hands, box: DeviceBox | None, uncertain: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand and device."""
+def _ends(hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Return the least and the greatest numbers of hand, if one is to be met, and device."""
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
-    low, high = (
-        np.array([*astuple(hand), *device], float).reshape(-1, 1)
-        for hand, device in zip((hands.low, hands.high), numbers, strict=True)
-    )
+    held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
+    low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
     return low, high

@@ -43,7 +43,7 @@ def _margins(design: Design, factor: float) -> list[Margin]:
     exact, threshold = design_ball(design), arb(repr(factor))
     if not design.gains.closed:
         damping = exact.device.least_damping
-        return [lambda omega: 2 * damping * coupling_impedance(exact.coupling, omega).re]
+        return [lambda omega: 2 * damping * coupling_impedance(exact.series, omega).re]
     series, in_series = design_series(exact), as_series(threshold)
 
     def conditions_met(omega: Number) -> Number:

@@ -12,7 +12,6 @@ from math import inf, pi
 import numpy as np
 
 from vctune.model.arithmetic import FLOATS, Arithmetic
-from vctune.model.keys import KEYS
 from vctune.model.quantities import HAND, Device, Hand
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Flags, Floats, decimal
@@ -38,9 +37,6 @@ many prove the same cells."""
 HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 8_000, 128
 """The same for boxes of angle and hand, and how many cells are proved together: what is known of them fits into memory.
 """
-IN_FREQUENCY = (True, *[False] * len(KEYS))
-IN_HANDS = (*[True] * (1 + len(HAND)), *[False] * len(KEYS))
-"""Only intervals of frequency, and hands, are halved here; cells are their caller's business."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,11 +115,21 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
         if len(left):
             proved, boxes[rows, left] = holds(cells.subset(left))
             left = left[proved]
+    if demands.any_hand and len(left):
+        left = left[_holds_in_any_hand(demands, claims, cells.subset(left))]
     if demands.hands is not None and len(left):
         left = left[_holds_in_hands(demands, claims, cells.subset(left))]
     proved = np.zeros(len(cells), bool)
     proved[left] = True
     return Certified(proved, boxes)
+
+
+def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in any passive hand on an impedance display."""
+    if demands.device.least_damping == 0:
+        return np.zeros(len(cells), bool)
+    margin, size = (_over(positive(each, {}), cells, 0.0, HALF_TURN).proved for each in claims.any_hand)
+    return margin & size
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
@@ -134,8 +140,9 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
-    # next to K_p = 0 F and P both vanish at theta = 0 in a hand without stiffness
-    hopeful = np.flatnonzero((cells.low[1] > 0) | (hands.low.stiffness > 0))
+    # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
+    regular = demands.device.renders_force or hands.low.stiffness > 0
+    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_in_hand(hands.middle))
     left = hopeful[turns == 0]
@@ -145,7 +152,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
             positive(claims.in_hand, {}),
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
-            halved=IN_HANDS,
+            halved=_halved(cells, 1 + len(HAND)),
             max_halvings=HALVINGS_IN_HANDS,
             max_boxes=BOXES_IN_HANDS,
             only_whole=True,
@@ -161,8 +168,13 @@ def _over(
     halvings = CELL_HALVINGS if cells.extended else HALVINGS
     boxes = over_cells(cells, band_of(low, high, STEP))
     return prove_boxes(
-        test, boxes, len(cells), halved=IN_FREQUENCY, max_halvings=halvings, max_boxes=MAX_BOXES, measure=measure
+        test, boxes, len(cells), halved=_halved(cells, 1), max_halvings=halvings, max_boxes=MAX_BOXES, measure=measure
     )
+
+
+def _halved(cells: Cells, rows: int) -> tuple[bool, ...]:
+    """Return which rows are halved: intervals of frequency, and hands; cells are their caller's business."""
+    return (*[True] * rows, *[False] * len(cells.keys))
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,17 +185,19 @@ class Places:
     ----------
     theta_S : rad, angle omega T of |S|, shape (n,)
     omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
+    theta : rad, angles of any passive hand on an impedance display likewise
     in_hands : angles and hands likewise, shape (4, any number, n)
     """
 
     theta_S: Floats
     omega: Floats | None = None
+    theta: Floats | None = None
     in_hands: Floats | None = None
 
     def subset(self, at: Integers) -> Places:
         """Return those of some of the cells."""
-        omega, in_hands = (None if of is None else of[..., at] for of in (self.omega, self.in_hands))
-        return Places(self.theta_S[at], omega, in_hands)
+        some = (None if of is None else of[..., at] for of in (self.omega, self.theta, self.in_hands))
+        return Places(self.theta_S[at], *some)
 
 
 def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
@@ -202,6 +216,8 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         if places.omega is not None:
             lost |= negative_at(claims.conditions, part, places.omega[0, at])
             lost |= negative_at(claims.resistance, part, places.omega[0, at])
+        if places.theta is not None:
+            lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
         if places.in_hands is not None:
             lost |= negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
         left = np.flatnonzero(~lost)

@@ -23,7 +23,7 @@ END_BOXES = 64
 def low_end_verdict(design: Design) -> Verdict:
     """Compare the exact limits of Re Z_c and R for omega -> 0; undecided where they are equal."""
     exact = design_ball(design)
-    limit = low_frequency_limit(exact.device, exact.gains, exact.coupling, BALLS)
+    limit = low_frequency_limit(exact.device, exact.gains, exact.series, BALLS)
     if limit.coupling < limit.required:
         return Verdict.REFUTED
     return Verdict.PROVED if limit.coupling > limit.required else Verdict.UNDECIDED

@@ -8,7 +8,7 @@ infinity are like any other edge (model/README.md, section 6).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from fractions import Fraction
 from itertools import pairwise
 from math import inf, isinf, nextafter
@@ -68,7 +68,7 @@ def conditions(design: Design, factor: float) -> Conditions:
     operator = None if cleared.operator is None else cleared.operator.damping
     drive = DriveResponse(fmpq_poly([1]), half)
     loop = loop_response(DeviceResponse(omega, cleared.mass, cleared.damping, drive, operator=operator), gains, BALLS)
-    coupling = Coupling(*map(_rational, (design.coupling.damping, design.coupling.mass, design.coupling.drag)))
+    coupling = Coupling(*map(_rational, astuple(design.coupling)))
     b_c, reactance2 = coupling.damping, coupling.mass * coupling.mass * omega * omega
     below = b_c * b_c + reactance2
     above = coupling.drag * below + b_c * reactance2

@@ -10,7 +10,7 @@ from math import floor, inf, pi
 import numpy as np
 
 from vctune.model.arithmetic import Number
-from vctune.model.keys import KEYS
+from vctune.model.keys import keys_of
 from vctune.model.quantities import Device
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Enclosure, Floats, between, decimal
@@ -61,7 +61,8 @@ class RobustDesign:
     @property
     def values(self) -> Values:
         """The five numbers of the design, enclosed."""
-        return dict(zip(KEYS, map(decimal, astuple(self.design.gains) + astuple(self.design.coupling)), strict=True))
+        numbers = astuple(self.design.gains) + astuple(self.design.coupling)
+        return dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.report.diagram import loop_figure
 from vctune.report.page import inline, svg
 
@@ -19,7 +19,7 @@ BLOCKS = {
 """The blocks of a controller in the order in which they are executed."""
 
 
-def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: Coupling) -> str:
+def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
     """Return the HTML of a controller, one page that needs nothing from outside.
 
     Parameters
@@ -35,5 +35,9 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
     }
     diagram = inline(svg(loop_figure(device, gains, coupling), "controller"))
     return environment.get_template("controller.html.j2").render(
-        controller=controller, blocks=blocks, diagram=diagram, doubt=controller.get("not_proved", "")
+        controller=controller,
+        blocks=blocks,
+        diagram=diagram,
+        doubt=controller.get("not_proved", ""),
+        renders_force=device.renders_force,
     )

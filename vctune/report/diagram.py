@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.model.quantities import Coupling, Device, Gains, Structure
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper, Structure
 from vctune.report.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
 SIZE = (8.0, 4.2)
@@ -23,8 +23,10 @@ POSITION_AT = 5.63
 """Where the position goes past the velocity estimate."""
 
 
-def loop_figure(device: Device, gains: Gains, coupling: Coupling) -> Figure:
+def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Return the block diagram of a design: force sensor, coupling, law, hold, actuator, mechanism, velocity estimate.
+
+    Of an impedance display the coupling is fed by what is measured of the motion, and what follows it adds up forces.
 
     Parameters
     ----------
@@ -37,7 +39,10 @@ def loop_figure(device: Device, gains: Gains, coupling: Coupling) -> Figure:
         axes.set(xlim=(0, SIZE[0]), ylim=(0, SIZE[1]))
         axes.set_axis_off()
         _firmware(axes, device)
-        _force_path(axes, device, coupling)
+        if isinstance(coupling, SpringDamper):
+            _motion_path(axes, coupling)
+        else:
+            _force_path(axes, device, coupling)
         _drive(axes, device, gains)
         _mechanism(axes, device)
         _feedback(axes, device, gains)
@@ -61,10 +66,20 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
 
 
+def _motion_path(axes: Axes, coupling: SpringDamper) -> None:
+    """Draw what is measured of the motion on its way to the coupling: past its estimate, whose velocity it shares."""
+    _arrow(axes, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
+    lines = [f"k_c {coupling.stiffness:.5g} N/m"]
+    lines += [f"b_c {coupling.damping:.4g} N s/m"] if coupling.damping > 0 else []
+    _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
+
+
 def _drive(axes: Axes, device: Device, gains: Gains) -> None:
-    lines = [f"K_v {gains.velocity:.4g} N s/m"] + ([f"K_p {gains.position:.6g} N/m"] if gains.position > 0 else [])
-    _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label="v_e")
-    _box(axes, LAW, TOP, "velocity law", lines, colour=BLUE)
+    lines = [f"K_v {gains.velocity:.4g} N s/m"] if gains.velocity > 0 or not device.renders_force else []
+    lines += [f"K_p {gains.position:.6g} N/m"] if gains.position > 0 else []
+    told, law = ("f_c", "force") if device.renders_force else ("v_e", "velocity law")
+    _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label=told)
+    _box(axes, LAW, TOP, law, lines, colour=BLUE)
     _arrow(axes, (LAW + WIDTH / 2, TOP), (RIGHT - WIDTH / 2, TOP))
     late = [f"delay {_time(device.delay)}"] if device.delay > 0 else []
     _box(

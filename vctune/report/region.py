@@ -18,7 +18,7 @@ from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.prepared import prepare
 from vctune.design.variables import point
-from vctune.model.keys import KEYS
+from vctune.model.keys import SYMBOLS, UNITS
 from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
@@ -36,8 +36,6 @@ STRIP, GAP = 0.03, 0.008
 APART = (0.07, 0.035)
 """Least distance of the marks on x and y."""
 MESH = 48
-UNITS = {"gains.velocity": "K_v, N s/m", "gains.position": "K_p, N/m", "coupling.damping": "b_c, N s/m"}
-UNITS |= {"coupling.mass": "m_c, kg", "coupling.drag": "b_0, N s/m"}
 
 
 def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -> Figure:
@@ -55,7 +53,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
         _marked(axes, plane, designs, "*", PAPER, "optimum")
-        if set(plane.axes) == {0, 1}:
+        if set(plane.axes) == {0, 1} and not problem.device.renders_force:
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)
@@ -87,10 +85,16 @@ def _frame(plane: Plane) -> tuple[Figure, Axes]:
     for place, axis in enumerate(plane.axes):
         values, at = _marks(plane, place)
         low = -STRIP if plane.has_line(place) else 0.0
-        keywords: Any = {"xy"[place] + part: value for part, value in (("lim", (low, 1)), ("label", UNITS[KEYS[axis]]))}
+        keywords: Any = {
+            "xy"[place] + part: value for part, value in (("lim", (low, 1)), ("label", _label(plane.keys[axis])))
+        }
         axes.set(**keywords)
         (axes.set_xticks, axes.set_yticks)[place](at, [_number(value) for value in values])
     return figure, axes
+
+
+def _label(key: str) -> str:
+    return f"{SYMBOLS[key]}, {UNITS[key]}"
 
 
 def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:

@@ -10,6 +10,7 @@ from vctune.document.files import write_together
 from vctune.document.reading import parse_problem
 from vctune.document.record import DesignRecord
 from vctune.document.simulation import SimulationRecord
+from vctune.model.quantities import Coupling
 from vctune.report.contents import REPORT, report_paths
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
@@ -55,8 +56,8 @@ def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecor
     """
     problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
     drawn: dict[str, Figure] = {}
-    if record.design is not None:
-        drawn = figures(Design(problem, *record.design, record))
+    if record.design is not None and isinstance(record.design[1], Coupling):
+        drawn = figures(Design(problem, record.design[0], record.design[1], record))
     if simulation is not None:
         drawn["simulation"] = simulation_figure(simulation)
     pictures = {name: svg(figure, name) for name, figure in drawn.items()}

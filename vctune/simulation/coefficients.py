@@ -6,7 +6,7 @@ from fractions import Fraction
 from math import inf
 
 from vctune.model.experiment import Environment
-from vctune.model.quantities import Coupling
+from vctune.model.quantities import AnyCoupling, Coupling, SpringDamper
 
 
 def exact(decimal: float) -> Fraction:
@@ -14,21 +14,32 @@ def exact(decimal: float) -> Fraction:
     return Fraction(repr(float(decimal)))
 
 
-def coupling_coefficients(coupling: Coupling | None, sample_time: float) -> dict[str, float]:
-    """Return the coefficients of a coupling by the trapezoidal rule; `coupling_of` goes back.
+def coupling_coefficients(
+    coupling: AnyCoupling | None, sample_time: float, smoothing: float | None, low_passes: int
+) -> dict[str, float]:
+    """Return the coefficients of a coupling, of an admittance display by the trapezoidal rule; `coupling_of` goes back.
 
     Parameters
     ----------
-    coupling : damping b_c and mass m_c in series, drag b_0 beside them; None for none
+    coupling : damping b_c and mass m_c in series, drag b_0 beside them; or stiffness and damping; None for none
     sample_time : T, s
+    smoothing, low_passes : of the velocity that the damping of an impedance display acts on
 
     Returns
     -------
     dict
-        coupling_step and resistance, N s/m, and coupling_decay.
+        coupling_step and resistance, N s/m, and coupling_decay; or coupling_stiffness, coupling_damping, resistance.
     """
     if coupling is None:
         return {"resistance": 0.0}
+    if isinstance(coupling, SpringDamper):
+        at_once = exact(1.0 if smoothing is None else smoothing) ** low_passes
+        resistance = exact(coupling.stiffness) * exact(sample_time) + exact(coupling.damping) * at_once
+        return {
+            "coupling_stiffness": coupling.stiffness,
+            "coupling_damping": coupling.damping,
+            "resistance": float(resistance),
+        }
     a = exact(sample_time) * exact(coupling.damping) / (2 * exact(coupling.mass))
     step = exact(coupling.damping) / (1 + a)
     return {
@@ -38,7 +49,7 @@ def coupling_coefficients(coupling: Coupling | None, sample_time: float) -> dict
     }
 
 
-def coupling_of(coefficients: dict[str, float], sample_time: float) -> Coupling:
+def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupling:
     """Return the coupling whose coefficients are the given ones, to the rounding of its three numbers.
 
     Parameters
@@ -46,6 +57,8 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> Coupling:
     coefficients : as of `coupling_coefficients`, perhaps rounded
     sample_time : T, s
     """
+    if "coupling_stiffness" in coefficients:
+        return SpringDamper(coefficients["coupling_damping"], coefficients["coupling_stiffness"])
     step, decay = Fraction(coefficients["coupling_step"]), Fraction(coefficients["coupling_decay"])
     return Coupling(
         damping=float(2 * step / (1 + decay)),

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from vctune.model.arithmetic import Number
 from vctune.model.experiment import Environment
-from vctune.model.quantities import Coupling
+from vctune.model.quantities import AnyCoupling, SpringDamper
 from vctune.simulation import equations
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.coefficients import coupling_coefficients, environment_coefficients, limit_coefficients
@@ -27,7 +27,8 @@ class Law:
     ----------
     sample_time : s
     velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
-    coupling : damping b_c and mass m_c in series and the drag b_0 beside them; None for no coupling
+    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or of an impedance display a stiffness
+        beside a damping; None for no coupling
     virtual_mass, virtual_damping : beside the environment, kg, N s/m
     environment : what is rendered
     position_resolution : of the encoder, m; 0 for none
@@ -41,7 +42,7 @@ class Law:
     velocity: float
     position: float
     integral: float
-    coupling: Coupling | None
+    coupling: AnyCoupling | None
     virtual_mass: float
     virtual_damping: float
     environment: Environment
@@ -73,6 +74,7 @@ class State:
     measured : position at the sample before, m
     filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
     inertia : force of the environment's mass, N; of the trapezoidal rule alone
+    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; of an impedance display
     """
 
     reference: Number
@@ -83,6 +85,8 @@ class State:
     filtered: Number
     twice_filtered: Number
     inertia: Number = 0.0
+    smoothed: Number = 0.0
+    twice_smoothed: Number = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,12 +146,13 @@ def parts_of(law: Law) -> Parts:
         wall=rendered.wall,
         integral=law.integral > 0,
         limit=law.limit is not None,
+        renders_force=isinstance(law.coupling, SpringDamper),
     )
 
 
 def coefficients_of(law: Law) -> dict[str, float]:
     """Return the coefficients of a firmware by their names in `equations.COEFFICIENTS`."""
-    T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time)
+    T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time, law.smoothing, law.low_passes)
     given["resistance"] += law.virtual_mass / T + law.virtual_damping
     return {
         "sample_time": T,

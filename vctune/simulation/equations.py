@@ -46,6 +46,7 @@ class Parts:
     wall : whether these may be one-sided
     integral : whether the position error is integrated once more
     limit : whether the force is limited, and with it the integral parts of the law
+    renders_force : whether it is an impedance display's: its coupling is a spring and a damper, and it has no law
     """
 
     quantised: bool = False
@@ -59,6 +60,7 @@ class Parts:
     wall: bool = True
     integral: bool = False
     limit: bool = True
+    renders_force: bool = False
 
 
 INPUTS = (
@@ -76,7 +78,9 @@ COEFFICIENTS = {
         "integral_gain": ("K_i", "N/(m s)", "gain of the integrated position error"),
         "coupling_step": ("b_c/(1 + a)", "N s/m", "force of the coupling per step of v_e, a = T b_c/(2 m_c)"),
         "coupling_decay": ("(1 - a)/(1 + a)", "1", "what a sample leaves of the coupling's force"),
-        "resistance": ("b_c/(1 + a) + b_0", "N s/m", "force per v_e, of all but the environment"),
+        "coupling_stiffness": ("k_c", "N/m", "stiffness of the coupling"),
+        "coupling_damping": ("b_c", "N s/m", "damping of the coupling"),
+        "resistance": ("R_v", "N s/m", "force per v_e, of all but the environment"),
         "virtual_inertance": ("M_0/T", "N s/m", "of the virtual mass"),
         "smoothing": ("a_f", "1", "of the velocity's low-pass, 1 - exp(-2 pi f T)"),
         "resolution": ("q", "m", "of the encoder"),
@@ -101,6 +105,8 @@ STATE = {
         "measured": ("x", "m", "position of the motor"),
         "filtered": ("v_1", "m/s", "velocity behind the first low-pass"),
         "twice_filtered": ("v_2", "m/s", "velocity behind the second low-pass"),
+        "smoothed": ("w_1", "m/s", "v_e behind the first low-pass"),
+        "twice_smoothed": ("w_2", "m/s", "v_e behind the second low-pass"),
         "inertia": ("f_m", "N", "force of the environment's mass"),
     }.items()
 }
@@ -110,11 +116,13 @@ STATE = {
 def remembered(parts: Parts) -> tuple[str, ...]:
     """Return what of `STATE` a firmware needs at its next sample."""
     needed = {
-        "coupling": parts.coupling,
+        "coupling": parts.coupling and not parts.renders_force,
         "integral": parts.integral,
         "measured": parts.difference,
         "filtered": parts.low_passes > 0,
         "twice_filtered": parts.low_passes > 1,
+        "smoothed": parts.renders_force and parts.low_passes > 0,
+        "twice_smoothed": parts.renders_force and parts.low_passes > 1,
         "inertia": parts.mass and parts.trapezoid,
     }
     return tuple(name for name in STATE if needed.get(name, True))
@@ -154,15 +162,44 @@ def estimate(parts: Parts) -> Iterator[Equation]:
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
-    """Yield what drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample."""
+    """Yield what drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
+
+    Of an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
+    """
+    if parts.renders_force:
+        yield from _pulled(parts)
+        return
     force: Expression = _now("measured_force")
     if parts.coupling:
         force = force + _now("coupling_step") * _was("desired") - _now("coupling_decay") * _was("coupling")
     if parts.virtual:
         force = force + _now("virtual_inertance") * _was("desired")
     yield _new("drive", "f", "N", "force that is left to drive v_e", force)
+    yield _middle()
+
+
+def _middle() -> Equation:
     middle = _was("reference") + _now("half_sample_time") * _was("desired")
-    yield _new("middle", "x_m", "m", "x_e without the share of the new v_e", middle)
+    return _new("middle", "x_m", "m", "x_e without the share of the new v_e", middle)
+
+
+def _pulled(parts: Parts) -> Iterator[Equation]:
+    """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
+
+    The spring is between positions, so that no sum of velocities drifts: x_e is T/2 v_e behind what its force follows.
+    """
+    yield _middle()
+    apart: Expression = _now("velocity")
+    for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
+        carried = _was(name) - _now("smoothing") * _was(name)
+        yield _new(f"{name}_carried", f"{STATE[name].symbol}'", "m/s", "what a sample leaves of it", carried)
+    if parts.low_passes == 1:
+        apart = apart - _now("smoothed_carried")
+    elif parts.low_passes == 2:
+        apart = apart - _now("twice_smoothed_carried") - _now("smoothing") * _now("smoothed_carried")
+    yield _new("apart", "d", "m/s", "velocity of the handle from the tool, without the share of the new v_e", apart)
+    force = _now("coupling_stiffness") * (_now("measured") - _now("middle")) + _now("coupling_damping") * _now("apart")
+    yield _new("drive", "f", "N", "force of the coupling, without the share of the new v_e", force)
 
 
 def environment(parts: Parts) -> Iterator[Equation]:
@@ -207,7 +244,12 @@ def law(parts: Parts) -> Iterator[Equation]:
     x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at
     (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
     as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
+
+    An impedance display has no law: its command is the coupling's force, and what K_v damps.
     """
+    if parts.renders_force:
+        yield from _rendered(parts)
+        return
     if parts.coupling:
         step = _now("coupling_step") * (_now("desired") - _was("desired"))
         yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
@@ -234,6 +276,26 @@ def law(parts: Parts) -> Iterator[Equation]:
         held = _within("integral_reach", _now("summed"))
         yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
     yield _new("command", "u", "N", "force that the motor is commanded", _within("limit", _now("asked")))
+
+
+def _rendered(parts: Parts) -> Iterator[Equation]:
+    """Yield what is remembered of the tool, and the command against coupling and damping."""
+    source = "desired"
+    for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
+        yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
+        source = name
+    yield _kept("reference", _now("middle") + _now("half_sample_time") * _now("desired"))
+    met = _now("drive") - _now("resistance") * _now("desired")
+    yield _new("coupled", "f_c", "N", "force of the coupling", met)
+    asked = -_now("coupled") - _now("velocity_gain") * _now("velocity")
+    yield _new("asked", "u'", "N", "force before it is limited", asked)
+    yield _new(
+        "command",
+        "u",
+        "N",
+        "force that the motor is commanded",
+        _within("limit", _now("asked")) if parts.limit else _now("asked"),
+    )
 
 
 def _within(bound: str, term: Symbol) -> Expression:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.simulation.in_the_loop import Controller, Difference, run_in_the_loop
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run
@@ -53,7 +53,7 @@ class Simulated:
 def simulate(
     problem: Problem,
     gains: Gains,
-    coupling: Coupling,
+    coupling: AnyCoupling,
     experiment: Experiment,
     progress: Callable[[str], None] = lambda stage: None,
     controller: Controller | None = None,

@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.document.digest import experiments_digest
 from vctune.document.reading import ProblemFile
-from vctune.document.record import CouplingRecord, GainsRecord
+from vctune.document.record import GainsRecord, coupling_record
 from vctune.document.simulation import (
     DifferenceRecord,
     EnvironmentRecord,
@@ -22,8 +22,8 @@ from vctune.document.simulation import (
     SimulatedProblemRecord,
     SimulationRecord,
 )
-from vctune.model.experiment import Environment
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.experiment import Environment, Experiment
+from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper
 from vctune.simulation.experiment import Run, Simulated
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces
@@ -36,7 +36,7 @@ simulation.json, the same picture. Twice: corners begin to show in print."""
 
 
 def simulation_record(
-    file: ProblemFile, gains: Gains, coupling: Coupling, simulated: list[Simulated], controller: str | None = None
+    file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated], controller: str | None = None
 ) -> SimulationRecord:
     """Return the record of simulated experiments.
 
@@ -57,8 +57,8 @@ def simulation_record(
             experiments_sha256=experiments_digest(file.problem.experiments),
         ),
         gains=GainsRecord(**asdict(gains)),
-        coupling=CouplingRecord(**asdict(coupling)),
-        experiments=[_experiment(one) for one in simulated],
+        coupling=coupling_record(coupling),
+        experiments=[_experiment(one, file.problem.device, coupling) for one in simulated],
         versions={"vctune": __version__},
         **also,
     )
@@ -76,7 +76,7 @@ def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
     }
 
 
-def _experiment(one: Simulated) -> ExperimentRecord:
+def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
     experiment, pid = one.experiment, one.experiment.baseline
     least, runs = one.least_virtual, {"baseline": one.baseline, "design": one.design}
     over, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
@@ -92,6 +92,8 @@ def _experiment(one: Simulated) -> ExperimentRecord:
     if apart is not None:
         finite = apart.force if isfinite(apart.force) else None
         also["difference"] = DifferenceRecord(force=finite, time_s=apart.time)
+    if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
+        also["quiet_stiffness"] = quiet_stiffness(device, experiment)
     return ExperimentRecord(
         name=experiment.name,
         environment=EnvironmentRecord(**asdict(experiment.environment)),
@@ -102,6 +104,20 @@ def _experiment(one: Simulated) -> ExperimentRecord:
         design=_run(one.design, _thinned(curves["design"], tolerance)),
         **also,
     )
+
+
+def quiet_stiffness(device: Device, experiment: Experiment) -> float:
+    """Return up to which stiffness a wall of an impedance display comes to rest on its encoder's quanta, N/m.
+
+    Abbott and Okamura's min(2 b/T, 2 f_C/q): friction has to swallow the energy that a quantum gives.
+
+    Parameters
+    ----------
+    device : its damping and its sample time
+    experiment : its friction and its encoder
+    """
+    coulomb = experiment.friction.coulomb if experiment.friction is not None else 0.0
+    return min(2 * device.damping / device.sample_time, 2 * coulomb / experiment.sensors.position_resolution)
 
 
 def axis(environment: Environment) -> Literal["position", "velocity"]:

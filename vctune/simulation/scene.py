@@ -8,7 +8,7 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.filters import smoothing
-from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
+from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper, VelocityEstimate
 from vctune.simulation.controller import Law
 from vctune.simulation.friction import Carriage
 
@@ -64,23 +64,28 @@ def equilibrium(scene: Scene) -> Equilibrium:
     Without a position gain the controller holds nothing, and the handle starts where hand and environment agree.
     """
     hand, law, begin = scene.operator, scene.law, scene.operator.start
-    rendered = law.environment
+    rendered, held = law.environment, holding(law)
     if hand.stiffness == 0 or rendered.stiffness == 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
-    compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / law.position if law.position > 0 else 0.0)
+    compliance = 1 / hand.stiffness + 1 / rendered.stiffness + (1 / held if held > 0 else 0.0)
     structure, give = scene.device.structure, 0.0
-    if structure is not None and law.position > 0:
+    if structure is not None and held > 0:
         give = 1 / mechanism(scene.device, structure, FLOATS).stiffness
         compliance = compliance + give
     force = (begin - rendered.zero) / compliance
     if rendered.wall and force < 0:
         return Equilibrium(begin, 0.0, begin, 0.0, 0.0)
-    motor = -force if law.position > 0 else 0.0
+    motor = -force if held > 0 else 0.0
     handle, bend = begin - force / hand.stiffness, force * give
     return Equilibrium(handle - bend, bend, rendered.zero + force / rendered.stiffness, motor, force)
 
 
-def designed_scene(device: Device, gains: Gains, coupling: Coupling, experiment: Experiment) -> Scene:
+def holding(law: Law) -> float:
+    """Return the stiffness between handle and rendered environment at rest, N/m: K_p, or a spring of the coupling."""
+    return law.coupling.stiffness if isinstance(law.coupling, SpringDamper) else law.position
+
+
+def designed_scene(device: Device, gains: Gains, coupling: AnyCoupling, experiment: Experiment) -> Scene:
     """Return the scene with the velocity loop and the coupling of a design (paper's figures b).
 
     Parameters
@@ -104,7 +109,7 @@ def baseline_scene(device: Device, experiment: Experiment, pid: Baseline) -> Sce
     return _scene(device, experiment, Gains(pid.kd, pid.kp), pid.ki, None, pid.mass, pid.damping)
 
 
-def designed_law(device: Device, gains: Gains, coupling: Coupling | None, environment: Environment) -> Law:
+def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, environment: Environment) -> Law:
     """Return the firmware of a design, without a limit and with an encoder that does not round.
 
     Parameters
@@ -137,7 +142,7 @@ def _scene(
     experiment: Experiment,
     gains: Gains,
     integral: float,
-    coupling: Coupling | None,
+    coupling: AnyCoupling | None,
     mass: float,
     damping: float,
 ) -> Scene:

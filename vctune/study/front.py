@@ -35,17 +35,19 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     ----------
     document, problem : the problem file, parsed and resolved
     """
+    if problem.device.renders_force:  # K_v costs free motion and stiffens the coupling, which no weight moves else
+        return Study("terms", document, (_list("gains.velocity", _values(problem.bounds.velocity)),))
     weight = problem.transparency.weights.coupling or 1.0
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
-        _list("gains.position", _positions(problem.bounds.position)),
+        _list("gains.position", _values(problem.bounds.position)),
         _list("transparency.weights.coupling", weights),
     )
     return Study("terms", document, axes)
 
 
-def _positions(bounds: Range) -> list[float]:
-    """Return values of K_p from its lower bound to its upper one, spaced by ratio."""
+def _values(bounds: Range) -> list[float]:
+    """Return values of a gain from its lower bound to its upper one, spaced by ratio."""
     if bounds.fixed:
         return [bounds.min]
     low = bounds.min or bounds.max * 10.0**-DECADES

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.variables import Coordinate, coordinates, ranges
+from vctune.design.prepared import Units
+from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.errors import Mistake
-from vctune.model.keys import KEYS
+from vctune.model.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
 from vctune.proof.boxes import Cells
 
@@ -20,7 +21,6 @@ Squares = NDArray[np.intp]
 A cell with y_low = y_high (or x_low = x_high) is a piece of the line on which K_p = 0 and nothing integrates.
 """
 
-POSITION = KEYS.index("gains.position")
 COARSEST = 8
 DIGITS = 12
 
@@ -31,14 +31,24 @@ class Plane:
 
     Attributes
     ----------
-    axes : indices of the variables x and y in `vctune.model.keys.KEYS`
+    axes : indices of the variables x and y among `keys`
     edges : of x and of y, SI units, 2^levels + 1 each, equally far apart in the optimiser's coordinates
-    ranges : ranges of all five variables
+    ranges : ranges of all variables
     """
 
     axes: tuple[int, int]
     edges: tuple[Floats, Floats]
     ranges: tuple[Range, ...]
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the variables."""
+        return keys_of(len(self.ranges))
+
+    def at_full_width(self, key: str) -> bool:
+        """Return whether a variable is free and no axis, so that each cell may have a value of its own."""
+        index = self.keys.index(key) if key in self.keys else None
+        return index is not None and index not in self.axes and not self.ranges[index].fixed
 
     def coarsest_squares(self) -> Squares:
         """Return the plane in `COARSEST` by `COARSEST` squares, and the line K_p = 0 likewise if it is there."""
@@ -55,7 +65,7 @@ class Plane:
 
     def has_line(self, place: int) -> bool:
         """Return whether x or y (0 or 1) is K_p from 0, where a line of its own has no integrator."""
-        return self.axes[place] == POSITION and bool(self.edges[place][0] == 0)
+        return self.keys[self.axes[place]] == "gains.position" and bool(self.edges[place][0] == 0)
 
     def cells(self, squares: Squares) -> Cells:
         """Return the cells, the other variables at the full width of their ranges."""
@@ -77,16 +87,15 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     Parameters
     ----------
     problem : with or without a region
-    x, y : dotted keys, of `KEYS`
+    x, y : dotted keys, of the problem's variables
 
     Returns
     -------
     list of Mistake
         Empty if it can be found.
     """
-    bounds = dict(zip(KEYS, ranges(problem.bounds), strict=True))
-    found: list[Mistake] = []
-    free = [key for key in KEYS if not bounds[key].fixed]
+    bounds, found = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
+    free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
     if problem.uncertainty is not None:
         found.append(
@@ -101,7 +110,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     ]
     found += [
         Mistake("no-plane", key, "is free but not an axis; fix it, or name it as x or y")
-        for key in KEYS[:2]
+        for key in (bounds if problem.device.renders_force else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]
     return found
@@ -117,10 +126,9 @@ def plane(problem: Problem, x: str, y: str, levels: int) -> Plane:
     levels : the finest cell is 2^-levels of a side
     """
     impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
-    units = (impedance, impedance / time, impedance, impedance * time, impedance)
     found = {c.index: c for c in coordinates(problem.in_units(impedance, time), integrator=True)}
-    axes = (KEYS.index(x), KEYS.index(y))
-    bounds = ranges(problem.bounds)
+    keys, bounds = keys_for(problem), ranges(problem)
+    axes, units = (keys.index(x), keys.index(y)), Units(impedance, time, 1.0).to_si((1.0,) * len(keys))
     edges = [_edges(found[axis], units[axis], bounds[axis], 2**levels) for axis in axes]
     return Plane(axes, (edges[0], edges[1]), bounds)
 

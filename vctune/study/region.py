@@ -12,14 +12,17 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, loops_in_hands
+from vctune.analysis.in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import pose
+from vctune.design.variables import coupling_from
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.hand_loop import offered
+from vctune.model.keys import KEYS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper
 from vctune.proof.array_intervals import TINY
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims import inwards
@@ -33,7 +36,9 @@ TOGETHER = 512
 LOOPS_AT_ONCE = 16
 """Loops whose arrays, a hundred hands at a hundred angles each, stay in the processor's cache; of no consequence but
 speed."""
-DAMPING, MASS, DRAG = 2, 3, 4
+DAMPING = KEYS.index("coupling.damping")
+EASING = "coupling.mass", "coupling.drag"
+"""Variables of which more eases the demands."""
 
 Progress = Callable[[str], None]
 
@@ -104,7 +109,7 @@ def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress 
 
 def free_damping(plane: Plane) -> bool:
     """Return whether each cell may have a b_c of its own."""
-    return DAMPING not in plane.axes and not plane.ranges[DAMPING].fixed
+    return plane.at_full_width(KEYS[DAMPING])
 
 
 def easiest(cells: Cells, plane: Plane) -> Cells:
@@ -112,11 +117,11 @@ def easiest(cells: Cells, plane: Plane) -> Cells:
 
     Parameters
     ----------
-    cells : boxes of the five variables, SI units, n of them
+    cells : boxes of the variables, SI units, n of them
     plane : says which variables are axes
     """
     low = cells.low.copy()
-    for index in {MASS, DRAG} - set(plane.axes):
+    for index in (KEYS.index(key) for key in EASING if plane.at_full_width(key)):
         low[index] = cells.high[index]
     return Cells(low, cells.high)
 
@@ -126,7 +131,7 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
     Parameters
     ----------
-    cells : boxes of the five variables, n of them
+    cells : boxes of the variables, n of them
     damping : b_c, N s/m, shape (n,); nan where the cell keeps its range
     """
     low, high = cells.low.copy(), cells.high.copy()
@@ -178,8 +183,8 @@ class _Asked:
 
     Attributes
     ----------
-    omega : rad/s, at which the coupling is met, shape (places,)
-    needed : the least Re Z_c there, N s/m, shape (n, places)
+    omega : rad/s, at which the coupling is met, of an impedance display theta, rad, shape (places,)
+    needed : the least Re Z_c there, N s/m, or Re(1/Z_c)/s^2, shape (n, places)
     place : the place of each cell as `Places` has it, from one of these numbers each
     """
 
@@ -196,16 +201,18 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Pl
     damping : a b_c with which the centre meets the demands; nan if there seems to be none
     places : where they are hardest to meet
     """
-    K_v, K_p, b_c, m_c, b_0 = cells.centres().low[:, :, None]
+    K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
+    coupling = coupling_from(of_coupling)
     least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
     meets, found = np.ones(len(cells), bool), dict[str, Floats]()
     for name, asked in _asked(problem, K_v, K_p).items():
-        if free:
-            low, high = admissible_damping(asked.needed - b_0, m_c * asked.omega)
+        if free and isinstance(coupling, Coupling):
+            needed = asked.needed - coupling.drag
+            low, high = admissible_damping(needed, coupling.mass * asked.omega)
             least, most = np.maximum(least, low.max(axis=1)), np.minimum(most, high.min(axis=1))
-            hardest = [(asked.needed - b_0) / np.maximum(asked.omega, TINY), low, -high]
+            hardest = [needed / np.maximum(asked.omega, TINY), low, -high]
         else:
-            scarcity = asked.needed / coupling_impedance(Coupling(b_c, m_c, b_0), asked.omega).re
+            scarcity = asked.needed / _offered(coupling, problem.device, asked.omega)
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
         found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
@@ -219,6 +226,12 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Pl
     return np.where(meets, damping, np.nan), Places(theta_S, **found)
 
 
+def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
+    if isinstance(coupling, SpringDamper):
+        return np.asarray(offered(coupling, device, place, FLOATS))
+    return np.asarray(coupling_impedance(coupling, place).re)
+
+
 def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
     """Return what the demands ask for at some gains, arrays of shape (n, 1), by the names of `Places`."""
     device, factor, found = problem.device, problem.stability.safety_factor, {}
@@ -229,13 +242,14 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
         needed = np.where(loop.resistance > 0, factor * required_resistance(loop, FLOATS), inf)
         found["omega"] = _Asked(omega, needed, lambda which: omega[which])
     if problem.hands_met is not None:
-        found["in_hands"] = _asked_in_hands(
-            loops_in_hands(device, problem.hands_met), device.sample_time, factor, Gains(K_v, K_p)
-        )
+        found["in_hands"] = _asked_in_hands(loops_in_hands(device, problem.hands_met), device, factor, Gains(K_v, K_p))
+    if problem.any_hand:
+        at = loops_in_any_hand(device)
+        found["theta"] = _Asked(at.theta, factor * at.required(Gains(K_v, K_p)), lambda which: at.theta[which])
     return found
 
 
-def _asked_in_hands(at: LoopsInHands, sample_time: float, factor: float, gains: Gains) -> _Asked:
+def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
     """Return the same at each angle in the worst hand there."""
     needed, worst = np.empty((2, len(gains.velocity), at.theta.size))
     for i in range(0, len(needed), LOOPS_AT_ONCE):
@@ -247,4 +261,5 @@ def _asked_in_hands(at: LoopsInHands, sample_time: float, factor: float, gains: 
         hand = worst[np.arange(len(which)), which].astype(np.intp)
         return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
 
-    return _Asked(np.tan(at.theta / 2) * (2 / sample_time), needed, place)
+    met = at.theta if device.renders_force else np.tan(at.theta / 2) * (2 / device.sample_time)
+    return _Asked(met, needed, place)

@@ -11,14 +11,14 @@ import numpy as np
 
 from vctune.design.check import Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
-from vctune.design.variables import point, ranges
+from vctune.design.variables import keys_for, point, ranges
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
 from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
-from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region
 from vctune.study.region_json import Design
@@ -55,11 +55,12 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     problem : of today, without `plane_errors` on the baseline's axes
     baseline : what the region file holds
     """
-    axes = (KEYS.index(baseline.axes.x), KEYS.index(baseline.axes.y))
-    plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem.bounds))
+    keys = keys_for(problem)
+    axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))
+    plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem))
     feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
     rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T)
-    designs = [listed.design for listed in baseline.designs]
+    designs: list[tuple[Gains, AnyCoupling]] = [listed.design for listed in baseline.designs]
     certified = [judgement.status is Status.CERTIFIED for judgement in judge_all(problem, designs)] if designs else []
     return Recheck(rechecked, designs, certified)
 
@@ -84,7 +85,7 @@ class RegionFinding:
     def record(self) -> dict[str, Any]:
         """Return the counts, and the cells and gain sets that have lost their proof, in SI units."""
         again, plane = self.again, self.again.region.plane
-        x, y = (KEYS[axis] for axis in plane.axes)
+        x, y = (plane.keys[axis] for axis in plane.axes)
         x_edges, y_edges = plane.edges
         lost_designs = [design for design, holds in zip(again.designs, again.certified, strict=True) if not holds]
         cells = _lost(again).T.tolist()
@@ -94,7 +95,7 @@ class RegionFinding:
             axes=AxesRecord.model_validate({"x": x, "y": y}),
             areas={"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
             lost_cells=[[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in cells],
-            lost_designs=[dict(zip(KEYS, point(gains, coupling), strict=True)) for gains, coupling in lost_designs],
+            lost_designs=[dict(zip(plane.keys, point(*design), strict=True)) for design in lost_designs],
             warnings=self.warnings,
         ).to_json()
 
@@ -146,7 +147,7 @@ def _message(again: Recheck) -> str:
     squares, plane = _lost(again), again.region.plane
     if squares.size:
         spans = [
-            f"{KEYS[axis]} from {edges[squares[k]].min():g} to {edges[squares[k + 1]].max():g}"
+            f"{plane.keys[axis]} from {edges[squares[k]].min():g} to {edges[squares[k + 1]].max():g}"
             for axis, edges, k in zip(plane.axes, plane.edges, (0, 2), strict=True)
         ]
         share = f"{100 * lost:.4g} of {100 * (kept + lost):.4g} % of the plane"

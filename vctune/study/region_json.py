@@ -15,16 +15,13 @@ from vctune.document.region import (
     DemandsRecord,
     DesignPoint,
     EdgesRecord,
-    ListedCoupling,
-    ListedGains,
     RegionDocument,
 )
-from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.region import Kind, Region
 
-Design = tuple[Gains, Coupling]
+Design = tuple[Gains, AnyCoupling]
 
 
 def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> RegionDocument:
@@ -37,7 +34,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     designs : proved gain sets to keep with it
     """
     plane, stability = region.plane, file.problem.stability
-    x, y = (KEYS[axis] for axis in plane.axes)
+    x, y = (plane.keys[axis] for axis in plane.axes)
     x_edges, y_edges = (edges.tolist() for edges in plane.edges)
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
@@ -49,12 +46,12 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
         axes=AxesRecord.model_validate({"x": x, "y": y}),
         others={
             key: bounds.min if bounds.fixed else asdict(bounds)
-            for index, (key, bounds) in enumerate(zip(KEYS, plane.ranges, strict=True))
+            for index, (key, bounds) in enumerate(zip(plane.keys, plane.ranges, strict=True))
             if index not in plane.axes
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
         designs=[
-            DesignPoint(gains=ListedGains(**asdict(gains)), coupling=ListedCoupling(**asdict(coupling)))
+            DesignPoint.model_validate({"gains": asdict(gains), "coupling": asdict(coupling)})
             for gains, coupling in designs
         ],
         edges=EdgesRecord(x=x_edges, y=y_edges),

@@ -9,8 +9,8 @@ from typing import Any
 
 from vctune.design.result import Solved
 from vctune.design.solve import solve
-from vctune.design.variables import point
-from vctune.document.rows import NUMBERS
+from vctune.design.variables import keys_for, point
+from vctune.document.rows import DESIGN, NUMBERS
 from vctune.model.problem import Problem
 from vctune.study.rows import FAILED
 
@@ -47,16 +47,18 @@ def row_of(solved: Solved) -> dict[str, Any]:
     judgement = solved.judgement
     if judgement is None:
         return row_without_design(solved.status.value, solved.infeasibility.reason if solved.infeasibility else "")
-    numbers = (
-        *(getattr(judgement.transparency, term) for term in TERMS),
-        *point(judgement.gains, judgement.coupling),
-        judgement.min_ratio,
-        judgement.worst / (2 * pi),
-        judgement.peak_sensitivity,
-    )
-    finite = (number if isfinite(number) else None for number in numbers)
+    numbers = dict(zip(NUMBERS, (getattr(judgement.transparency, term) for term in TERMS), strict=False))
+    design = zip(keys_for(solved.problem), point(judgement.gains, judgement.coupling), strict=True)
+    numbers |= {DESIGN[key]: number for key, number in design}
+    numbers |= {
+        "min_ratio": judgement.min_ratio,
+        "worst_hz": judgement.worst / (2 * pi),
+        "peak_sensitivity": judgement.peak_sensitivity,
+    }
+    finite = {name: number if isfinite(number) else None for name, number in numbers.items()}
     return {
         "status": solved.status.value,
         "reason": "; ".join(judgement.open_claims) or None,
-        **dict(zip(NUMBERS, finite, strict=True)),
+        **dict.fromkeys(NUMBERS),
+        **finite,
     }

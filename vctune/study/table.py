@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.judge import Status
 from vctune.document.axes import number_keys
-from vctune.document.rows import NUMBERS
+from vctune.document.rows import DESIGN, NUMBERS
 from vctune.document.study import Study
 from vctune.document.units import heading, unit_of
 from vctune.markup import html_table
+from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.study.points import points
 from vctune.study.rows import Rows
 
@@ -55,7 +56,11 @@ class Table:
     def units(self) -> dict[str, str]:
         """The unit of each column that has one."""
         of_axes = {key: unit_of(number_keys()[key]) for key in self.axes}
-        return {name: unit for name, unit in {**of_axes, **NUMBERS}.items() if unit}
+        return {
+            name: unit
+            for name, unit in {**of_axes, **NUMBERS}.items()
+            if unit and (name in of_axes or name in self.numbers)
+        }
 
     def headed(self) -> dict[str, Any]:
         """Return every column by its name with its unit, as files have them."""
@@ -101,14 +106,21 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     keys : of each point's row, in the order of the points
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
-    numbers = {name: np.full(len(keys), nan) for name in NUMBERS}
+    numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
     status, reason = [], []
     for i, row in enumerate(rows.read(keys)):
         status.append(row["status"])
         reason.append(row["reason"] or "")
-        for name in NUMBERS:
-            numbers[name][i] = nan if row[name] is None else row[name]
+        for name, column in numbers.items():
+            column[i] = nan if row[name] is None else row[name]
     return Table({axis.key: values[:, k] for k, axis in enumerate(study.axes)}, status, reason, numbers)
+
+
+def _columns(study: Study) -> list[str]:
+    """Return the numbers that the designs of a study's display have."""
+    renders_force = study.document["device"].get("display") == "impedance"
+    absent = {DESIGN[key] for key in set(DESIGN) - set(SPRING_KEYS[:1] + SPRING_KEYS[2:] if renders_force else KEYS)}
+    return [name for name in NUMBERS if name not in absent]
 
 
 def csv_text(table: Table) -> str:

@@ -15,7 +15,7 @@ from vctune.design.bound.boxes import DesignBoxes
 from vctune.design.bound.coefficients import Coefficients, concatenated, mapped, quadratic
 from vctune.design.bound.quadratics import GUARD, Quadratic, less, lower, upper
 from vctune.model.affine import Affine
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand
+from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand
 from vctune.model.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.quantities import Device, Hand
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
@@ -80,6 +80,7 @@ def _coefficients(device: Device, places: Floats) -> tuple[Coefficients, Coeffic
     hand, theta = Hand(*map(decimal, places[1:])), Enclosure(_angles(device, places))
     plant = plant_in_hand(device.bare.converted(decimal), hand, delays_of(device), ENCLOSURES)
     at, sin = loop_in_hand(plant, theta, ENCLOSURES), ENCLOSURES.sin(theta / 2)
+    assert isinstance(at, LoopInHand)
 
     def parts(number: EvenOdd) -> Pair:
         return Pair(number.even, number.odd)

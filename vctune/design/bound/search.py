@@ -28,7 +28,7 @@ from vctune.design.bound.stability import proved_stability
 from vctune.design.judge import Judgement
 from vctune.design.prepared import Posed
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 from vctune.proof.array_intervals import Floats
 
 FREQUENCIES, INTERVALS = 40, 48
@@ -207,7 +207,7 @@ def _in_worst_hands(problem: Problem, best: Judgement | None) -> Floats:
     return np.stack((at.theta / problem.device.sample_time, *(number[worst] for number in astuple(at.hands))))
 
 
-def _tight_places(problem: Problem, gains: Gains, coupling: Coupling, *, broken: bool = False) -> Places:
+def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, broken: bool = False) -> Places:
     """Return where the demands are hardest for a design, or where it breaks them."""
     stability, omega = problem.stability, np.zeros(0)
     least = stability.safety_factor * (1 - VIOLATED) if broken else inf
@@ -275,7 +275,7 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
         search.improved, search.incumbent = better, better.error
 
 
-def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: Coupling) -> None:
+def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
     """Add the places at which a design breaks a demand to those that the relaxation knows."""
     known = more = search.relaxed.places
     for case in posed.cases:

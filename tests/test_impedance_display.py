@@ -1,0 +1,475 @@
+"""Impedance displays: published limits, discs against hands, loops in exact time, search and region in closed form."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import replace
+from math import ceil, floor, pi
+
+import numpy as np
+import pytest
+from force_loop import Element, Mechanics, spectral_radius, step_matrix
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from scipy.optimize import minimize_scalar
+
+import vctune
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.design.judge import Status, judge
+from vctune.design.prepared import pose
+from vctune.design.solve import solve
+from vctune.document.building import problem as problem_of
+from vctune.document.errors import InputError
+from vctune.model.arithmetic import FLOATS
+from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.impedance_display import any_hand
+from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, SpringDamper, Structure, VelocityEstimate
+from vctune.proof.certificate import certify
+from vctune.proof.claims import Design
+from vctune.proof.interval import Verdict
+from vctune.simulation.record import quiet_stiffness
+from vctune.simulation.scene import designed_scene
+from vctune.simulation.stability import fastest_mode
+
+B, T = 0.8, 1e-3
+
+
+def display(**numbers) -> Device:
+    parts = {"velocity": VelocityEstimate("difference"), "display": "impedance"} | numbers
+    return Device(**({"mass": 0.1, "damping": B, "sample_time": T} | parts))
+
+
+def arm(device: Device | None = None, *, criterion: str = "passive", factor: float = 1.0, **tables):
+    device = device or display()
+    stated = {"mass": device.mass, "damping": device.damping, "sample_time": device.sample_time, "delay": device.delay}
+    document = {"device": {"display": "impedance", **stated}} | tables
+    document["stability"] = {"criterion": criterion, "safety_factor": factor}
+    found = problem_of(document).problem
+    return replace(found, device=replace(found.device, **{part: getattr(device, part) for part in PARTS}))
+
+
+PARTS = "velocity", "actuator", "structure", "display"
+
+
+def verdict(device: Device, coupling: SpringDamper, K_v: float = 0.0) -> Verdict:
+    problem = arm(device)
+    return certify(Design(device, Gains(K_v, 0.0), coupling), pose(problem).demands).verdict
+
+
+LIMITS = [
+    (T, 0.0, 0.0, 1600.0),
+    (2 * T, 0.0, 0.0, 800.0),
+    (5 * T, 0.0, 0.0, 320.0),
+    (T, 0.0, 0.2, 1200.0),
+    (T, 1.0, 0.0, 400.0),
+    (T, 2.0, 0.0, 1600.0 / 9),
+    (T, 0.5, 0.0, 640.0),  # a part of a sample turns the aliases against each other: not 2 b/(T (1 + d)^2) = 711
+    (T, 0.25, 0.0, 1600.0 / (1.25**2 + 0.25 * 0.75)),
+]
+
+
+@pytest.mark.parametrize(("sample_time", "late", "b_c", "k_c"), LIMITS)
+def test_the_limit_in_any_passive_hand_is_the_published_one(sample_time, late, b_c, k_c):
+    device = display(sample_time=sample_time, delay=late * sample_time)
+    ratio = least_ratios_in_any_hand(device, Gains(0.0, 0.0), SpringDamper(b_c, k_c))[0].ratio
+    assert ratio == pytest.approx(1, abs=1e-9)
+    assert verdict(device, SpringDamper(b_c, k_c * (1 - 1e-6))) is Verdict.PROVED
+    assert verdict(device, SpringDamper(b_c, k_c * (1 + 1e-6))) is Verdict.REFUTED
+
+
+def test_half_a_sample_of_delay_costs_more_than_its_size():
+    """In a hand whose reactance turns three aliases to where they ask for most, less than 2 b/(T (1 + d)^2) grows.
+
+    By Foster's theorem there is a lossless hand of any reactance at single frequencies: a mass and two resonators here.
+    """
+    late, theta = 0.5, 0.05
+    omega, sampling = theta / T, 2 * pi / T
+    poles = np.array([0.9, 1.0]) * sampling
+    aliases = np.array([omega, sampling - omega, sampling + omega])
+    turns = (1 + late) * theta + 2 * pi * late * np.array([0, -1, 1])
+    reactance = B / np.tan(turns / 2) * np.array([1, -1, 1])
+    shapes = np.column_stack([aliases, *(aliases / (pole**2 - aliases**2) for pole in poles)])
+    M, *springs = np.linalg.solve(shapes, reactance - aliases * 0.1)  # the device's own mass is 0.1 kg
+    assert min(M, *springs) > 0
+    resonators = [(k / pole**2, 0.0, k) for k, pole in zip(springs, poles, strict=True)]
+    held, too_kind = Mechanics(0.1, B, hand=(M, 0.0, 0.0), resonators=resonators), 2 * B / (T * (1 + late) ** 2)
+    G = pulse(held, late * T, np.array([theta]))[0]
+    limit = (1 - np.cos(theta)) / (T * -G.real)
+    assert 640 < limit < 660 < too_kind
+    for k_c, grows in ((0.5 * (limit + too_kind), True), (639.0, False)):
+        lacking = (G + (1 - np.exp(-1j * theta)) / (k_c * T)).imag  # a lossless environment makes up for it
+        spring, mass = np.tan(theta / 2) * 2 / (T * -lacking), T / (2 * np.tan(theta / 2) * lacking)
+        environment = Element("mass", mass) if lacking > 0 else Element("spring", spring)
+        radius = spectral_radius(step_matrix(held, T, late * T, 0.0, 0.0, k_c, [environment]))
+        assert (radius > 1 + 1e-6) == grows
+
+
+def disc(device: Device, theta: np.ndarray):
+    delays = delays_of(device)
+    return any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional)
+
+
+def pulse(mechanics: Mechanics, delay: float, theta: np.ndarray) -> np.ndarray:
+    """Return G_y of the held mechanism at z = e^{j theta}."""
+    A, B_ = mechanics.matrices()
+    n, whole = len(A), floor(delay / T + 1e-9)
+    part = delay - whole * T
+
+    def held(t):
+        both = expm(np.block([[A, B_], [np.zeros((1, n + 1))]]) * t)
+        return both[:n, :n], both[:n, n]
+
+    (A_1, B_1), (A_2, B_2) = held(part), held(T - part)
+    found = []
+    for z in np.exp(1j * theta):
+        x = np.linalg.solve(z * np.eye(n) - A_2 @ A_1, B_2 + A_2 @ B_1 / z)
+        found.append((1 - 1 / z) / T * x[0] * z**-whole)
+    return np.array(found)
+
+
+def mechanics_of(device: Device, hand: Hand, resonators=()) -> Mechanics:
+    handle, motor = None, device.mass
+    if device.structure is not None:
+        part, motor = device.structure, device.mass - device.structure.handle_mass
+        reduced, w = motor * part.handle_mass / device.mass, 2 * pi * part.frequency_hz
+        handle = (part.handle_mass, reduced * w * w, 2 * part.damping_ratio * reduced * w)
+    lag = device.actuator.bandwidth_hz if device.actuator else None
+    return Mechanics(motor, device.damping, handle, (hand.mass, hand.damping, hand.stiffness), list(resonators), lag)
+
+
+DEVICES = [
+    display(),
+    display(delay=0.35 * T),
+    display(delay=1.6 * T, actuator=Actuator(300.0, 1)),
+    display(structure=Structure(0.04, 60.0, 0.05)),
+    display(delay=0.7 * T, structure=Structure(0.03, 180.0, 0.1), actuator=Actuator(500.0, 1)),
+]
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_the_loop_in_a_hand_is_that_of_the_matrix_exponential(device):
+    theta, hand, K_v = np.array([0.01, 0.3, 1.0, 2.2, 3.0]), Hand(0.3, 4.0, 900.0), 0.6
+    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+    found = required_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
+    G = pulse(mechanics_of(device, hand), device.delay, theta)
+    required = -(G / (1 + K_v * G)).real / np.sin(theta / 2) ** 2
+    assert found.lost / found.size == pytest.approx(required, rel=1e-8, abs=1e-9)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_every_hand_answers_within_the_disc_and_at_low_frequencies_some_next_to_its_edge(device):
+    random = np.random.default_rng(5)
+    theta = np.array([0.05, 0.5, 1.5, 2.5, 3.1])
+    seen = disc(device, theta)
+    c = seen.centre.re + 1j * seen.centre.im
+    sine2 = np.sin(theta / 2) ** 2
+    r = np.sqrt(np.maximum((c * c.conjugate()).real - seen.beyond * sine2, 0))
+    r = np.where(r > 0, r, seen.short * sine2 + c.real)
+    nearest = np.zeros(theta.size)
+    for _ in range(120):
+        hand = Hand(
+            random.choice([0, 10 ** random.uniform(-3, 1)]), 0.0, random.choice([0, 10 ** random.uniform(0, 6)])
+        )
+        resonators = [
+            (m := 10 ** random.uniform(-3, 0), random.choice([0, 0.3]), m * (random.uniform(0.1, 8) * pi / T) ** 2)
+            for _ in range(random.integers(0, 3))
+        ]
+        G = pulse(mechanics_of(device, hand, resonators), device.delay, theta)
+        share = np.abs(G - c) / r
+        nearest = np.maximum(nearest, share)
+        assert (share <= 1 + 1e-9).all()
+    assert nearest[0] > 0.99  # above, several aliases have to be turned at once
+
+
+def random_environment(random) -> tuple[list[Element], bool]:
+    kinds = random.choice(["wall", "free", "elements"], p=[0.15, 0.05, 0.8])
+    if kinds == "wall":
+        return [], True
+    if kinds == "free":
+        return [], False
+    ranges = {"spring": (0, 7), "mass": (-4, 1), "damper": (-2, 3)}
+    some = random.permutation(list(ranges))[: random.integers(1, 4)]
+    return [Element(str(kind), 10 ** random.uniform(*ranges[str(kind)])) for kind in some], False
+
+
+def random_hand(random, hands: Hands | None) -> tuple[Hand, list[tuple[float, float, float]]]:
+    if hands is not None:
+        share = random.choice([0, 1, None], size=3)
+        numbers = [
+            low + (high - low) * (random.uniform() ** 2 if s is None else s)
+            for s, low, high in zip(
+                share,
+                (hands.low.mass, hands.low.damping, hands.low.stiffness),
+                (hands.high.mass, hands.high.damping, hands.high.stiffness),
+                strict=True,
+            )
+        ]
+        return Hand(*map(float, numbers)), []
+    hand = Hand(*(random.choice([0, 10 ** random.uniform(*ends)]) for ends in ((-3, 1), (-2, 2), (0, 5))))
+    resonators = [
+        (
+            m := 10 ** random.uniform(-3, 0),
+            random.choice([0, 10 ** random.uniform(-2, 1)]),
+            m * (random.uniform(0.05, 4) * pi / T) ** 2,
+        )
+        for _ in range(random.integers(0, 4))
+    ]
+    return hand, resonators
+
+
+def worst_of(random, device: Device, gains: Gains, coupling: SpringDamper, hands: Hands | None, count: int) -> float:
+    """Return the greatest spectral radius among random hands and environments in exact time."""
+    low_pass = None
+    if device.velocity and device.velocity.filter_hz:
+        low_pass = 1 - np.exp(-2 * pi * device.velocity.filter_hz * device.sample_time)
+    worst = 0.0
+    for _ in range(count):
+        hand, resonators = random_hand(random, hands)
+        elements, wall = random_environment(random)
+        matrix = step_matrix(
+            mechanics_of(device, hand, resonators), device.sample_time, device.delay, gains.velocity,
+            coupling.damping, coupling.stiffness, elements, wall=wall, low_pass=low_pass,
+        )  # fmt: skip
+        worst = max(worst, spectral_radius(matrix))
+    return worst
+
+
+ROUNDING = 1e-6
+"""Of a double eigenvalue on the unit circle, whose rounding is the root of that of the matrix."""
+
+
+@pytest.mark.parametrize("criterion", ["passive", "hands"])
+@pytest.mark.parametrize(
+    "device", [display(), display(delay=0.5 * T), display(velocity=VelocityEstimate("difference", 80.0, 1))]
+)
+def test_what_is_certified_survives_random_hands_and_environments(device, criterion):
+    problem = arm(device, criterion=criterion, factor=1.05)
+    solved = solve(problem)
+    assert solved.status is Status.CERTIFIED
+    random = np.random.default_rng(11)
+    hands = problem.hands if criterion == "hands" else None
+    judged = solved.judgement
+    assert worst_of(random, device, judged.gains, judged.coupling, hands, 60) < 1 + ROUNDING
+    stiffer = replace(judged.coupling, stiffness=judged.coupling.stiffness * 1.5, damping=judged.coupling.damping * 1.5)
+    assert judge(problem, judged.gains, stiffer).status is Status.VIOLATED
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("criterion", ["passive", "hands"])
+def test_ten_thousand_random_hands_and_environments(criterion):
+    random = np.random.default_rng(23)
+    for trial in range(50):
+        low_pass = VelocityEstimate("difference", *((float(random.uniform(20, 400)), 1) if trial % 2 else ()))
+        device = display(
+            mass=float(10 ** random.uniform(-2, 0)), damping=float(10 ** random.uniform(-1.5, 0.7)), velocity=low_pass,
+            delay=float(random.choice([0.0, random.uniform(0, 2)])) * T,
+        )  # fmt: skip
+        K_v = float(random.choice([0.0, 0.3])) * device.damping
+        problem = arm(device, criterion=criterion, factor=1.02, gains={"velocity": K_v})
+        solved = solve(problem)
+        assert solved.status is Status.CERTIFIED, (trial, device)
+        hands = problem.hands if criterion == "hands" else None
+        judged = solved.judgement
+        assert worst_of(random, device, judged.gains, judged.coupling, hands, 200) < 1 + ROUNDING, (trial, device)
+
+
+def test_the_best_coupling_is_that_of_the_closed_form():
+    """Without delay any passive hand asks for b_c + k_c T/2 <= b/f: the best point of that line is one search."""
+    factor = 1.2
+    for middle in (3.0, 40.0, 150.0):
+        tables = {
+            "transparency": {"band_hz": [middle / 3, middle * 3], "weights": {"admittance": 0.0, "tracking": 0.0}}
+        }
+        problem = arm(factor=factor, **tables)
+        solved = solve(problem)
+        best = solved.judgement.coupling
+
+        def error(share, problem=problem):
+            total = B / factor
+            coupling = SpringDamper((1 - share) * total, share * total * 2 / T)
+            return pose(problem).error(Gains(0.0, 0.0), coupling)
+
+        found = minimize_scalar(error, bounds=(1e-3, 1), method="bounded", options={"xatol": 1e-9})
+        least = min(found.fun, error(1.0))
+        assert solved.judgement.error == pytest.approx(least, rel=3e-4)
+        assert best.damping + best.stiffness * T / 2 <= B / factor
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0.05, 5), st.floats(1e-4, 5e-3), st.floats(0.1, 0.9), st.floats(0, 3))
+def test_limits_scale_with_the_units(damping, sample_time, share, late):
+    """k_c T/b and b_c/b are without a unit: the ratio depends on nothing else but d and m b-free."""
+    late = ceil(late)
+    ratios = []
+    for scale in (1.0, 7.0):
+        device = display(damping=damping * scale, sample_time=sample_time, delay=late * sample_time)
+        coupling = SpringDamper(0.1 * damping * scale, share * damping * scale / sample_time)
+        ratios.append(least_ratios_in_any_hand(device, Gains(0.0, 0.0), coupling)[0].ratio)
+    assert ratios[0] == pytest.approx(ratios[1], rel=1e-9)
+
+
+def test_any_hand_asks_for_no_less_than_the_hands_of_a_box():
+    for device in DEVICES:
+        coupling, gains = SpringDamper(0.05, 200.0), Gains(0.1, 0.0)
+        any_passive = least_ratios_in_any_hand(device, gains, coupling)[0].ratio
+        human = least_ratios_in_hands(device, Hands(Hand(0, 0, 0), Hand(0.5, 30, 3000)), gains, coupling)[0].ratio
+        assert any_passive <= human * (1 + 1e-9)
+
+
+def test_the_region_is_a_triangle():
+    document = {
+        "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T},
+        "coupling": {"stiffness": {"min": 10.0, "max": 1e4}, "damping": {"min": 0.0, "max": 10.0}},
+        "stability": {"safety_factor": 1.0},
+    }
+    found = vctune.region(document, resolution=1 / 128)
+    assert found.areas["undecided"] <= 0.02
+    plane, squares = found.region.plane, found.region.squares
+    b_c, k_c = (plane.edges[i] for i in (0, 1))
+    for kind, square in zip(found.region.kinds, squares.T, strict=True):
+        least = b_c[square[0]] + k_c[square[2]] * T / 2
+        most = b_c[square[1]] + k_c[square[3]] * T / 2
+        assert kind != 1 or most <= B
+        assert kind != 2 or least >= B * (1 - 1e-12)
+
+
+REFUSED = [
+    ({"gains": {"position": 10.0}}, "gains.position", "no velocity loop"),
+    ({"coupling": {"mass": 1.0}}, "coupling.mass", "coupling.stiffness"),
+    ({"coupling": {"drag": 1.0}}, "coupling.drag", "coupling.stiffness"),
+    ({"stability": {"band_hz": [1.0, 10.0]}}, "stability.band_hz", "every frequency"),
+    ({"device": {"force_sensor": {"bandwidth_hz": 100.0}}}, "device.force_sensor", "senses no force"),
+    ({"device": {"hold": "lag"}}, "device.hold", "zoh"),
+    ({"device": {"velocity": {"from": "measured"}}}, "device.velocity.from", "difference"),
+]
+
+
+@pytest.mark.parametrize(("tables", "key", "reason"), REFUSED)
+def test_keys_that_mean_nothing_are_refused_with_the_reason(tables, key, reason):
+    device = {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T} | tables.pop("device", {})
+    with pytest.raises(InputError) as refused:
+        problem_of({"device": device, **tables})
+    assert key in str(refused.value)
+    assert reason in str(refused.value)
+    assert "Traceback" not in str(refused.value)
+
+
+def test_an_admittance_display_has_no_stiffness():
+    device = {"mass": 0.1, "damping": B, "sample_time": T}
+    with pytest.raises(InputError, match="impedance display"):
+        problem_of({"device": device, "coupling": {"stiffness": 100.0}})
+    with pytest.raises(InputError, match="too small"):
+        problem_of({"device": device, "coupling": {"damping": 0.0}})
+
+
+def test_a_device_without_damping_is_refused_in_any_passive_hand():
+    problem = arm(display(damping=0.0))
+    solved = solve(problem)
+    assert solved.status is Status.INFEASIBLE
+    assert "device.damping is 0" in solved.reason
+    held = solve(arm(display(damping=0.0), criterion="hands"))
+    assert held.status in (Status.CERTIFIED, Status.UNDECIDED)
+
+
+def test_what_cannot_change_is_not_optimised():
+    from vctune.design.nlp_record import left_out
+
+    said = left_out(solve(arm()))
+    assert "transparency.admittance: the same for every design" in said
+    assert "transparency.tracking: the same for every design" in said
+    free = solve(arm(gains={"velocity": {"min": 0.0, "max": 2.0}}))
+    assert "transparency.admittance: the same for every design" not in left_out(free)
+    assert free.status is Status.CERTIFIED
+
+
+def test_uncertain_damping_counts_with_its_least():
+    tables = {"uncertainty": {"damping": 0.25}}
+    solved = solve(arm(**tables))
+    assert solved.status is Status.CERTIFIED
+    best = solved.judgement.coupling
+    assert best.damping + best.stiffness * T / 2 == pytest.approx(0.75 * B, rel=1e-3)
+
+
+EXPERIMENT = {
+    "name": "mass",
+    "environment": {"stiffness": 900.0, "mass": 0.3, "damping": 0.4, "rule": "trapezoid"},
+    "operator": {"to": 0.01, "cycles": 1, "mass": 0.2, "stiffness": 300.0, "damping": 3.0},
+}
+
+
+@pytest.mark.parametrize("order", [0, 1])
+@pytest.mark.parametrize("late", [0.0, 0.4, 1.7])
+def test_the_simulated_loop_is_that_of_the_state_matrix(order, late):
+    filter_hz = 60.0 if order else None
+    low_pass = 1 - np.exp(-2 * pi * 60.0 * T) if order else None
+    device = display(delay=late * T, velocity=VelocityEstimate("difference", filter_hz, order or 1))
+    problem = problem_of(
+        {"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [EXPERIMENT]}
+    ).problem
+    gains, coupling = Gains(0.3, 0.0), SpringDamper(0.4, 700.0)
+    mode = fastest_mode(designed_scene(device, gains, coupling, problem.experiments[0]))
+    elements = [Element("spring", 900.0), Element("mass", 0.3), Element("damper", 0.4)]
+    mechanics = Mechanics(0.1, B, hand=(0.2, 3.0, 300.0))
+    matrix = step_matrix(mechanics, T, late * T, 0.3, 0.4, 700.0, elements, low_pass=low_pass)
+    values = np.linalg.eigvals(matrix)
+    assert mode.radius == pytest.approx(np.abs(values[np.abs(values - 1) > 1e-6]).max(), abs=1e-9)
+
+
+def test_simulation_says_up_to_where_the_encoder_is_quiet():
+    problem = problem_of({"device": {"mass": 1.0, "damping": 1.0, "sample_time": T}, "experiment": [
+        EXPERIMENT | {"friction": {"coulomb": 0.02, "stiffness": 1e4}, "sensors": {"position_resolution": 1e-4}}
+    ]}).problem  # fmt: skip
+    experiment = problem.experiments[0]
+    assert quiet_stiffness(display(), experiment) == pytest.approx(400.0)  # 2 f_C/q
+    assert quiet_stiffness(display(damping=0.1), experiment) == pytest.approx(200.0)  # 2 b/T
+    assert quiet_stiffness(display(), replace(experiment, friction=None)) == 0.0
+
+
+def test_the_exported_controller_commands_what_was_simulated(tmp_path):
+    document = {
+        "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T,
+                   "velocity": {"filter_hz": 80.0, "filter_order": 2}},
+        "gains": {"velocity": 0.1},
+        "coupling": {"damping": 0.1, "stiffness": 500.0},
+    }  # fmt: skip
+    made = vctune.export(document)
+    assert made.firmware.record.status == "certified"
+    assert "POSITION_GAIN" not in made.files["vctune_controller.h"]
+    single = vctune.export(document, precision="single")
+    assert single.firmware.record.status == "certified"
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    for name, content in made.files.items():
+        (tmp_path / name).write_text(content)
+    done = subprocess.run(["make", "-s", "check"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 ulp" in done.stdout
+
+
+def test_a_gains_file_is_written_and_read_again(tmp_path):
+    from vctune.document.gains import gains_text
+    from vctune.document.reading import read_gains
+
+    path = tmp_path / "gains.toml"
+    path.write_text(gains_text(Gains(0.2, 0.0), SpringDamper(0.1, 700.0), {"problem": "x"}))
+    assert "position" not in path.read_text()
+    found = read_gains(path)
+    assert (found.gains, found.coupling) == (Gains(0.2, 0.0), SpringDamper(0.1, 700.0))
+
+
+def test_a_problem_says_itself_again():
+    problem = arm(uncertainty={"mass": 0.1})
+    again = problem_of(problem).problem
+    assert again == replace(problem, experiments=())
+
+
+def test_what_is_not_there_yet_is_refused():
+    with pytest.raises(InputError, match="bounding the error is for admittance displays only"):
+        vctune.bound(arm())
+
+
+def test_problems_that_are_shipped_are_certified():
+    for name in ("desktop-arm", "delta-4khz", "paddle"):
+        assert vctune.solve(f"problems/{name}.toml").status is Status.CERTIFIED

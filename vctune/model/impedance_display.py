@@ -1,0 +1,340 @@
+"""An impedance display, motion in and force out, in sampled time (model/README.md, section 15).
+
+The firmware measures a position x and commands the force -(f_c + K_v F y), where y = (1 - z^-1) x/T is the differenced
+position, F its low-pass and f_c the coupling's force. The environment and the coupling,
+
+    Z_c = b_c F + k_c T/(1 - z^-1) = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2),
+
+are met through y, with which all is an admittance: the loop is stable with every environment that is passive in (f, y)
+if Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), with G_y from the commanded force to y. Both sides vanish with
+s^2 = sin^2(theta/2) at omega = 0, and are divided by it: what is offered is Re(1/Z_c)/s^2, and what is required R/s^2.
+
+In one hand G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). In any passive hand the
+motor of a rigid device answers with a point of the disc around 1/(2b) of that radius at each frequency and at each of
+its aliases omega_n = omega + 2 pi n/T, independently, so that
+
+    G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1:
+
+a disc too, of centre c and radius r. Without an actuator both sums are closed; a delay that is no whole number of
+samples turns the aliases against each other and costs more than its size. The disc's image under G/(1 + K_v F G) gives
+
+    R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device_response import mechanism
+from vctune.model.filters import actuator_response, firmware_low_pass
+from vctune.model.pair import EvenOdd, Pair
+from vctune.model.quantities import Device, Gains, SpringDamper
+
+ALIASES = 24
+"""Pairs of aliases that are added up one by one behind an actuator or a spring; those beyond are bounded. With half of
+them R is known to a thousandth at the Nyquist frequency, with twice as many to a tenth of that."""
+
+
+class ForceInHand(NamedTuple):
+    """The loop of an impedance display in a hand: F = open + K_v velocity, and G_y/s^2 = met/(2 j s F) without f_c.
+
+    Attributes
+    ----------
+    open, velocity : parts of F
+    met : by the environment, of the units of the gains' inverse
+    """
+
+    open: EvenOdd
+    velocity: EvenOdd
+    met: EvenOdd
+
+    def closed(self, gains: Gains) -> EvenOdd:
+        """Return F."""
+        return self.open + self.velocity.scaled(gains.velocity)
+
+    def numerator(self, _gains: Gains) -> EvenOdd:
+        """Return what is over 2 j s F, which no gain is in."""
+        return self.met
+
+
+def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | None:
+    """Return F, the firmware's low-passes of the velocity, on the unit circle; None without any.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    """
+    estimate, omega = device.velocity, theta / device.sample_time
+    one = None if estimate is None else firmware_low_pass(estimate, device.sample_time, omega, ops)
+    if one is None or estimate is None:
+        return None
+    once = Pair(one.re, -(omega * one.lag))
+    return once if estimate.filter_order == 1 else once * once
+
+
+class Offered(NamedTuple):
+    """Re(1/Z_c)/sin^2(theta/2) = above/below, m/(N s), with below > 0."""
+
+    above: Number
+    below: Number
+
+    @property
+    def quotient(self) -> Number:
+        """Re(1/Z_c)/sin^2(theta/2), m/(N s)."""
+        return self.above / self.below
+
+
+def offered_by_spring(
+    coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
+) -> Offered:
+    """Return Re(1/Z_c)/sin^2(theta/2).
+
+    Parameters
+    ----------
+    coupling : k_c > 0
+    sample_time : T, s
+    low_pass : F there; None for 1
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
+    if low_pass is None:
+        resistance = coupling.damping + half
+        loss, spring = sin * resistance, half * cos
+        return Offered(resistance, loss * loss + spring * spring)
+    resistance = coupling.damping * low_pass.re + half
+    loss, spring = sin * resistance, half * cos - sin * (coupling.damping * low_pass.im)
+    return Offered(resistance, loss * loss + spring * spring)
+
+
+def spring_damper_admittance(
+    coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
+) -> Pair:
+    """Return 1/Z_c, m/(N s).
+
+    Parameters
+    ----------
+    coupling : k_c > 0
+    sample_time : T, s
+    low_pass : F there; None for 1
+    theta : omega T, rad, in (0, pi]
+    ops : arithmetic of all of these
+    """
+    half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
+    passed = low_pass or Pair(1, 0)
+    re, im = coupling.damping * passed.re + half, coupling.damping * passed.im - half * cos / sin
+    size = re * re + im * im
+    return Pair(re / size, -im / size)
+
+
+class Required(NamedTuple):
+    """R = lost/size, the least admissible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
+
+    Attributes
+    ----------
+    lost : N s/m, of an impedance display m/(N s)
+    size : |F|^2 in one hand; in any, positive where none makes the loop of K_v alone unstable at this frequency
+    """
+
+    lost: Number
+    size: Number
+
+
+class AnyHand(NamedTuple):
+    """What y answers a force with, in any passive hand: a disc of centre c and radius r at each frequency.
+
+    Attributes
+    ----------
+    short : (r - Re c)/s^2
+    beyond : (|c|^2 - r^2)/s^2
+    centre : c
+    low_pass : F there; None for 1
+    sine2 : s^2
+    """
+
+    short: Number
+    beyond: Number
+    centre: Pair
+    low_pass: Pair | None
+    sine2: Number
+
+    def required(self, gains: Gains) -> Required:
+        """Return R/s^2, of which only K_v counts."""
+        K_v, low_pass = gains.velocity, self.low_pass
+        inside = self.beyond * self.sine2
+        if low_pass is None:
+            return Required(self.short - self.beyond * K_v, 1 + 2 * K_v * self.centre.re + K_v * K_v * inside)
+        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
+        size = 1 + 2 * K_v * along + K_v * K_v * low_pass.abs2() * inside
+        return Required(self.short - self.beyond * K_v * low_pass.re, size)
+
+
+def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
+    """Return what any passive hand at the handle makes of a device.
+
+    Parameters
+    ----------
+    device : b > 0, in numbers of the arithmetic
+    whole : N, whole samples of its delay
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    fractional : whether a part of a sample remains
+    """
+    disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
+    return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)
+
+
+class _Disc(NamedTuple):
+    """The first three of `AnyHand`."""
+
+    short: Number
+    beyond: Number
+    centre: Pair
+
+
+def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> _Disc:
+    if device.actuator is not None or device.structure is not None:
+        return _sum_of_aliases(device, theta, ops)
+    b, steps, half = device.least_damping, whole + 1, ops.sinc(theta / 2)
+
+    def turned(n: Number) -> tuple[Number, Pair]:
+        """Return (1 - cos n theta)/(2 s^2) and e^{-j n theta}."""
+        chord = n * (ops.sinc(theta * (n * 0.5)) / half)
+        return chord * chord, Pair(ops.cos(theta * n), -ops.sin(theta * n))
+
+    short, centre = turned(steps)
+    if not fractional:
+        return _Disc(short / b, 0, centre.scaled(1 / (2 * b)))
+    part = device.delay / device.sample_time - whole
+    later, turn = turned(steps + 1)
+    short, centre = (1 - part) * short + part * later, centre.scaled(1 - part) + turn.scaled(part)
+    return _Disc(short / b, -(part * (1 - part)) / (b * b), centre.scaled(1 / (2 * b)))
+
+
+class _Alias(NamedTuple):
+    """What the motor answers a force with at one frequency, the delays turned: a disc around centre of that radius.
+
+    Attributes
+    ----------
+    centre : A e^{-j psi} C
+    radius : |A| rho
+    """
+
+    centre: Pair
+    radius: Number
+
+
+def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
+    """Return the disc of a device with an actuator or a structure: c = h B + s^2 C', r = h |B| + s^2 R'.
+
+    The first alias has the weight h = (2 s/theta)^2, every other one (2 s/(theta + 2 pi n))^2.
+    """
+    near, short = _first_alias(device, theta, ops)
+    others, radius = Pair(0 * theta, 0 * theta), 0 * theta
+    for n in (sign * k for k in range(1, ALIASES + 1) for sign in (-1, 1)):
+        at = theta + 2 * ops.pi * n
+        alias, inverse = _alias(device, theta, at, ops), 2 / at
+        weight = inverse * inverse
+        others, radius = others + alias.centre.scaled(weight), radius + alias.radius * weight
+    reach, rest = _beyond_the_last(device, ops)
+    off, rest = ops.within(ops.magnitude(reach)), ops.magnitude(rest) / 2
+    others, radius = Pair(others.re + off, others.im + off), radius + (rest + ops.within(rest))
+    sine, half = ops.sin(theta / 2), ops.sinc(theta / 2)
+    square, h = sine * sine, half * half
+    beyond = h * h * near.beyond + 2 * h * (near.centre.re * others.re + near.centre.im * others.im)
+    beyond = beyond - 2 * h * near.radius * radius + square * (others.abs2() - radius * radius)
+    centre = near.centre.scaled(h) + others.scaled(square)
+    return _Disc(short + (radius - others.re), beyond, centre)
+
+
+def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
+    """Return what the motor answers at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
+    T = device.sample_time
+    omega, turn = at / T, theta + at * (device.delay / T)
+    passed, size = Pair(ops.cos(turn), -ops.sin(turn)), 1
+    if device.actuator is not None:
+        A = actuator_response(device.actuator, omega, ops)
+        passed = passed * Pair(A.re, -(omega * A.lag))
+        size = ops.sqrt(passed.abs2())
+    rho, reactance, g = _circle(device, omega, ops)
+    if g is None:
+        return _Alias(passed.scaled(rho), size * rho)
+    centre = passed * Pair(1 + 2 * g * device.damping, -(2 * g * reactance))
+    return _Alias(centre.scaled(rho), size * rho)
+
+
+def _circle(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
+    """Return rho, omega m_1 and g = Re 1/Z_s: the motor's admittance is in the disc of radius rho around C.
+
+    C = rho (1 + 2 g (b - j omega m_1)). Of a rigid device they are 1/(2 b), omega m and None.
+    """
+    b, reactance = device.damping, omega * device.motor_mass
+    if device.structure is None:
+        return 1 / (2 * device.least_damping), reactance, None
+    loss = _loss(device, omega, ops)
+    g = omega * omega * loss
+    return 1 / (2 * b + 2 * g * (b * b + reactance * reactance)), reactance, g
+
+
+def _loss(device: Device, omega: Number, ops: Arithmetic) -> Number:
+    """Return g/omega^2 = c/(k^2 + (omega c)^2) of the spring."""
+    assert device.structure is not None
+    parts = mechanism(device, device.structure, ops)
+    return parts.viscosity / (parts.stiffness * parts.stiffness + (omega * parts.viscosity) * (omega * parts.viscosity))
+
+
+class _First(NamedTuple):
+    """The first alias: its disc, and (|centre|^2 - radius^2)/s^2."""
+
+    centre: Pair
+    radius: Number
+    beyond: Number
+
+
+def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First, Number]:
+    """Return the first alias and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
+    T, b = device.sample_time, device.damping
+    omega, d = theta / T, device.delay / T
+    alias, (rho, reactance, g) = _alias(device, theta, theta, ops), _circle(device, omega, ops)
+    turn = theta * (1 + d)
+    if device.actuator is None:
+        passed, chord = Pair(ops.cos(turn), -ops.sin(turn)), (1 + d) * ops.sinc(turn / 2)
+        short, size2 = 2 * (chord * chord), 1
+    else:
+        A = actuator_response(device.actuator, omega, ops)
+        passed = Pair(ops.cos(turn), -ops.sin(turn)) * Pair(A.re, -(omega * A.lag))
+        size2 = passed.abs2()
+        size = ops.sqrt(size2)
+        slope = A.re * ((1 + d) * ops.sinc(turn)) + A.lag / T * ops.cos(turn)  # -Im/theta
+        short = 4 * ops.where_positive(
+            passed.re,
+            lambda: slope * slope / (size + passed.re),
+            lambda: (size - passed.re) / (theta * theta),
+        )
+    if g is None:
+        return _First(alias.centre, alias.radius, 0), rho * short
+    loss, half, across = _loss(device, omega, ops) / (T * T), ops.sinc(theta / 2), b * b + reactance * reactance
+    short = rho * (short - 8 * loss * (passed.re * b + passed.im * reactance))
+    beyond = 16 * loss * size2 * (rho * rho) * (b + g * across) / (half * half)
+    return _First(alias.centre, alias.radius, beyond), short
+
+
+def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return bounds of |C'| and of R' of all aliases beyond the last that is added up.
+
+    Their weights sum to at most 2/(pi^2 N), and A, rho and the bound of |C| fall from the first of them on.
+    """
+    omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
+    weight = 2 / (ops.pi * ops.pi * ALIASES)
+    if device.actuator is not None:
+        A = actuator_response(device.actuator, omega, ops)
+        weight = weight * ops.sqrt(A.re * A.re + (omega * A.lag) * (omega * A.lag))
+    rho, reactance, g = _circle(device, omega, ops)
+    if g is None:
+        return weight * rho, weight * rho
+    b = device.damping
+    along = ops.where_positive(reactance - b, lambda: (1 + 2 * g * b) * rho, lambda: 1 / b)
+    return weight * (along + 1 / reactance), weight * rho
