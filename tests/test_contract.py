@@ -220,6 +220,24 @@ def test_a_comparison_shows_what_differs(folder):
     assert none.returncode == ExitCode.OK and "B: " in none.stdout
 
 
+def test_displays_of_either_kind_compare(folder):
+    """What one of them has not is null; a term that is another one there has both names."""
+    spring = 'display = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
+    fixed = "[gains]\nvelocity = 0.0\n[coupling]\ndamping = 0.01\nstiffness = 10.0\n"
+    (folder / "spring.toml").write_text(f"[device]\n{spring}{fixed}")
+    for pair in (("good.toml", "spring.toml"), ("spring.toml", "good.toml"), ("spring.toml", "spring.toml")):
+        done = run("compare", *pair, "--json", cwd=folder)
+        assert done.returncode == ExitCode.OK, done.stderr
+        found = strict(done.stdout)
+        assert VALID["comparison"].is_valid(found)
+        values = {each["key"]: each for each in found["design"]}
+        for side, name in zip("ab", pair, strict=True):
+            assert values["coupling.stiffness"][side] == (10.0 if name == "spring.toml" else None)
+            assert values.get("coupling.mass", {}).get(side) == (0.37 if name == "good.toml" else None)
+        label = values["transparency.tracking"]["label"]
+        assert ("|1 - G_he|" in label) == ("good.toml" in pair) and "|1 - A H/N|" in label
+
+
 def test_watch_solves_again_when_the_file_is_saved(folder):
     running = started("solve", "good.toml", "--watch", "--no-report", "--quiet", cwd=folder)
     design = folder / "results/good/design.json"
