@@ -18,6 +18,8 @@ from pathlib import Path
 from gallery import gallery
 
 from vctune.document.log_schema import LogDocument
+from vctune.document.part import how_shown
+from vctune.document.rows import NumbersRecord
 from vctune.document.schema import json_schema, schema_of
 
 ROOT = Path(__file__).parent.parent
@@ -84,9 +86,23 @@ def reference(schema: dict) -> str:
     return "\n".join(escaped) + "\n"
 
 
+def columns() -> str:
+    """Return the columns of a study's table that are no axes, as a table."""
+    rows = [
+        "| column | meaning |",
+        "|---|---|",
+        "| `status` | as of a design; invalid where the numbers make no problem |",
+    ]
+    for name, shown in how_shown(NumbersRecord).items():
+        label = shown.label.replace("|", "\\|")
+        rows.append(f"| `{name}` | {label}{f', {shown.unit}' if shown.unit else ''} |")
+    return "\n".join([*rows, "| `reason` | why there is no certified design |"]) + "\n"
+
+
 TABLES: dict[str, Callable[[], str]] = {
     "reference": lambda: reference(json_schema()),
     "log": lambda: reference(schema_of(LogDocument, "vctune log")),
+    "columns": columns,
     "gallery": gallery,
 }
 """What makes the table between the comments of this name."""

@@ -67,7 +67,6 @@ MACHINES = {
     "check": ("check good.toml poor.toml bad.toml", ExitCode.BAD_INPUT),
     "simulation": ("simulate good.toml", ExitCode.OK),
     "sweep": ("sweep study.toml --executor serial", ExitCode.OK),
-    "front": ("front free.toml --executor serial", ExitCode.OK),
     "region": ("region free.toml --y coupling.damping --resolution 0.125", ExitCode.OK),
     "comparison": ("compare good.toml poor.toml", ExitCode.OK),
     "export": ("export good.toml --to json", ExitCode.OK),
@@ -84,6 +83,11 @@ def test_documents_are_as_their_schemas_say(folder, kind):
     assert list(VALID[kind].iter_errors(document)) == []
     for broken in damaged(document):
         assert not VALID[kind].is_valid(broken)
+
+
+@pytest.mark.parametrize("kind", ["design", "check", "sweep", "export", "comparison"])
+def test_quiet_says_only_what_cannot_be_used(folder, kind):
+    words, code = MACHINES[kind]
     quiet = run(*words.split(), "--quiet", cwd=folder)
     refused = ["bad.toml"] * (kind == "check")
     assert (quiet.returncode, quiet.stdout) == (code, "")
@@ -212,8 +216,26 @@ def test_a_comparison_shows_what_differs(folder):
             assert values[key][side] == design[table][name]
     table = run("compare", "good.toml", "other.toml", cwd=folder).stdout
     assert "device.mass" in table and not any(line.endswith(" ") for line in table.splitlines())
-    none = run("compare", "good.toml", ROOT / "problems/infeasible.toml", cwd=folder)
+    none = run("compare", "good.toml", ROOT / "results/infeasible/design.json", cwd=folder)
     assert none.returncode == ExitCode.OK and "B: " in none.stdout
+
+
+def test_displays_of_either_kind_compare(folder):
+    """What one of them has not is null; a term that is another one there has both names."""
+    spring = 'display = "impedance"\nmass = 0.06\ndamping = 0.1\nsample_time = 1e-3\n'
+    fixed = "[gains]\nvelocity = 0.0\n[coupling]\ndamping = 0.01\nstiffness = 10.0\n"
+    (folder / "spring.toml").write_text(f"[device]\n{spring}{fixed}")
+    for pair in (("good.toml", "spring.toml"), ("spring.toml", "good.toml"), ("spring.toml", "spring.toml")):
+        done = run("compare", *pair, "--json", cwd=folder)
+        assert done.returncode == ExitCode.OK, done.stderr
+        found = strict(done.stdout)
+        assert VALID["comparison"].is_valid(found)
+        values = {each["key"]: each for each in found["design"]}
+        for side, name in zip("ab", pair, strict=True):
+            assert values["coupling.stiffness"][side] == (10.0 if name == "spring.toml" else None)
+            assert values.get("coupling.mass", {}).get(side) == (0.37 if name == "good.toml" else None)
+        label = values["transparency.tracking"]["label"]
+        assert ("|1 - G_he|" in label) == ("good.toml" in pair) and "|1 - A H/N|" in label
 
 
 def test_watch_solves_again_when_the_file_is_saved(folder):

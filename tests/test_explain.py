@@ -18,13 +18,14 @@ import pytest
 from command import run, strict
 from conftest import ROOT
 
+from vctune import problem, solve
 from vctune.api import identifying
 from vctune.api.explaining import CODE, entries, explain
+from vctune.design.record import record_of
 from vctune.design.repair import CUT_SHORT
-from vctune.document import record
 from vctune.document.codes import ENDING, Code
+from vctune.document.design import read_design
 from vctune.document.errors import InputError
-from vctune.document.part import Part, how_shown
 from vctune.exit_codes import ExitCode
 
 GUIDES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))}
@@ -179,9 +180,11 @@ def test_words_are_those_of_the_glossary(tmp_path):
 
 
 def test_every_label_of_the_table_of_a_design_is_explained():
-    parts = [part for part in vars(record).values() if isinstance(part, type) and issubclass(part, Part)]
-    labels = {shown.label for part in parts for shown in how_shown(part).values()}
-    assert {"velocity K_v", "|1 - G_he|", "gain margin"} <= labels
+    spring = {"device": {"display": "impedance", "mass": 0.06, "damping": 0.1, "sample_time": 1e-3}}
+    judged = problem({**spring, "coupling": {"damping": 0.01, "stiffness": 10.0}, "gains": {"velocity": 0.0}})
+    records = [record_of(judged, solve(judged)), *map(read_design, (ROOT / "results").glob("*/design.json"))]
+    labels = {row.label for record in records for rows in record.groups().values() for row in rows}
+    assert {"velocity K_v", "stiffness k_c", "|1 - G_he|", "|1 - A H/N|", "gain margin", "worst error"} <= labels
     for label in labels:
         assert explain(label).entries, label
 

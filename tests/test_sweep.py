@@ -20,10 +20,12 @@ from command import run, started, wait_until
 from conftest import ROOT, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
 
 from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
+from vctune.document.schemas import SCHEMAS
 from vctune.document.study import read_study
 from vctune.exit_codes import ExitCode
 from vctune.model.transparency import Terms
@@ -486,7 +488,11 @@ def test_front_of_a_problem(tmp_path):
         terms = [tuple(float(row[f"{key}_term"]) for key in TERMS) for row in csv.DictReader(file)]
     assert terms and not any(a != b and all(x <= y for x, y in zip(a, b, strict=True)) for a in terms for b in terms)
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
-    assert run("front", "device.toml", "--jobs", 1, cwd=tmp_path).returncode == ExitCode.OK
+    again = run("front", "device.toml", "--jobs", 1, "--json", "--quiet", cwd=tmp_path)
+    assert (again.returncode, again.stderr) == (ExitCode.OK, "")
+    found = json.loads(again.stdout)
+    assert list(Draft202012Validator(SCHEMAS["front"]()).iter_errors(found)) == []
+    assert [row["stability.band_hz[1]"] for row in found["band"]] == edges and len(found["terms"]) == len(terms)
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 

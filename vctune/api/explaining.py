@@ -17,7 +17,7 @@ from vctune.document.outputs import EntryRecord, ExplanationRecord
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
 """A code of what is refused, warned of or left out, and its page."""
-KEYS = re.compile(r"<!-- (?:reference|log) -->\n(.*?)<!-- /", re.DOTALL)
+KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from vctune.document.part import Document, Part, Shown, how_shown
+from vctune.document.part import Document, Part, Shown, filled, how_shown
 from vctune.document.reading import parse_problem
 from vctune.document.record import DesignRecord
 from vctune.document.statement import statement
@@ -108,12 +108,13 @@ def _values(a: DesignRecord, b: DesignRecord) -> Iterator[ValueRecord]:
 
 def _compared(title: str, prefix: str, a: Part | None, b: Part | None) -> Iterator[ValueRecord]:
     parts = [part for part in (a, b) if part is not None]
-    for field, shown in how_shown(type(parts[0])).items() if parts else ():
-        one, other = (_scaled(getattr(part, field), shown) if part is not None else None for part in (a, b))
+    for field, shown in {field: each for part in parts for field, each in how_shown(type(part)).items()}.items():
+        one, other = (_scaled(getattr(part, field, None), shown) for part in (a, b))
+        label = " or ".join(dict.fromkeys(filled(part, shown.label) for part in parts if hasattr(part, field)))
         unit = "Hz" if field.endswith("_hz") else "" if "{" in shown.unit else shown.unit
         if not shown.detail and (one is not None or other is not None):
             key = f"{prefix}.{field}"
-            yield ValueRecord(group=title, key=key, label=shown.label, unit=unit, digits=shown.digits, a=one, b=other)
+            yield ValueRecord(group=title, key=key, label=label, unit=unit, digits=shown.digits, a=one, b=other)
     inner = [name for part in parts for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
         yield from _compared(title, f"{prefix}.{name}", getattr(a, name, None), getattr(b, name, None))

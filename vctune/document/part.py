@@ -76,11 +76,12 @@ class Part(BaseModel):
             value = getattr(self, name)
             if value is not None or not shown.optional:
                 scaled = value * shown.scale if isinstance(value, float) else value
-                label, unit = (_filled(self, words) for words in (shown.label, shown.unit))
+                label, unit = (filled(self, words) for words in (shown.label, shown.unit))
                 yield Row(label, text(scaled, shown.digits), unit, shown.detail)
 
 
-def _filled(part: Part, words: str) -> str:
+def filled(part: Part, words: str) -> str:
+    """Return words of a field with what they name in braces, other fields or properties of the part."""
     return re.sub(r"{(\w+)}", lambda field: text(getattr(part, field[1])), words)
 
 

@@ -23,7 +23,7 @@ class RowsHeader(Document):
 class NumbersRecord(Part):
     """The error, its unweighted terms, the design, its least ratio and where; null without a design."""
 
-    error: Annotated[Number, Shown("error")]
+    error: Annotated[Number, Shown("transparency error")]
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
     tracking_term: Annotated[Number, Shown("|1 - G_he|")]
     coupling_term: Annotated[Number, Shown("|Z_c|/Z_0")]
@@ -34,7 +34,7 @@ class NumbersRecord(Part):
     coupling_drag: Annotated[Number, Shown("b_0", "N s/m")]
     coupling_stiffness: Annotated[Number, Shown("k_c", "N/m")] = None
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
-    worst_hz: Annotated[Number, Shown("at", "Hz")]
+    worst_hz: Annotated[Number, Shown("where the ratio is least", "Hz")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
 
 
