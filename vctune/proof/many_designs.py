@@ -155,6 +155,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
             halved=_halved(cells, 1 + len(HAND)),
             max_halvings=HALVINGS_IN_HANDS,
             max_boxes=BOXES_IN_HANDS,
+            at_ends=True,
             only_whole=True,
         )
         proved[some] = found.proved
