@@ -16,18 +16,20 @@ from scipy.linalg import expm
 from scipy.optimize import minimize_scalar
 
 import vctune
+from vctune.analysis.destabilising import destabilising
 from vctune.analysis.feel import feel
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.design.check import CheckVerdict, check
 from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
-from vctune.design.record import record_of
+from vctune.design.record import claim_records, record_of
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.arithmetic import FLOATS
 from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
 from vctune.model.impedance_display import any_hand
+from vctune.model.problem import HUMAN_HANDS
 from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, SpringDamper, Structure, VelocityEstimate
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
@@ -514,3 +516,54 @@ def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
     late = np.sinc(w * T / (2 * np.pi)) * np.exp(-0.5j * w * T)  # of the hold
     wall = 1j * w * 0.1 + B + late * 1000.0 / (1j * w)  # T/(1 - 1/z) of a difference is exactly 1/(j w)
     assert felt.stiffness == pytest.approx(float(np.abs(w * wall)[0]), rel=1e-9)
+
+
+def test_what_is_refused_in_a_hand_grows_as_is_said():
+    """The growth of each pair of hand and environment is that of the state matrix."""
+    random, seen = np.random.default_rng(2), 0
+    for _ in range(40):
+        corner = (float(random.uniform(30, 400)), 1) if random.uniform() < 0.5 else ()
+        device = display(
+            mass=float(10 ** random.uniform(-1.5, 0)), damping=float(10 ** random.uniform(-1, 0.7)),
+            velocity=VelocityEstimate("difference", *corner), delay=float(random.choice([0.0, random.uniform(0, 2)])) * T,
+        )  # fmt: skip
+        coupling = SpringDamper(float(10 ** random.uniform(-2, 1.5)), float(10 ** random.uniform(2, 4.5)))
+        worst = least_ratios_in_hands(device, HUMAN_HANDS, Gains(0.0, 0.0), coupling)[0]
+        if worst.ratio >= 0.99:
+            continue
+        seen += 1
+        found = destabilising(device, Gains(0.0, 0.0), coupling, worst.hand, worst.omega)
+        low_pass = 1 - np.exp(-2 * pi * corner[0] * T) if corner else None
+        matrix = step_matrix(
+            mechanics_of(device, worst.hand), T, device.delay, 0.0, coupling.damping, coupling.stiffness,
+            [Element(found.kind, found.value)], low_pass=low_pass,
+        )  # fmt: skip
+        assert found.damping == 0
+        assert np.log(spectral_radius(matrix)) / T == pytest.approx(found.growth, rel=1e-4, abs=1e-4)
+    assert seen > 10
+
+
+def test_a_design_that_is_refused_in_any_hand_shows_a_lossless_one():
+    problem = arm(coupling={"damping": 0.0, "stiffness": 1700.0})
+    claim = next(each for each in claim_records(problem, solve(problem).judgement) if each.environment is not None)
+    found = claim.environment
+    assert found.hand.damping == 0
+    mechanics = Mechanics(0.1, B, hand=(found.hand.mass, 0.0, found.hand.stiffness))
+    matrix = step_matrix(mechanics, T, 0.0, 0.0, 0.0, 1700.0, [Element(found.kind, found.value)])
+    assert np.log(spectral_radius(matrix)) / T == pytest.approx(found.growth_per_s, rel=1e-4)
+
+
+def test_in_hands_more_than_a_triangle_is_proved():
+    document = {
+        "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T},
+        "coupling": {"stiffness": {"min": 1000.0, "max": 8000.0}, "damping": {"min": 1.0, "max": 40.0}},
+        "stability": {"safety_factor": 1.0, "criterion": "hands"},
+    }
+    found = vctune.region(document, resolution=1 / 16)
+    assert found.areas["feasible"] > 0.3
+    b_c, k_c = (found.region.plane.edges[i] for i in (0, 1))
+    random, cells = np.random.default_rng(1), found.region.squares.T[found.region.kinds == 1]
+    for at in random.choice(len(cells), size=min(8, len(cells)), replace=False):
+        square = cells[at]
+        coupling = SpringDamper(random.uniform(*b_c[square[:2]]), random.uniform(*k_c[square[2:]]))
+        assert least_ratios_in_hands(display(), HUMAN_HANDS, Gains(0.0, 0.0), coupling)[0].ratio >= 1

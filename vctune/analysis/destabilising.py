@@ -4,6 +4,9 @@ Where Re(Z_c + Z_seen) < 0, the spring or mass that cancels the imaginary part, 
 beside it, holds a pole on the unit circle. It is followed while the damper is taken away. Of a demand that is just
 missed the pole goes outwards; where much is missed it may come back, and some of the damper is left. The functions of a
 hand's loop are analytic in theta, z = e^(j theta), so that the same formulas tell where the pole goes.
+
+Of an impedance display it is the same with admittances: a spring or mass cancels the imaginary part of
+1/Z_c + G_y/(1 + K_v F G_y), and a damper in a row with it holds the pole and is taken away (section 15).
 """
 
 from __future__ import annotations
@@ -19,7 +22,8 @@ import numpy as np
 from vctune.model.arithmetic import FLOATS, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.hand_loop import PlantInHand, delays_of, loop_in_hand, plant_in_hand
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, series_coupling
+from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, SpringDamper, series_coupling
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
@@ -81,9 +85,12 @@ def destabilising(
     theta = min(max(omega * T, LEAST), pi)
 
     def alone(theta: complex) -> complex:
+        if isinstance(coupling, SpringDamper):
+            return _met(plant, gains, theta) + _given(coupling, device, theta)
         return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, T))
 
     reactance, warped = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, T).real
+    # a mass m and a spring k, or of an impedance display 1/k and 1/m
     mass, stiffness = max(0.0, -reactance / warped), max(0.0, reactance * warped)
 
     def unbalance(theta: complex, *, damping: float) -> complex:
@@ -97,8 +104,19 @@ def destabilising(
         return None
     damping, pole = growing[-1] if growing[-1][0] == 0 else min(growing, key=lambda step: step[1].imag)
     turn = abs((pole.real + pi) % (2 * pi) - pi)
+    if isinstance(coupling, SpringDamper):
+        return _dual(mass, stiffness, damping, -pole.imag / T, turn / T)
     kind: Literal["spring", "mass"] = "spring" if stiffness > 0 else "mass"
     return GrowingEnvironment(kind, stiffness or mass, damping, -pole.imag / T, turn / T)
+
+
+def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
+    """Return the environment with 1/k = compliance or 1/m = mobility; None where a damper in a row with it is left."""
+    if damping > 0 or compliance == mobility == 0:  # no experiment has the one, and the other is a rigid wall
+        return None
+    if compliance > 0:
+        return GrowingEnvironment("spring", 1 / compliance, 0.0, growth, omega)
+    return GrowingEnvironment("mass", 1 / mobility, 0.0, growth, omega)
 
 
 def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -> list[tuple[float, complex]]:
@@ -126,6 +144,18 @@ def _warped(theta: complex, sample_time: float) -> complex:
 def _coupling(coupling: AnyCoupling, omega: complex) -> complex:
     Z_c = coupling_impedance(series_coupling(coupling), omega)
     return complex(Z_c.re + 1j * Z_c.im)
+
+
+def _given(coupling: SpringDamper, device: Device, theta: complex) -> complex:
+    """Return 1/Z_c."""
+    low_pass = firmware_filter(device, theta, FLOATS)
+    found = spring_damper_admittance(coupling, device.sample_time, low_pass, theta, FLOATS)
+    return complex(found.re + 1j * found.im)
+
+
+def _met(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
+    """Return G_y/(1 + K_v F G_y) = s P/(2 j F) of an impedance display."""
+    return _seen(plant, gains, theta) * complex(np.sin(theta / 2) ** 2)
 
 
 def _seen(plant: PlantInHand, gains: Gains, theta: complex) -> complex:

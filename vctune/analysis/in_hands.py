@@ -29,6 +29,9 @@ SOFT = np.geomspace(1e-12, 1.0, 97)
 most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+REACH = 100.0
+"""How much heavier than the device a lossless hand is looked for, and how much stiffer than what rings at Nyquist with
+it. Half and twice it find a hand for the same designs."""
 DRIVEN = 1e6
 """1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
 ROUNDS = 22
@@ -217,6 +220,17 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
     found = _closer(device, hands, gains, coupling, theta, starts)
     return sorted(found, key=lambda each: each.ratio)
+
+
+def lossless_hands(device: Device) -> Hands:
+    """Return the hands of a mass and a spring, up to `REACH` times those that ring at Nyquist with the device's mass.
+
+    Parameters
+    ----------
+    device : plain numbers
+    """
+    stiffness = device.mass * (np.pi / device.sample_time) ** 2
+    return Hands(Hand(0.0, 0.0, 0.0), Hand(REACH * device.mass, 0.0, REACH * stiffness))
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:

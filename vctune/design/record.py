@@ -16,6 +16,7 @@ import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
 from vctune.analysis.destabilising import destabilising
+from vctune.analysis.in_hands import least_ratios_in_hands, lossless_hands
 from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
@@ -258,21 +259,26 @@ def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcom
         also["witness_device"] = device_record(outcome.device, problem)
     if outcome.hand is not None:
         also["witness_hand"] = HandRecord(**asdict(outcome.hand))
-        if claim in IN_HANDS and outcome.verdict is Verdict.REFUTED:
-            also |= _environment(problem, judgement, outcome)
+    if claim in (*IN_HANDS, Claim.ANY_HAND) and outcome.verdict is Verdict.REFUTED:
+        also |= _environment(problem, judgement, outcome)
     return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **also)
 
 
 def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
     """Return what a design grows with, in the hand that refutes it or in the worst; nothing if it is not known to.
 
-    A hand that only misses the safety factor makes nothing grow.
+    A hand that only misses the safety factor makes nothing grow. Where any passive hand may be met, one of a mass and a
+    spring is looked for.
     """
     device, held, places = outcome.device or problem.device, judgement.in_hand, []
     if outcome.hand is not None and outcome.witness is not None:
         places.append((outcome.hand, outcome.witness))
     if outcome.device is None and held is not None:
         places.append((held.hand, held.omega))
+    if problem.any_hand:
+        wide = lossless_hands(device)
+        found_in = least_ratios_in_hands(device, wide, judgement.gains, judgement.coupling)
+        places += [(each.hand, each.omega) for each in found_in if each.ratio < 1]
     tried = ((hand, destabilising(device, judgement.gains, judgement.coupling, hand, at)) for hand, at in places)
     growing = [(hand, found) for hand, found in tried if found is not None]
     if not growing:
