@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import ROOT, for_passive_hands
 
-from vctune.analysis import resonance
+from vctune.analysis import in_hands, resonance
 from vctune.design import (
     exchange,
     gain_limit,
@@ -59,6 +60,14 @@ def beside_one(value: Any, factor: float) -> Any:
 def below_one(value: float, factor: float) -> float:
     """Scale the distance of a share from 1, down to 0."""
     return max(0.0, 1 - (1 - value) * factor)
+
+
+def denser(values: Any, factor: float) -> Any:
+    """Leave out every second of some places, or put one in the middle between each two."""
+    if factor < 1:
+        return values[::2]
+    between = np.interp(np.arange(2 * len(values) - 1) / 2, np.arange(len(values)), values)
+    return between if isinstance(values, np.ndarray) else tuple(between.tolist())
 
 
 def each(scaled: Scaled, values: Any, factor: float) -> Any:
@@ -141,6 +150,23 @@ OF_UNCERTAIN = [
     Constant("MOST_AT_ONCE", (devices,), count),
 ]
 """Those that decide which devices of a box are looked at."""
+OF_MANY = [
+    Constant("TOGETHER", (worst,), count),
+    Constant("SWEEPS", (worst,), count),
+]
+"""Those that are about devices with many uncertain numbers."""
+OF_HANDS = [
+    Constant("SHARES", (in_hands,), denser),
+    Constant("PER_DECADE", (in_hands,), count),
+    Constant("SOFT", (in_hands,), denser),
+    Constant("SEARCHED", (in_hands,), count),
+    Constant("ROUNDS", (in_hands,), count),
+    Constant("FEW", (samples,), denser),
+    Constant("FEW_ANGLES", (samples,), count),
+    Constant("FEW_SPRINGS", (samples,), count),
+    Constant("TIGHTENING_IN_HANDS", (ipopt, violations), times),
+]
+"""Those that decide which hands are looked at."""
 UNCERTAIN = {
     "numbers": "[uncertainty]\nmass = 0.1\ndamping = 0.5\n",
     "parts": '[device.actuator]\nbandwidth_hz = 500.0\n[uncertainty]\n"actuator.bandwidth_hz" = 0.3\nmass = 0.1\n',
@@ -215,6 +241,82 @@ def test_half_and_twice_a_constant_give_robust_designs_as_good(constant, factor,
         judgement = solving.solve(_uncertain(name)).judgement
         assert judgement is not None and judgement.status is Status.CERTIFIED, name
         assert judgement.error == pytest.approx(known[name], rel=AS_GOOD), name
+
+
+MANY_NUMBERS = """
+[device]
+mass = 1.67
+damping = 2.3
+sample_time = 5e-4
+delay = 7e-5
+velocity = { from = "difference", filter_hz = 480.0 }
+actuator = { bandwidth_hz = 390.0 }
+structure = { handle_mass = 0.72, frequency_hz = 130.0, damping_ratio = 0.03 }
+[stability]
+criterion = "passive"
+[uncertainty]
+mass = 0.01
+damping = 0.35
+delay = 0.7
+"actuator.bandwidth_hz" = 0.01
+"structure.handle_mass" = 0.01
+"structure.frequency_hz" = 0.005
+"structure.damping_ratio" = 0.01
+unmodelled = [[10.0, 0.0005], [100.0, 0.002]]
+"""
+
+
+@cache
+def error_of_many() -> float:
+    judgement = solving.solve(parse_problem(MANY_NUMBERS, "x", "x")).judgement
+    assert judgement is not None and judgement.status is Status.CERTIFIED
+    return judgement.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", OF_MANY, ids=str)
+def test_half_and_twice_a_constant_give_designs_as_good_of_many_uncertain_numbers(constant, factor, monkeypatch):
+    known = error_of_many()
+    changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
+    monkeypatch.setattr(constant.modules[0], constant.name, changed)
+    judgement = solving.solve(parse_problem(MANY_NUMBERS, "x", "x")).judgement
+    assert judgement is not None and judgement.status is Status.CERTIFIED
+    assert judgement.error == pytest.approx(known, rel=AS_GOOD)
+
+
+HANDS = sorted((ROOT / "tests/reference/hands").glob("*.toml"))
+
+
+@cache
+def error_in_hands(path: Path) -> float:
+    judgement = solving.solve(read_problem(path).problem).judgement
+    assert judgement is not None and judgement.status is Status.CERTIFIED
+    return judgement.error
+
+
+def forget_loops() -> None:
+    in_hands.loops_in_hands.cache_clear()
+    in_hands.loops_at_rest.cache_clear()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("constant", OF_HANDS, ids=str)
+def test_half_and_twice_a_constant_give_designs_as_good_in_hands(constant, factor, monkeypatch):
+    known = {path: error_in_hands(path) for path in HANDS}
+    changed = constant.scaled(getattr(constant.modules[0], constant.name), factor)
+    for module in constant.modules:
+        monkeypatch.setattr(module, constant.name, changed)
+    monkeypatch.setattr(in_hands.loops_in_hands.__wrapped__, "__defaults__", (in_hands.SHARES, in_hands.PER_DECADE))
+    forget_loops()
+    try:
+        for path in HANDS:
+            judgement = solving.solve(read_problem(path).problem).judgement
+            assert judgement is not None and judgement.status is Status.CERTIFIED, path.stem
+            assert judgement.error == pytest.approx(known[path], rel=AS_GOOD), path.stem
+    finally:
+        forget_loops()
 
 
 @pytest.mark.slow

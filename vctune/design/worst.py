@@ -36,8 +36,8 @@ STEPS, SHRINK = 40, 0.5
 """Rounds of the refinement, and what its steps shrink by where no neighbour is lower: to 1e-10 of the first in 40
 rounds, half of them for moving; the ratio is flat at its minimum, so that half as many give it to 1e-6 still."""
 MANY, TOGETHER = 5, 2
-"""Numbers, the frequency among them, of which any may move in one step; of more only so many do. Three at a time takes
-six times as long and finds the same devices; one at a time stops in the valleys of resonances."""
+"""Numbers, the frequency among them, of which any may move in one step; of more only so many do, which of nine numbers
+leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
 
 SWEEPS = 3
 """How often all numbers are taken to their ends, for a greater |S|: once is mostly enough, what still rises after three

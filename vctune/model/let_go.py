@@ -55,7 +55,7 @@ Plant = SampledPlant | PlantLetGo
 
 
 HIGHEST = 0.75
-"""Resonance, in sampling frequencies, up to which this form is used: at 1 its Q has a pole. Half or 0.9: the same."""
+"""Resonance, in sampling frequencies, up to which this form is used: at 1 its Q has a pole."""
 
 
 def has_sharp_form(device: Device) -> bool:
