@@ -29,6 +29,10 @@ from vctune.study.region_check import recheck
 
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
+PAGES = (
+    "cobot-wrist-real", "desktop-arm", "flexible-handle", "friction-wheel", "friction-wheel-hands", "friction-wheel-paper",
+)  # fmt: skip
+"""Designs whose page is kept, as .gitignore has it: all of them would be more than `MOST_BYTES`."""
 MOST_BYTES = 4_000_000
 SPARSE = 10
 """Every tenth point of a study is solved again."""
@@ -69,7 +73,8 @@ def test_gallery_is_as_new_as_the_code(path):
     assert record["problem"]["text"] == path.read_text()
     assert record["problem"]["sha256"] == read_problem(path).sha256
     assert record["status"] == solved.status.value
-    assert (folder / "report.html").exists()
+    if path.stem in PAGES:
+        assert record["problem"]["sha256"] in (folder / "report.html").read_text()
     assert bool(record.get("prices")) == (solved.status is Status.CERTIFIED)
     if solved.judgement is not None:
         assert record["transparency"]["error"] == pytest.approx(solved.judgement.transparency.error, rel=1e-5)
