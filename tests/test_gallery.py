@@ -30,7 +30,8 @@ from vctune.study.region_check import recheck
 PROBLEMS = sorted((ROOT / "problems").glob("*.toml"))
 STUDIES = sorted((ROOT / "problems" / "studies").glob("*.toml"))
 PAGES = (
-    "cobot-wrist-real", "desktop-arm", "flexible-handle", "friction-wheel", "friction-wheel-hands", "friction-wheel-paper",
+    "cobot-wrist-real", "desktop-arm", "flexible-handle",
+    "friction-wheel", "friction-wheel-hands", "friction-wheel-paper",
 )  # fmt: skip
 """Designs whose page is kept, as .gitignore has it: all of them would be more than `MOST_BYTES`."""
 MOST_BYTES = 4_000_000

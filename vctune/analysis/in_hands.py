@@ -272,6 +272,7 @@ def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
     return tuple(float(number[most]) for number in astuple(where.hands))
 
 
+@np.errstate(all="ignore")
 def _closer(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
 ) -> list[RatioInHand]:
