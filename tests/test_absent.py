@@ -124,6 +124,7 @@ PARTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", PARTS)
 def test_what_a_device_lacks_is_not_in_its_nlp(part):
     """A part adds its constants, and neither variables nor demands; without any, the NLP is the ideal device's."""

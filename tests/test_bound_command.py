@@ -69,6 +69,7 @@ def test_what_is_left_is_kept_and_gone_on_with(folder):
     assert optimality(design)["boxes"] >= reached[2][1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not whole", b"\x93NUMPY"], ids=["empty", "torn", "foreign"])
 def test_a_damaged_rest_is_not_gone_on_with(folder, content):
     (folder / "o/friction-wheel/bound.npz").write_bytes(content)

@@ -189,6 +189,7 @@ def growing(loops: list[Loop]) -> list[float]:
 NAMES = ["real-actuator", "real-difference", "real-force-sensor", "real-flexible", "real-everything"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_growing_modes_lie_outside_the_proved_band(name):
     """In exact time, with discrete-passive environments; fewer loops grow than without the coupling."""

@@ -391,6 +391,7 @@ def test_boxes_that_begin_at_no_hand():
                 assert not np.isfinite(one.rad) or away <= float(one.rad) + 1e-12 * abs(float(other)), (device, hand)
 
 
+@pytest.mark.slow
 @np.errstate(all="ignore")
 @pytest.mark.parametrize(
     "width", [1e-3, pytest.param(1e-6, marks=pytest.mark.slow), pytest.param(1e-12, marks=pytest.mark.slow)]

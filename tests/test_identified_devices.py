@@ -62,6 +62,7 @@ def test_a_simulated_device_is_in_its_box(seed, tmp_path):
     assert found.inside, found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3])
 def test_a_design_for_the_box_is_certified_for_the_truth(seed, tmp_path):
     assert designed_for_the_box(seed, tmp_path)

@@ -553,6 +553,7 @@ def test_a_design_that_is_refused_in_any_hand_shows_a_lossless_one():
     assert np.log(spectral_radius(matrix)) / T == pytest.approx(found.growth_per_s, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_in_hands_more_than_a_triangle_is_proved():
     document = {
         "device": {"display": "impedance", "mass": 0.1, "damping": B, "sample_time": T},

@@ -85,6 +85,7 @@ def test_half_coth_in_every_arithmetic(norm):
             assert balls[i][j].rad() <= 1e-28 * float(size), number
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "norm", [norm if norm in (0.1, 12.0) else pytest.param(norm, marks=pytest.mark.slow) for norm in NORMS]
 )

@@ -33,7 +33,7 @@ def paths(tmp_path_factory):
     }
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_on_a_desk(browser, paths, scheme):
     """No console error, no request beyond the file, figures visible, text readable on its ground."""
     page = opened(browser, paths["every hand, held"], color_scheme=scheme)

@@ -185,6 +185,7 @@ def check_growth(number: int, found: Judged) -> bool:
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [3, 5])
 def test_what_is_refuted_grows(number):
     assert check_growth(number, judged(number, 1.0))

@@ -129,6 +129,7 @@ def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) ->
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["no damping, whole axis", "gains too high"])
 def test_each_repair_suffices_and_nine_tenths_of_it_do_not(name):
     each_repair_is_least(QUICK[name])

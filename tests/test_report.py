@@ -52,6 +52,7 @@ def records():
     return {name: recorded(for_passive_hands(text), prices=name in PRICED) for name, text in CASES.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_report_of_every_verdict(records, tmp_path, name):
     """Renders without a warning (warnings are errors here), below 600 kB, escaped, embedding its own record."""

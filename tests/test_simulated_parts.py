@@ -246,6 +246,7 @@ def differs(scene: Scene, samples: int, **options) -> dict[str, float]:
     return gaps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
 @pytest.mark.parametrize("hand_mass", [0.0, 0.05])
 @pytest.mark.parametrize("controller", ["design", "baseline"])

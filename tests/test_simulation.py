@@ -47,6 +47,7 @@ def experiment(environment=SPRING, operator=HAND, friction=None, sensors=PERFECT
     return Experiment("test", environment, operator, friction, sensors, limit, baseline)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 2.7e-3])
 @pytest.mark.parametrize("hand_mass", [0.0, 0.2])
 @pytest.mark.parametrize(

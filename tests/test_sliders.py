@@ -30,6 +30,9 @@ CASES = {
 TRIED = 20
 
 
+FAST = "any hand, peak", "every part"
+
+
 @pytest.fixture(scope="module")
 def browser():
     with chromium() as opened:
@@ -42,7 +45,10 @@ def paths(tmp_path_factory):
     return {name: made(recorded(text), tmp_path_factory.mktemp("report")) for name, text in CASES.items()}
 
 
-@pytest.fixture(scope="module", params=CASES)
+@pytest.fixture(
+    scope="module",
+    params=[name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
+)
 def tried(request, browser, paths):
     """The problem, the shipped numbers and tried ones, and what the page makes of them."""
     page = opened(browser, paths[request.param])

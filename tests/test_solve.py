@@ -269,6 +269,7 @@ def test_rounded_numbers_stay_within_bounds_and_reach_them():
     assert rounded(problem, values)[:3] == (123.456789012, 0.0, 1.2345679)
 
 
+@pytest.mark.slow
 def test_a_solution_is_not_believed(monkeypatch):
     """An optimiser that returns an unstable loop with |S| small is thrown away, not certified."""
     real = solving.polish

@@ -267,6 +267,7 @@ def test_killed_fifty_times(tmp_path):
     assert len(rows) == 2500
 
 
+@pytest.mark.slow
 def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
     path = write_study(tmp_path, MANY.format(12), FIXED)
     process = started("sweep", path, "--jobs", "2", cwd=tmp_path)
@@ -289,6 +290,7 @@ def breaks_at_two(problem):
     return solve_point(None if problem.device.damping == 2.0 else problem)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("work", "reason"), [(dies_at_two, "died"), (breaks_at_two, "internal error: AttributeError")])
 def test_a_point_that_breaks_its_worker_is_a_failed_row_until_it_is_mended(tmp_path, monkeypatch, work, reason):
     path = write_study(tmp_path, '"device.damping" = [1.0, 1.5, 2.0, 3.0, 4.0]', FIXED)
