@@ -18,7 +18,7 @@ from scipy.optimize import minimize_scalar
 import vctune
 from vctune.analysis.destabilising import destabilising
 from vctune.analysis.feel import feel
-from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands, loops_in_hands
 from vctune.design.check import CheckVerdict, check
 from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
@@ -27,7 +27,7 @@ from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
 from vctune.model.impedance_display import any_hand
 from vctune.model.problem import HUMAN_HANDS
 from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, SpringDamper, Structure, VelocityEstimate
@@ -568,3 +568,18 @@ def test_in_hands_more_than_a_triangle_is_proved():
         square = cells[at]
         coupling = SpringDamper(random.uniform(*b_c[square[:2]]), random.uniform(*k_c[square[2:]]))
         assert least_ratios_in_hands(display(), HUMAN_HANDS, Gains(0.0, 0.0), coupling)[0].ratio >= 1
+
+
+def test_where_the_coupling_drives_no_multiple_of_R_is_asked_for():
+    """Behind two slow low-passes Re 1/Z_c is negative somewhere; what is proved is at least R there, too."""
+    device, random, driving = display(velocity=VelocityEstimate("difference", 20.0, 2)), np.random.default_rng(9), 0
+    assert device.coupling_may_drive and not display().coupling_may_drive
+    where = loops_in_hands(device, HUMAN_HANDS)
+    required = where.required(Gains(0.0, 0.0)).max(axis=0)
+    for _ in range(12):
+        coupling = SpringDamper(float(10 ** random.uniform(-1, 1)), float(10 ** random.uniform(0, 2)))
+        given = offered(coupling, device, where.theta, FLOATS)
+        driving += given.min() < 0
+        judged = judge(arm(device, criterion="hands", factor=1.5), Gains(0.0, 0.0), coupling)
+        assert judged.status is not Status.CERTIFIED or (given >= required).all()
+    assert driving > 2

@@ -235,7 +235,8 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
     """Return a function of Re Z_c that rises, less that of factor R; of an impedance display of Re(1/Z_c)/s^2."""
     if isinstance(coupling, SpringDamper):
         (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
-        wanted = held["factor"] * (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
+        required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
+        wanted = ca.fmax(held["factor"] * required, required)  # no multiple of a negative R does
         offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
     sine = ca.sin(held["theta"] / 2)

@@ -238,6 +238,15 @@ class Device:
         return self.display == "impedance"
 
     @property
+    def coupling_may_drive(self) -> bool:
+        """Whether Re 1/Z_c of its coupling may be negative: of an impedance display behind two low-passes.
+
+        Where R is negative too, R and no multiple of it is what stability asks for.
+        """
+        known = self.velocity
+        return self.renders_force and known is not None and known.filter_hz is not None and known.filter_order > 1
+
+    @property
     def bare(self) -> Device:
         """The device when it is let go."""
         return replace(self, operator=None)

@@ -74,7 +74,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         return [hands_margin(demands, uncertain, delays)]
 
     found = _proved_over(design, demands, uncertain, HAND, ends, margins)
-    return replace(found, boxes=found.boxes + stable.boxes)
+    found = replace(found, boxes=found.boxes + stable.boxes)
+    return _and_without_reserve(found, prove_hands, design, demands, box)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -99,7 +100,22 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         margin, size = any_hand_margins(demands, uncertain, delays)
         return [margin, size] if design.gains.velocity > 0 else [margin]
 
-    return _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins)
+    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins)
+    return _and_without_reserve(found, prove_any_hand, design, demands, box)
+
+
+def _and_without_reserve(
+    found: Outcome,
+    proof: Callable[[Design, Demands, DeviceBox | None], Outcome],
+    design: Design,
+    demands: Demands,
+    box: DeviceBox | None,
+) -> Outcome:
+    """Return an outcome that holds with the factor 1 too, which of a coupling that may drive is no weaker demand."""
+    if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
+        return found
+    again = proof(design, replace(demands, factor=1.0), box)
+    return replace(again, boxes=found.boxes + again.boxes)
 
 
 def _proved_over(

@@ -119,6 +119,8 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
         left = left[_holds_in_any_hand(demands, claims, cells.subset(left))]
     if demands.hands is not None and len(left):
         left = left[_holds_in_hands(demands, claims, cells.subset(left))]
+    if demands.factor > 1 and demands.device.coupling_may_drive and len(left):
+        left = left[_proofs(replace(demands, factor=1.0), cells.subset(left)).proved]
     proved = np.zeros(len(cells), bool)
     proved[left] = True
     return Certified(proved, boxes)
