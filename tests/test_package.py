@@ -34,7 +34,8 @@ def test_every_problem_is_an_example(tmp_path):
         here, there = read_problem(written), read_problem(ROOT / "problems" / f"{name}.toml")
         assert here.sha256 == there.sha256 and here.text.splitlines()[1:] == there.text.splitlines()[1:]
         schema = urlparse(here.text.splitlines()[0].removeprefix("#:schema "))
-        assert Path(url2pathname(schema.path)).samefile(ROOT / "vctune/document/problem.schema.json")
+        named = Path(url2pathname(schema.path))  # that of the vctune installed, which need not be this tree's
+        assert named.read_bytes() == (ROOT / "vctune/document/problem.schema.json").read_bytes()
 
 
 def test_an_example_overwrites_nothing(tmp_path):
