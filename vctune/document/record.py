@@ -391,7 +391,7 @@ class UncertaintyRecord(Part):
         if self.unmodelled:
             radii = [radius for _, radius in self.unmodelled]
             yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
-        yield Row("least ratio", "", f"at {self.min_ratio_device}")
+        yield Row("least ratio at", "", str(self.min_ratio_device))
         yield from super().rows()
 
 
