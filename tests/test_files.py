@@ -85,6 +85,7 @@ if judged and file.problem.experiments:
 FIGURES = ("loop", "llewellyn", "nyquist", "transparency", "impedance")
 vctune.report.report.figures = lambda design: dict.fromkeys(FIGURES, design.record.to_json())
 vctune.report.report.simulation_figure = lambda simulation: simulation.model_dump()
+vctune.report.report.overlays = lambda drawn: {}
 vctune.report.report.svg = lambda record, name: f"<svg>{record['problem']['sha256']}</svg>"
 import vctune.report.page
 vctune.report.page.svg = vctune.report.report.svg
@@ -175,6 +176,7 @@ def test_a_design_and_what_shows_it_are_of_one_run(earlier, tmp_path, command, n
         if number != signal.SIGKILL:
             assert code in (ExitCode.OK, ExitCode.INTERRUPTED) and not hidden
         kinds.add((shown["design.json"] == old["design.json"], "report.html" in left))
+    assert ends[-1][0] == ExitCode.OK
     assert kinds == {(True, True), (True, False), (False, False), (False, True)} or number != signal.SIGKILL
 
 
