@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from vctune.model.arithmetic import Number
+from vctune.model.arithmetic import ArrayArithmetic, Number
 from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.hand_loop import Delays, PlantInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
 from vctune.model.let_go import Plant, has_sharp_form, plant_let_go, return_difference
@@ -182,7 +182,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
     )
 
 
-def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
     """Return the margin that must be positive in every hand, of theta and of values with those of `HAND`.
 
     Parameters
@@ -190,10 +190,11 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -
     demands : what is to be met
     uncertain : numbers of the device that the margin takes from among its values
     delays : whole samples, the same for all of them
+    ops : arithmetic of theta and the values
     """
-    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
-    return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, OPS)
+    return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
@@ -220,13 +221,15 @@ def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[
     return lambda v: exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
 
 
-def _plant_in_hand(nominal: Device, uncertain: tuple[str, ...], delays: Delays) -> Callable[[Values], PlantInHand]:
+def _plant_in_hand(
+    nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
+) -> Callable[[Values], PlantInHand]:
     """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
     def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> PlantInHand:
         device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
-        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, OPS)
+        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, ops)
 
     def of_values(v: Values) -> PlantInHand:
         found: PlantInHand = shared(plant, [v[name] for name in rows])

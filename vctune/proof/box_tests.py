@@ -8,7 +8,7 @@ which costs nothing. So a worst device, or a worst design, at a vertex of its bo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,10 +16,12 @@ import numpy as np
 from vctune.model.arithmetic import Number
 from vctune.model.pair import Pair
 from vctune.proof.array_intervals import SWELL, UNIT, Enclosure, Flags, Floats
+from vctune.proof.box_minimum import least_over_boxes
 from vctune.proof.boxes import Boxes, Values, in_chunks
 from vctune.proof.branching import Decided, Test
 from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
+from vctune.proof.taylor import variables as polynomials
 
 NARROW = 1.02
 """Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
@@ -70,6 +72,38 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
         return decided
 
     return partial(_kind_by_kind, test)
+
+
+def positive_by_polynomials(margin: Margin, fixed: Values) -> Test:
+    """Return the test that a margin is positive, which knows how the rows of a box act together.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values, over `vctune.proof.taylor`
+    fixed : the values that are not among a box's rows
+    """
+
+    def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
+        rows = polynomials(boxes.rows(), varied)
+        return margin(rows[0], boxes.named(rows, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        varied = boxes.varied()
+        least = least_over_boxes(of(boxes, varied))
+        proved, width = least.bound > 0, boxes.high - boxes.low
+        at, cost = np.zeros_like(width), np.zeros_like(width)
+        at[varied], cost[varied] = least.at, least.cost
+        point = np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high)
+        fails = ~proved & (least.estimate < 0)
+        if fails.any():
+            there = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
+            fails[fails] = of(there, there.varied()).enclosed().negative()
+        known = np.isfinite(least.bound)
+        relative = width / (np.abs(boxes.low) + np.abs(boxes.high))
+        cost = np.where(width > 0, np.where(known, cost, relative), 0.0)
+        return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=np.zeros_like(cost))
+
+    return test
 
 
 def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:

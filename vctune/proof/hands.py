@@ -21,24 +21,24 @@ from vctune.model.sampled import SNAP
 from vctune.proof.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.array_claims import Demands, any_hand_margins, hands_margin
 from vctune.proof.array_intervals import Floats, decimal
-from vctune.proof.box_tests import Margin, positive
-from vctune.proof.boxes import Boxes, band_of, over_band
+from vctune.proof.box_tests import Margin, positive, positive_by_polynomials
+from vctune.proof.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import in_rad_per_s
+from vctune.proof.taylor_functions import TAYLOR
 from vctune.proof.winding import turned_angle
 
 STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a fifth for the
-reference problems."""
+"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
 MAX_BOXES = 400_000
-"""Boxes looked at before the claim is left open; an optimal design takes some ten thousand. Half and twice it: as long
+"""Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
-FEW = 512
-"""Boxes that are halved again before they are looked at: as many take about as long as one. A quarter: a third more
-time for random devices; four times: as long."""
+FEW = 128
+"""Boxes that are halved again before they are looked at: as many take about as long as one. Half and twice it: as long
+for random devices; four times: a third more."""
 MAX_HALVINGS = 120
 """How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
 
@@ -71,9 +71,9 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     ends = _ends(demands.hands, box, uncertain)
 
     def margins(delays: Delays) -> list[Margin]:
-        return [hands_margin(demands, uncertain, delays)]
+        return [hands_margin(demands, uncertain, delays, TAYLOR)]
 
-    found = _proved_over(design, demands, uncertain, HAND, ends, margins)
+    found = _proved_over(design, demands, uncertain, HAND, ends, margins, positive_by_polynomials)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -100,7 +100,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         margin, size = any_hand_margins(demands, uncertain, delays)
         return [margin, size] if design.gains.velocity > 0 else [margin]
 
-    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins)
+    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins, positive)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -125,6 +125,7 @@ def _proved_over(
     hand_rows: tuple[str, ...],
     ends: tuple[Floats, Floats],
     margins: Callable[[Delays], list[Margin]],
+    test_of: Callable[[Margin, Values], Test],
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's positive over all of them.
 
@@ -141,7 +142,7 @@ def _proved_over(
     for part in _parts(design.device, names, *ends):
         for margin in margins(part.delays):
             found = prove(
-                part.within(positive(margin, fixed), names),
+                part.within(test_of(margin, fixed), names),
                 over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
                 1,
                 halved=[True] * (1 + len(names)),

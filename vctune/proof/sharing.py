@@ -11,6 +11,7 @@ import numpy as np
 from vctune.model.arithmetic import Number
 from vctune.proof.array_intervals import SWELL, Enclosure, selected
 from vctune.proof.jets import Jet
+from vctune.proof.taylor import Taylor
 
 
 def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
@@ -19,7 +20,7 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
     Parameters
     ----------
     f : of as many numbers as there are rows; a dataclass of numbers and tuples of numbers
-    rows : enclosures of n boxes, or jets of them, each with a slope in itself alone
+    rows : enclosures of n boxes, or jets or Taylor polynomials of them, each of itself alone
 
     Returns
     -------
@@ -27,7 +28,7 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
         Of f, for each box. A number of it is enclosed by its values over the box, or by the one at its middle and by
         what its slopes make of that, whichever is narrower.
     """
-    plain = [row.value if isinstance(row, Jet) else row for row in rows]
+    plain = [_values(row) for row in rows]
     n = max(np.size(row.mid) for row in plain)
     columns = np.stack([np.broadcast_to(part, n) for row in plain for part in (row.mid, row.rad)], axis=1)
     as_bytes = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
@@ -41,6 +42,13 @@ def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
         middle = f(*(Enclosure(row.value.mid) if isinstance(row, Jet) else row for row in few))
         found = _mapped(lambda over, at: _narrowed(over, at, radii), found, middle)
     return _mapped(lambda number: _some(number, inverse), found)
+
+
+def _values(row: Number) -> Enclosure:
+    """Return all values of a row."""
+    if isinstance(row, Taylor):
+        return row.enclosed()
+    return row.value if isinstance(row, Jet) else row
 
 
 def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
@@ -58,6 +66,8 @@ def _some(number: Number, at: Any) -> Number:
     if isinstance(number, Jet):
         slopes = tuple(None if slope is None else _some(slope, at) for slope in number.slopes)
         return Jet(_some(number.value, at), slopes)
+    if isinstance(number, Taylor):
+        return number.subset(at)
     if np.size(number.mid) > 1:
         return number.subset(at)
     return (
@@ -68,9 +78,9 @@ def _some(number: Number, at: Any) -> Number:
 
 
 def _mapped(f: Callable[..., Number], *trees: Any) -> Any:
-    """Return what f makes of the enclosures and jets of trees of one shape; all else is the first one's."""
+    """Return what f makes of the numbers of trees of one shape; all else is the first one's."""
     first = trees[0]
-    if isinstance(first, Enclosure | Jet):
+    if isinstance(first, Enclosure | Jet | Taylor):
         return f(*trees)
     if isinstance(first, tuple):
         return tuple(_mapped(f, *parts) for parts in zip(*trees, strict=True))
