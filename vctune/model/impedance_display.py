@@ -143,6 +143,15 @@ class Required(NamedTuple):
     size: Number
 
 
+class InAnyHand(NamedTuple):
+    """R/s^2 in any passive hand, (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
+
+    lost: Number
+    lost_slope: Number
+    size_slope: Number
+    size_square: Number
+
+
 class AnyHand(NamedTuple):
     """What y answers a force with, in any passive hand: a disc of centre c and radius r at each frequency.
 
@@ -161,15 +170,19 @@ class AnyHand(NamedTuple):
     low_pass: Pair | None
     sine2: Number
 
+    @property
+    def of_velocity(self) -> InAnyHand:
+        """What is lost, and its size, as polynomials in K_v."""
+        low_pass, inside = self.low_pass, self.beyond * self.sine2
+        if low_pass is None:
+            return InAnyHand(self.short, -self.beyond, 2 * self.centre.re, inside)
+        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
+        return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
+
     def required(self, gains: Gains) -> Required:
         """Return R/s^2, of which only K_v counts."""
-        K_v, low_pass = gains.velocity, self.low_pass
-        inside = self.beyond * self.sine2
-        if low_pass is None:
-            return Required(self.short - self.beyond * K_v, 1 + 2 * K_v * self.centre.re + K_v * K_v * inside)
-        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
-        size = 1 + 2 * K_v * along + K_v * K_v * low_pass.abs2() * inside
-        return Required(self.short - self.beyond * K_v * low_pass.re, size)
+        K_v, of = gains.velocity, self.of_velocity
+        return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
 
 def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
