@@ -27,7 +27,7 @@ from vctune.model.problem import Problem
 GAP = 0.03
 ORACLE = 2e-3
 """What the oracle's demands may be too kind by, between its angles and hands."""
-FEW = [3, 4]
+FEW = [1, 3]
 
 
 def between(rng, low: float, high: float) -> float:
@@ -57,6 +57,8 @@ def random_documents(seed: int):
     while True:
         criterion = str(rng.choice(["passive", "hands", "both"]))
         document = {"device": random_device(rng), "stability": {"criterion": criterion}}
+        if criterion == "hands":  # whose proof behind a slow actuator may take minutes
+            document["device"].pop("actuator", None)
         T, m, b = (document["device"][key] for key in ("sample_time", "mass", "damping"))
         document["stability"]["safety_factor"] = float(rng.uniform(1.0, 1.5))
         kind = rng.random()
@@ -157,7 +159,7 @@ def test_no_random_design_of_many_problems_is_below_the_bound(part):
     assert sum(attacked(problem, 5000) for problem in random_problems(100, seed=8)[part::10]) >= 6
 
 
-@pytest.mark.parametrize("number", [2, 3, 4, 9])
+@pytest.mark.parametrize("number", [2, 3, 4, 7])
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
     problem, rng, count = random_problems(12)[number], np.random.default_rng(1), 60
     posed = pose(problem)
@@ -227,8 +229,7 @@ def compliance(problem: Problem, b_c: float, k_c: float) -> float:
     return float(oracle.errors(problem, problem.device, 0.0, np.array([b_c]), np.array([k_c]), weights, 20_001)[0])
 
 
-@pytest.mark.parametrize("norm", ["rms", "peak"])
-@pytest.mark.parametrize("late", [0.0, 1.0, 0.5])
+@pytest.mark.parametrize(("late", "norm"), [(0.0, "peak"), (1.0, "rms"), (0.5, "rms")])
 def test_a_spring_alone_meets_its_closed_form(late, norm):
     device = {"delay": late * T}
     problem = problem_of(arm(device=device, coupling={"damping": 0.0}, transparency={"norm": norm})).problem
@@ -239,7 +240,9 @@ def test_a_spring_alone_meets_its_closed_form(late, norm):
     assert optimum / 1.001 <= found.bound <= optimum * (1 + 1e-6)
 
 
-@pytest.mark.parametrize("middle", [3.0, 40.0, 150.0])
+@pytest.mark.parametrize(
+    "middle", [pytest.param(3.0, marks=pytest.mark.slow), 40.0, pytest.param(150.0, marks=pytest.mark.slow)]
+)
 def test_spring_and_damper_meet_the_best_point_of_their_line(middle):
     """Without delay any passive hand asks for b_c + k_c T/2 <= b/f."""
     problem = problem_of(arm(transparency={"band_hz": [middle / 3, middle * 3]})).problem
@@ -285,7 +288,7 @@ def test_what_is_just_possible_is_never_emptied(share):
     assert not found.proved and len(found.resume.nodes)
 
 
-@pytest.mark.parametrize("filter_hz", [None, 100.0])
+@pytest.mark.parametrize("filter_hz", [None, pytest.param(100.0, marks=pytest.mark.slow)])
 def test_damping_injection_is_traded_against_compliance(filter_hz):
     """With little weight for free motion the best K_v is inside its range, and the gap closes there too."""
     tables = arm(
@@ -301,7 +304,7 @@ def test_damping_injection_is_traded_against_compliance(filter_hz):
     assert found.proved and found.terms == ()
 
 
-@pytest.mark.parametrize("name", ["desktop-arm", "delta-4khz", "paddle"])
+@pytest.mark.parametrize("name", ["desktop-arm", pytest.param("delta-4khz", marks=pytest.mark.slow), "paddle"])
 def test_the_gap_of_what_is_shipped_closes(name, problems):
     bounded = vctune.bound(problems / f"{name}.toml", gap=0.01)
     assert bounded.proved and bounded.record.optimality.gap <= 0.01

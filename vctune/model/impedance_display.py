@@ -110,6 +110,28 @@ def offered_by_spring(
     return Offered(resistance, loss * loss + spring * spring)
 
 
+def spring_forms(
+    device: Device, theta: Number, ops: Arithmetic
+) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
+    """Return Re Z_c's coefficients of b_c and k_c, and those of b_c^2, b_c k_c and k_c^2 in s^2 |Z_c|^2.
+
+    A quadratic form is known from three couplings.
+
+    Parameters
+    ----------
+    device : whose firmware runs them, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    """
+    T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
+    damper, spring, both = (
+        offered_by_spring(SpringDamper(b_c, k_c), T, low_pass, theta, ops)
+        for b_c, k_c in ((T, 0 * T), (0 * T, 1 + 0 * T), (T, 1 + 0 * T))
+    )
+    crossed = (both.below - damper.below - spring.below) / T
+    return (damper.above / T + zero, spring.above + zero), (damper.below / (T * T), crossed, spring.below + zero)
+
+
 def spring_damper_admittance(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Pair:

@@ -16,10 +16,9 @@ import numpy as np
 from vctune.design.bound.boxes import B_0, TAU_C, DesignBoxes
 from vctune.design.bound.coefficients import Coefficients, concatenated
 from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient, lower, upper
-from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.impedance_display import firmware_filter, offered_by_spring
+from vctune.model.impedance_display import spring_forms
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import Device, SpringDamper
+from vctune.model.quantities import Device
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 
@@ -234,25 +233,3 @@ def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringO
         c_0, c_1, c_2 = a_1.mid * b_0.mid - a_0.mid * b_1.mid, a_0.mid * b_2.mid, a_1.mid * b_2.mid
         root = c_1 + np.sqrt(np.maximum(c_1 * c_1 + c_2 * c_0, 0.0))
         return SpringOffer(stiff, damped, np.where(c_0 > 0, c_0 / root, 0.0))
-
-
-def spring_forms(
-    device: Device, theta: Number, ops: Arithmetic
-) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
-    """Return Re Z_c's coefficients of b_c and k_c, and those of b_c^2, b_c k_c and k_c^2 in s^2 |Z_c|^2.
-
-    A quadratic form is known from three couplings.
-
-    Parameters
-    ----------
-    device : whose firmware runs them, in numbers of the arithmetic
-    theta : omega T, rad, in [0, pi]
-    ops : arithmetic of both
-    """
-    T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
-    damper, spring, both = (
-        offered_by_spring(SpringDamper(b_c, k_c), T, low_pass, theta, ops)
-        for b_c, k_c in ((T, 0 * T), (0 * T, 1 + 0 * T), (T, 1 + 0 * T))
-    )
-    crossed = (both.below - damper.below - spring.below) / T
-    return (damper.above / T + zero, spring.above + zero), (damper.below / (T * T), crossed, spring.below + zero)

@@ -25,14 +25,15 @@ from vctune.design.bound.coefficients import (
     repeated,
     replaced,
 )
-from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers, spring_forms
+from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
 from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
 from vctune.interrupt import interrupt_deferred
 from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.device_response import device_response
+from vctune.model.impedance_display import spring_forms
 from vctune.model.pair import Pair, re_conj_product
-from vctune.model.problem import Problem
+from vctune.model.problem import Band, Problem
 from vctune.model.quantities import Device
 from vctune.model.transparency import quotient_terms
 from vctune.proof.arb_balls import BALLS, ball, device_ball
@@ -72,25 +73,24 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     devices : the greatest of whose errors is the objective, known exactly
     intervals : into how many, or at how many frequencies, the transparency band is divided
     """
-    wanted, device = problem.transparency, problem.device
-    band, weights, Z_0 = wanted.band, wanted.weights, wanted.reference_impedance
-    renders_force, omega = device.renders_force, None
+    wanted, renders_force, omega = problem.transparency, problem.device.renders_force, None
+    weights, Z_0 = wanted.weights, wanted.reference_impedance
+    of_device = weights.admittance / Z_0 if renders_force else weights.admittance * Z_0
+    scales = [of_device**2, weights.tracking**2, *([(weights.coupling * Z_0) ** 2] if renders_force else [])]
     if wanted.norm == "peak":
-        omega = np.tile(np.geomspace(band.min, band.max, intervals), len(devices))
+        omega = np.tile(np.geomspace(wanted.band.min, wanted.band.max, intervals), len(devices))
         every = repeated(devices, intervals)
-        terms = _loop_terms(loop_at(every, omega), device)
+        terms = _loop_terms(loop_at(every, omega), every)
         if renders_force:
             terms.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
     else:
-        each = [_integrated(one, band.min, band.max, intervals) for one in devices]
+        each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
         terms = [replaced(same[0], concatenated([listed(term) for term in same])) for same in zip(*each, strict=True)]
-    of_device = (weights.admittance / Z_0 if renders_force else weights.admittance * Z_0) ** 2
-    scales = of_device, weights.tracking**2, (weights.coupling * Z_0) ** 2
     admittance, tracking, *compliance = (
         BoundedQuotient(
             lower(quadratic(re_conj_product, term.along, term.along, crossed=True)), upper(term.size), scale
         )
-        for term, scale in zip(terms, scales, strict=False)
+        for term, scale in zip(terms, scales, strict=True)
     )
     couplings: Couplings = SeriesCouplings(problem, omega)
     if compliance:
@@ -112,16 +112,21 @@ def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
     return Term(Affine(Pair(sin, 0), None, None), size)
 
 
-def _integrated(device: Device, low: float, high: float, intervals: int) -> list[Term]:
-    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals."""
-    exact = device_ball(device.bare)
-    first, length = ball(low).log(), ball(high).log() - ball(low).log()
+def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
+    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
+
+    Those that are not wanted are not worked out: their numbers are 1.
+    """
+    exact, first = device_ball(device.bare), ball(band.min).log()
+    length = ball(band.max).log() - first
     edges = [first + length * k / intervals for k in range(intervals + 1)]
 
-    def terms(x: acb) -> list[Term]:
-        omega = x.exp()
-        of_loop = _loop_terms(loop_constants(device_response(exact, omega, BALLS)), device)
-        return [*of_loop, _compliance(exact, omega, BALLS)] if device.renders_force else of_loop
+    def of_loop(x: acb) -> list[Term]:
+        return _loop_terms(loop_constants(device_response(exact, x.exp(), BALLS)), device)
+
+    terms: list[Callable[[acb], Term]] = [lambda x: of_loop(x)[0], lambda x: of_loop(x)[1]]
+    if device.renders_force:
+        terms.append(lambda x: _compliance(exact, x.exp(), BALLS))
 
     def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
         low, high = edges[k], edges[k + 1]
@@ -133,12 +138,16 @@ def _integrated(device: Device, low: float, high: float, intervals: int) -> list
         tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
         return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
 
-    def integrated(number: int, shape: Term) -> Term:
+    def integrated(term: Callable[[acb], Term], counts: bool) -> Term:
+        shape = term(acb(edges[0]))
+
         def row(index: int) -> Enclosure:
-            found = [integral(lambda x, _analytic: acb(listed(terms(x)[number])[index]), k) for k in range(intervals)]
+            if not counts:
+                return Enclosure(np.ones(intervals), np.zeros(intervals))
+            found = [integral(lambda x, _analytic: acb(listed(term(x))[index]), k) for k in range(intervals)]
             return Enclosure(*(np.array([float(f(x)) for x in found]) for f in (arb.mid, arb.rad)))
 
         return replaced(shape, [row(index) for index in range(len(listed(shape)))])
 
     with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
-        return [integrated(number, shape) for number, shape in enumerate(terms(acb(edges[0])))]
+        return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=True)]
