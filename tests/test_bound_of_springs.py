@@ -106,7 +106,9 @@ def compared_weights(problem: Problem) -> tuple[float, float, float]:
     w = problem.transparency.weights
     if problem.transparency.norm == "peak" or w.coupling == 0:
         return w.admittance, w.tracking, w.coupling
-    return 0.0 if problem.bounds.velocity.fixed else w.admittance, 0.0, w.coupling
+    if problem.bounds.velocity.fixed:
+        return 0.0, 0.0, w.coupling
+    return w.admittance, 0.0 if problem.device.structure is None else w.tracking, w.coupling
 
 
 def designs_below(problem: Problem, limit: float, near: Judgement, count: int, rng) -> list[tuple[float, float, float]]:

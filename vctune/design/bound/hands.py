@@ -41,12 +41,13 @@ class SampledConditions:
     def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
         """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that have none.
 
-        Those are the boxes in which some place is never stable: what R is over is nowhere positive there.
+        Those are the boxes in which at some place what R is over is negative throughout: some passive hand makes the
+        loop of K_v alone unstable.
         """
         middle = 0.5 * (boxes.low + boxes.high)
         K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
         guess = self.required.above.at(K_v, K_p) / self.required.below.at(K_v, K_p)
-        none = (self.required.below.greatest(boxes) <= 0).any(axis=1)
+        none = (self.required.below.greatest(boxes) < 0).any(axis=1)
         return self.required.least(boxes, guess), np.asarray(none)
 
 
