@@ -329,7 +329,7 @@ def test_a_less_strict_search_is_not_resumed(problems):
     assert loose.proved and not len(loose.resume.nodes)
     strict = bound(pose(problem), best, hopeless, gap=0.01, resume=loose.resume)
     assert strict.proved and strict.gap <= 0.01
-    worse = replace(best, error=2 * best.error)
+    worse = replace(best, compared=2 * best.compared)
     again = bound(pose(problem), worse, hopeless, gap=0.1, most_boxes=1_000, resume=loose.resume)
     assert not again.proved and len(again.resume.nodes)
 
@@ -350,7 +350,7 @@ def test_a_basin_that_was_missed_is_found(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
     assert best is not None
-    poor = replace(best, error=1.5 * best.error)
+    poor = replace(best, compared=1.5 * best.compared)
     found = searched(problem, poor)
     assert found.proved and found.improved is not None
     assert found.improved.status is Status.CERTIFIED

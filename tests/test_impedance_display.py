@@ -478,11 +478,6 @@ def test_a_problem_says_itself_again():
     assert again == replace(problem, experiments=())
 
 
-def test_what_is_not_there_yet_is_refused():
-    with pytest.raises(InputError, match="bounding the error is for admittance displays only"):
-        vctune.bound(arm())
-
-
 def test_problems_that_are_shipped_are_certified():
     for name in ("desktop-arm", "delta-4khz", "paddle"):
         assert vctune.solve(f"problems/{name}.toml").status is Status.CERTIFIED

@@ -11,12 +11,14 @@ from conftest import DEVICE, FIXED
 from pages import PARTS, chromium, made, needs_chromium, opened, recorded
 
 from vctune.analysis.demands import sensitivity_maxima, stability_ratio, transparency_error
-from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.analysis.feel import felt_impedance
+from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.margins import unstable_poles
 from vctune.document.reading import parse_problem
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
-from vctune.model.quantities import Coupling, Gains, Hand
+from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.impedance_display import any_hand
+from vctune.model.quantities import Coupling, Gains, Hand, SpringDamper
 
 pytestmark = needs_chromium
 DRAG = FIXED.format(160.0) + "drag = 3.0\n"
@@ -27,10 +29,24 @@ CASES = {
     "every part": DEVICE + PARTS + DRAG.replace("150", "60").replace("6000", "1000"),
     "no integrator, long delay": DEVICE + "delay = 2e-2\n" + DRAG.replace("150", "4").replace("6000", "0"),
 }
+FORCE = """[device]
+display = "impedance"
+mass = 0.2
+damping = 0.8
+sample_time = 1e-3
+"""
+SPRING = "[gains]\nvelocity = {}\n[coupling]\ndamping = 0.1\nstiffness = 300.0\n"
+CASES |= {
+    "impedance, any hand": FORCE + "delay = 3e-4\n" + SPRING.format(0.2) + "[device.velocity]\nfilter_hz = 100.0\n",
+    "impedance, hands": FORCE.replace("0.8", "0.9")
+    + "actuator = { bandwidth_hz = 400.0 }\nvelocity = { filter_hz = 200.0, filter_order = 2 }\n"
+    + "structure = { handle_mass = 0.05, frequency_hz = 150.0, damping_ratio = 0.05 }\n"
+    + SPRING.format(0.3) + "[stability]\ncriterion = 'hands'\n[operator]\ndamping = 0.5\n",
+}  # fmt: skip
 TRIED = 20
 
 
-FAST = "any hand, peak", "every part"
+FAST = "any hand, peak", "every part", "impedance, any hand"
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +69,7 @@ def tried(request, browser, paths):
     """The problem, the shipped numbers and tried ones, and what the page makes of them."""
     page = opened(browser, paths[request.param])
     shipped = page.evaluate("vctune.shipped")
-    factors = np.random.default_rng(1).uniform(-1, 1, (TRIED, 5))
+    factors = np.random.default_rng(1).uniform(-1, 1, (TRIED, len(shipped)))
     points = [shipped, *(np.array(shipped) * 10.0**factors).tolist()]
     found = page.evaluate("(points) => points.map((each) => vctune.evaluate(each))", points)
     assert page.said == []
@@ -61,13 +77,19 @@ def tried(request, browser, paths):
 
 
 def design(point):
+    if len(point) == 3:
+        return Gains(point[0], 0.0), SpringDamper(*point[1:])
     return Gains(*point[:2]), Coupling(*point[2:])
 
 
 def test_the_error_is_that_of_the_design(tried):
     problem, points, found = tried
     for point, seen in zip(points, found, strict=True):
-        error = transparency_error(problem, *design(point)).error
+        there = transparency_error(problem, *design(point))
+        error = there.error
+        assert seen["given_way"] == pytest.approx(
+            there.coupling, rel=1e-5 if problem.transparency.norm == "rms" else 1e-2
+        )
         if problem.transparency.norm == "rms":
             assert seen["error"] == pytest.approx(error, rel=1e-6 if point is points[0] else 1e-5)
         else:
@@ -113,10 +135,44 @@ def test_the_hands_are_corners_of_the_box_and_the_worst_of_the_shipped_design(tr
     assert found[0]["hand_ratio"] == pytest.approx(worst.ratio, rel=1e-6)
     for point, seen in zip(points, found, strict=True):
         hz, required = (np.array(each, dtype=float)[1:] for each in seen["lines"]["in_hand"][1])
-        there = loop_in_hand(plant, 2 * np.pi * hz * problem.device.sample_time, FLOATS)
+        theta = 2 * np.pi * hz * problem.device.sample_time
+        there = loop_in_hand(plant, theta, FLOATS)
         asked = required_in_hand(there, design(point)[0])
-        in_corners = np.max(asked.lost / asked.size, axis=0)
+        scale = np.sin(theta / 2) ** 2 if problem.device.renders_force else 1.0
+        in_corners = scale * np.max(asked.lost / asked.size, axis=0)
         assert (required >= in_corners - 1e-6 * np.abs(in_corners)).all()
+
+
+def test_any_passive_hand_of_an_impedance_display_asks_for_what_the_proof_asks(tried):
+    problem, points, found = tried
+    if not problem.any_hand:
+        return
+    device, below = problem.device, 0
+    delays = delays_of(device)
+    for number, (point, seen) in enumerate(zip(points, found, strict=True)):
+        gains, coupling = design(point)
+        least = least_ratios_in_any_hand(device, gains, coupling)[0].ratio
+        assert least * (1 - 1e-9) <= seen["hand_ratio"] <= least * (1 + 1e-6 if number == 0 else 1.1)
+        (hz, given), (_, required) = (np.array(line, dtype=float) for line in seen["lines"]["in_hand"])
+        theta = 2 * np.pi * hz * device.sample_time
+        asked = any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional).required(gains)
+        scale, stable = np.sin(theta / 2) ** 2, asked.size > 0
+        assert required[stable] == pytest.approx((scale * asked.lost / asked.size)[stable], rel=1e-6, abs=1e-12)
+        assert given == pytest.approx(scale * offered(coupling, device, theta, FLOATS), rel=1e-9)
+        below += least < 1
+    assert 0 < below < len(points)
+
+
+def test_what_is_felt_of_an_impedance_display_is_the_figures(tried):
+    problem, points, found = tried
+    if not problem.device.renders_force:
+        return
+    for point, seen in zip(points, found, strict=True):
+        for line, environment in zip(seen["lines"]["impedance"], (0j, None), strict=True):
+            hz, felt = np.array(line)
+            omega = 2 * np.pi * hz
+            there = felt_impedance(problem.device, *design(point), omega, None if environment is None else 0j * omega)
+            assert felt == pytest.approx(np.abs(there), rel=1e-9)
 
 
 def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):

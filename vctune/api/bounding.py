@@ -29,7 +29,6 @@ from vctune.document.errors import InputError
 from vctune.document.files import write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
-from vctune.document.supported import only_admittance
 from vctune.markup import html_facts
 from vctune.report.contents import report_paths
 
@@ -125,7 +124,6 @@ def bound(
     """
     require_gap(gap)
     file = require_free(problem_of(problem))
-    only_admittance(file.source, file.problem.device, "bounding the error")
     known = _known(file, design, progress)
     if known.record.status == Status.INFEASIBLE.value:
         return Bounded(file, known.record, None, None)

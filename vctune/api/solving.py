@@ -12,7 +12,6 @@ from vctune.design.solve import solve as find
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
-from vctune.document.supported import only_admittance
 
 
 def solve(
@@ -46,8 +45,6 @@ def solve(
     if gap is not None:
         require_gap(gap)
     file = problem_of(problem)
-    if gap is not None:
-        only_admittance(file.source, file.problem.device, "bounding the error")
     solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
     solved = with_alternatives(solved)
     return with_prices(solved, progress) if prices else solved

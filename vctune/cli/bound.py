@@ -43,12 +43,10 @@ def bound(
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.judge import Status
     from vctune.document.reading import read_problem
-    from vctune.document.supported import only_admittance
     from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
 
     file = require_free(read_problem(problem))
-    only_admittance(file.source, file.problem.device, "bounding the error")
     path = design or design_folder(file, out) / DESIGN_FILE
     limit = inf if time_limit is None else time_limit
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:

@@ -16,7 +16,7 @@ from vctune.analysis.demands import (
     transparency_error,
 )
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
-from vctune.design.prepared import Posed, pose
+from vctune.design.prepared import Posed, compared, pose
 from vctune.design.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.frequency import hertz
@@ -60,6 +60,7 @@ class Judgement:
     gains, coupling : the design
     transparency : its error and the three terms, on the nominal device
     error : the objective: that error, or the greatest at the vertices of a box of devices
+    compared : the same of the terms alone that can differ between designs: what a bound is about
     min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
     tightest : the device on which it is least, of the nominal one and those of a box
     in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
@@ -72,6 +73,7 @@ class Judgement:
     coupling: AnyCoupling
     transparency: TransparencyError
     error: float
+    compared: float
     min_ratio: float
     worst: float
     tightest: Device
@@ -227,12 +229,14 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
         if in_any_hand.ratio < min_ratio:
             min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, case.device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
-    transparency = transparency_error(posed.problem, gains, coupling)
+    transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
+    error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
     return Judgement(
         gains=gains,
         coupling=coupling,
         transparency=transparency,
-        error=posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error,
+        error=error,
+        compared=error if differing is posed else differing.error(gains, coupling),
         min_ratio=min_ratio,
         worst=worst,
         tightest=tightest,

@@ -11,7 +11,7 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
 from vctune.model.problem import Norm
 from vctune.model.quantities import Device, VelocityEstimate
-from vctune.model.transparency import TERMS
+from vctune.model.transparency import TERMS, TermName
 
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
 """Kinds of constraint, in the order of `NlpStructure.capacities`."""
@@ -46,7 +46,7 @@ class NlpStructure:
     renders_force: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
-    terms: tuple[str, ...]
+    terms: tuple[TermName, ...]
     norm: Norm
     panels: int
     capacities: tuple[int, ...]

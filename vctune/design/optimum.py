@@ -124,13 +124,13 @@ def attained(problem: Problem) -> Judgement | None:
 
 @np.errstate(all="ignore")
 def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
-    """Return a certified design with an error below the incumbent's, found from given gains; None if there is none.
+    """Return a certified design that compares better than the incumbent, found from given gains; None if there is none.
 
     Parameters
     ----------
     prepared : of a problem that leaves something free
     gains : where to look, SI units; any coupling is looked for beside them
-    incumbent : error to fall below, in the units of the problem as it was given
+    incumbent : `Judgement.compared` to fall below
     """
     scaled, units = prepared.scaled, prepared.units
     start = start_at(scaled, units.gains(gains))
@@ -140,7 +140,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     scanned = scan(scaled)
     optimum = polish(scaled, start, scanned, incumbent=target)
     judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
-    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.error >= incumbent:
+    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.compared >= incumbent:
         return None
     return judgement
 

@@ -8,7 +8,7 @@ from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains
-from vctune.model.transparency import TERMS, Terms
+from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.array_claims import Demands
 from vctune.proof.devices import DeviceBox, device_box
 
@@ -133,15 +133,29 @@ def pose(problem: Problem) -> Posed:
     return Posed(problem, cases, held, cases if worst else (problem,), box, demands, sampled_span(problem))
 
 
-def acting_terms(problem: Problem) -> tuple[str, ...]:
+def compared(posed: Posed) -> Posed:
+    """Return a posed problem with a weight for the terms alone that act: what its designs are compared by."""
+    weights = _acting_weights(posed.problem)
+    if weights == posed.problem.transparency.weights:
+        return posed
+
+    def weighted(problem: Problem) -> Problem:
+        return replace(problem, transparency=replace(problem.transparency, weights=weights))
+
+    return replace(posed, problem=weighted(posed.problem), objective=tuple(map(weighted, posed.objective)))
+
+
+def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
 
-    Of an impedance display how the commanded force is met is the device's business, and so is its free motion where K_v
-    is fixed. Added to the mean square they would only hide what the coupling does.
+    Of an impedance display how the commanded force is met is the device's business, and so is its free motion, where
+    K_v is fixed; a rigid one meets the command alike with any K_v. Added to the mean square they would only hide what
+    the coupling does.
     """
-    objective, fixed = problem.transparency, set()
-    if problem.device.renders_force and objective.norm == "rms" and objective.weights.coupling > 0:
-        fixed = {"tracking", "admittance"} if problem.bounds.velocity.fixed else {"tracking"}
+    objective, device, fixed = problem.transparency, problem.device, set[str]()
+    if device.renders_force and objective.norm == "rms" and objective.weights.coupling > 0:
+        alike = problem.bounds.velocity.fixed
+        fixed = {"tracking", "admittance"} if alike else {"tracking"} if device.structure is None else set()
     return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)
 
 
@@ -157,7 +171,11 @@ def with_device(problem: Problem, device: Device) -> Problem:
 
 
 def _dimensionless(problem: Problem, units: Units) -> Problem:
-    scaled = problem.in_units(units.impedance, units.time)
-    weights, acting = scaled.transparency.weights, acting_terms(problem)
-    relative = Terms(*(getattr(weights, term) / units.error if term in acting else 0.0 for term in TERMS))
+    scaled, weights = problem.in_units(units.impedance, units.time), _acting_weights(problem)
+    relative = Terms(*(getattr(weights, term) / units.error for term in TERMS))
     return replace(scaled, transparency=replace(scaled.transparency, weights=relative))
+
+
+def _acting_weights(problem: Problem) -> Terms:
+    weights, acting = problem.transparency.weights, acting_terms(problem)
+    return Terms(*(getattr(weights, term) if term in acting else 0.0 for term in TERMS))

@@ -369,6 +369,7 @@ def optimality_record(found: Optimality) -> OptimalityRecord:
         gap=found.gap,
         verdict="proved" if found.proved else "open",
         boxes=found.resume.boxes,
+        terms=list(found.terms) or None,
         history=[
             GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
             for at in [*found.history[:-1:every], found.history[-1]]

@@ -60,8 +60,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    bounded = not problem.device.renders_force
-    early = _early(prepared) if bounded and not admissible else None
+    early = _early(prepared) if not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)
@@ -81,7 +80,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         seconds=seconds | best.seconds,
         nominal_error=nominal[1] if nominal is not None else None,
     )
-    if bounded and (solved.judgement is None or gap is not None):
+    if solved.judgement is None or gap is not None:
         solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved

@@ -105,7 +105,7 @@ def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> Ga
         raise InputError.of("design", "bad-option", message)
     raw, spring = {"gains": plain(gains), "coupling": plain(coupling)}, isinstance(coupling, SpringDamper)
     if spring and raw["gains"].pop("position"):
-        raise InputError.of("design", "other-display", "gains.position: an impedance display has none; leave it at 0")
+        raise InputError.of("design", "contradiction", "gains.position: an impedance display has none; leave it at 0")
     _, faults = examined(SpringGainsDocument if spring else GainsDocument, raw, lambda _raw: [])
     if faults:
         raise refusal(faults, None, "design")

@@ -48,7 +48,6 @@ Code = Literal[
     "not-toml",
     "not-yaml",
     "nothing-free",
-    "other-display",
     "other-document",
     "other-version",
     "out-of-range",

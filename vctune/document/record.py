@@ -16,6 +16,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from vctune.document.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
 from vctune.model.quantities import AnyCoupling, Coupling, Display, Gains, Hand, SpringDamper, Unmodelled
+from vctune.model.transparency import TermName
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
@@ -361,14 +362,26 @@ class BoxRecord(Part):
 
 
 class OptimalityRecord(Part):
-    """What is proved of the error of every admissible design."""
+    """What is proved of the error of every admissible design, of `terms` alone where the others never differ."""
 
     lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
     gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
     verdict: Literal["proved", "open"]
     boxes: int
+    terms: list[TermName] | None = None
     history: Annotated[list[GlanceRecord], Field(min_length=1)]
     open: list[BoxRecord]
+
+    def rows(self) -> Iterator[Row]:
+        """Yield what the bound is of, where that is not all of the error."""
+        if self.terms is not None:
+            yield Row(self.of, text(self.history[-1].error), "in which designs differ")
+        yield from super().rows()
+
+    @property
+    def of(self) -> str:
+        """What the bound is of."""
+        return "transparency error" if self.terms is None else f"error of {' and '.join(self.terms)}"
 
 
 class UncertaintyRecord(Part):

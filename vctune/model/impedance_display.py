@@ -110,6 +110,28 @@ def offered_by_spring(
     return Offered(resistance, loss * loss + spring * spring)
 
 
+def spring_forms(
+    device: Device, theta: Number, ops: Arithmetic
+) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
+    """Return Re Z_c's coefficients of b_c and k_c, and those of b_c^2, b_c k_c and k_c^2 in s^2 |Z_c|^2.
+
+    A quadratic form is known from three couplings.
+
+    Parameters
+    ----------
+    device : whose firmware runs them, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    """
+    T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
+    damper, spring, both = (
+        offered_by_spring(SpringDamper(b_c, k_c), T, low_pass, theta, ops)
+        for b_c, k_c in ((T, 0 * T), (0 * T, 1 + 0 * T), (T, 1 + 0 * T))
+    )
+    crossed = (both.below - damper.below - spring.below) / T
+    return (damper.above / T + zero, spring.above + zero), (damper.below / (T * T), crossed, spring.below + zero)
+
+
 def spring_damper_admittance(
     coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
 ) -> Pair:
@@ -143,6 +165,15 @@ class Required(NamedTuple):
     size: Number
 
 
+class InAnyHand(NamedTuple):
+    """R/s^2 in any passive hand, (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
+
+    lost: Number
+    lost_slope: Number
+    size_slope: Number
+    size_square: Number
+
+
 class AnyHand(NamedTuple):
     """What y answers a force with, in any passive hand: a disc of centre c and radius r at each frequency.
 
@@ -161,15 +192,19 @@ class AnyHand(NamedTuple):
     low_pass: Pair | None
     sine2: Number
 
+    @property
+    def of_velocity(self) -> InAnyHand:
+        """What is lost, and its size, as polynomials in K_v."""
+        low_pass, inside = self.low_pass, self.beyond * self.sine2
+        if low_pass is None:
+            return InAnyHand(self.short, -self.beyond, 2 * self.centre.re, inside)
+        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
+        return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
+
     def required(self, gains: Gains) -> Required:
         """Return R/s^2, of which only K_v counts."""
-        K_v, low_pass = gains.velocity, self.low_pass
-        inside = self.beyond * self.sine2
-        if low_pass is None:
-            return Required(self.short - self.beyond * K_v, 1 + 2 * K_v * self.centre.re + K_v * K_v * inside)
-        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
-        size = 1 + 2 * K_v * along + K_v * K_v * low_pass.abs2() * inside
-        return Required(self.short - self.beyond * K_v * low_pass.re, size)
+        K_v, of = gains.velocity, self.of_velocity
+        return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
 
 
 def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:

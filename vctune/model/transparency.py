@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.affine import Affine, LoopConstants
 from vctune.model.arithmetic import Number
 from vctune.model.device_response import DeviceResponse
 from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
@@ -28,7 +29,8 @@ class Terms:
     coupling: Number
 
 
-TERMS = ("admittance", "tracking", "coupling")
+TermName = Literal["admittance", "tracking", "coupling"]
+TERMS: tuple[TermName, ...] = ("admittance", "tracking", "coupling")
 
 
 class LoopTerms(NamedTuple):
@@ -56,6 +58,29 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, *, renders_force: bool) -
     N = loop.numerator or Pair(1, 0)
     missed = Pair(N.re - at.drive.re, N.im + at.omega * at.drive.lag)
     return LoopTerms(1 / G_hh_abs2(loop), missed.abs2() / N.abs2())
+
+
+class Quotient(NamedTuple):
+    """What is affine in the gains over what is affine in the gains."""
+
+    above: Affine
+    below: Affine
+
+
+def quotient_terms(at: LoopConstants, *, renders_force: bool) -> tuple[Quotient, Quotient]:
+    """Return the two terms of `loop_terms` before they are squared, but for a factor of modulus 1.
+
+    Parameters
+    ----------
+    at : the loop's constants at some frequencies
+    renders_force : whether the device is an impedance display, which has no K_p
+    """
+    if not renders_force:
+        return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
+    N, D, drive = (Affine(each.constant, each.velocity, None) for each in (at.numerator, at.D, at.controller))
+    assert N.constant is not None and drive.velocity is not None
+    missed = Affine(N.constant + drive.velocity.scaled(-1), N.velocity, None)
+    return Quotient(D, N), Quotient(missed, N)
 
 
 def squared_terms(of_loop: LoopTerms, coupling: Pair, Z_0: float, *, renders_force: bool) -> Terms:

@@ -71,7 +71,7 @@ def figures(design: Design) -> dict[str, Figure]:
             **({"nyquist": _nyquist(design)} if design.gains.closed or not renders_force else {}),
         }
         if design.record.optimality is not None:
-            drawn["optimality"] = _optimality(design.record.optimality)
+            drawn["optimality"] = _optimality(design.record.optimality, renders_force=renders_force)
         for figure in drawn.values():
             if words := doubt(design.record, design.problem):
                 stamp(figure, words)
@@ -248,7 +248,7 @@ def _promised(axes: Axes, design: Design) -> None:
     shade(axes, problem.transparency.band, BLUE, "transparency band")
 
 
-def _optimality(found: OptimalityRecord) -> Figure:
+def _optimality(found: OptimalityRecord, *, renders_force: bool) -> Figure:
     """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
@@ -258,17 +258,18 @@ def _optimality(found: OptimalityRecord) -> Figure:
     axes, *others = figure.subplots(1, 2 if found.open else 1, squeeze=False)[0]
     axes.step(boxes, error, "--", where="post", color=GREEN, label="best design known")
     axes.step(boxes, bound, where="post", color=BLUE, label="no design is below")
-    axes.set(xlabel="boxes searched", ylabel="transparency error", yscale="log")
+    axes.set(xlabel="boxes searched", ylabel=found.of, yscale="log")
     legend_above(axes, 1)
     for panel in others:
-        _draw_boxes(panel, found.open)
+        _draw_boxes(panel, found.open, renders_force=renders_force)
         panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")
     return figure
 
 
-def _draw_boxes(axes: Axes, boxes: list[BoxRecord]) -> None:
+def _draw_boxes(axes: Axes, boxes: list[BoxRecord], *, renders_force: bool) -> None:
+    row, label = (2, "b_c/k_c, s") if renders_force else (1, "K_p, N/m")
     for box in boxes:
-        (x, y, *_), (x_end, y_end, *_) = box.low, box.high
+        (x, y), (x_end, y_end) = ((edge[0], edge[row]) for edge in (box.low, box.high))
         axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
     axes.autoscale_view()
-    axes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m")
+    axes.set(xlabel="K_v, N s/m", ylabel=label)

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from vctune.document.record import DesignRecord
 from vctune.document.simulation import SimulationRecord
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling
 from vctune.report.contents import READINGS
 from vctune.report.experiments import HEADINGS, measured_rows
 from vctune.report.phase_table import phase_table
@@ -55,7 +54,7 @@ def page(
         for name, text in drawn.items()
     ]
     seen, tried = summary(record, problem), None
-    if record.design is not None and isinstance(record.design[1], Coupling):
+    if record.design is not None:
         shipped = {"kind": seen.kind, "word": seen.word}
         tried = sliders(problem, record.design[0], record.design[1], record)
         tried |= {"overlays": places, "shipped": shipped}

@@ -32,43 +32,96 @@ window.vctune = (() => {
     return [drag + b * x * share, b * b * share];
   }
 
-  function frequencyModel(x) {
-    const at = constants.model, b_h = given.operator_damping, [w_a, w_t, w_c] = given.weights, Z_0 = given.reference;
-    const curves = { hz: at.hz, resistance: [[], []], ratio: [[]], impedance: [[], []], admittance: [[]], tracking: [[]], coupling: [[]], error: [[]] };
-    let sum = 0, peak = 0;
-    at.hz.forEach((hz, i) => {
+  // Of each display: the terms of the error at a frequency, what a hand feels of a free and of a rigid environment, and
+  // what a coupling offers and a hand requires at an angle, over `scale` of it.
+  const admittanceDisplay = {
+    gains: (x) => [x[0], x[1]],
+    at(x, i) {
+      const at = constants.model, b_h = given.operator_damping, Z_0 = given.reference;
       const C_0 = affine(at.controller, i, x), C = at.C ? affine(at.C, i, x) : C_0, D = affine(at.D, i, x);
       const miss = affine(at.miss, i, x), N = at.numerator ? affine(at.numerator, i, x) : [1, 0];
-      const Z_c = coupling(x, 2 * Math.PI * hz), D2 = abs2(D);
+      const Z_c = coupling(x, 2 * Math.PI * at.hz[i]), D2 = abs2(D);
       const P = re(C, D), Q = im(C, miss) + (at.sensor_im ? at.sensor_im[i] * abs2(C_0) : 0);
       const product = Math.sqrt(abs2(C) * D2);
       const needed = (P > 0 ? Q * Q / (product + P) : product - P) - 2 * b_h * re(C, N);
       const resistance = re(N, D) + b_h * abs2(N);
-      curves.resistance[0].push(Z_c[0]);
-      curves.resistance[1].push(resistance > 0 ? needed / (2 * resistance) : NaN);
-      curves.ratio[0].push(resistance > 0 ? (needed > 0 ? 2 * resistance * Z_c[0] / needed : Infinity) : -Infinity);
       const free = over(times(D, Z_c), add(times(N, Z_c), C));
-      curves.impedance[0].push(Math.sqrt(abs2(free)));
-      curves.impedance[1].push(Math.sqrt(D2 / abs2(N)));
-      const terms = [Z_0 * Math.sqrt(abs2(N) / D2), Math.sqrt(abs2(miss) / D2), Math.sqrt(abs2(Z_c)) / Z_0];
+      return {
+        terms: [Z_0 * Math.sqrt(abs2(N) / D2), Math.sqrt(abs2(miss) / D2), Math.sqrt(abs2(Z_c)) / Z_0],
+        impedance: [Math.sqrt(abs2(free)), Math.sqrt(D2 / abs2(N))],
+        resistance: [Z_c[0], resistance > 0 ? needed / (2 * resistance) : NaN],
+        ratio: [resistance > 0 ? (needed > 0 ? 2 * resistance * Z_c[0] / needed : Infinity) : -Infinity],
+      };
+    },
+    offered(x, i) {
+      const theta = constants.hands.theta[i], r = x[3] * 2 * Math.sin(theta / 2) / given.sample_time;
+      const c = x[2] * Math.cos(theta / 2);
+      return x[4] + x[2] * (r * r / (c * c + r * r));
+    },
+    required(x, h, i) {
+      const at = constants.hands, open = part(at.open[h], i), v = part(at.velocity[h], i), p = part(at.position[h], i);
+      const seen_v = part(at.seen_velocity[h], i), seen_p = part(at.seen_position[h], i), s = Math.sin(at.theta[i] / 2);
+      const even = open[0] + x[0] * v[0] + x[1] * p[0], odd = open[1] + x[0] * v[1] + x[1] * p[1];
+      const P = [x[0] * seen_v[0] + x[1] * seen_p[0], x[0] * seen_v[1] + x[1] * seen_p[1]];
+      return -0.5 * (P[1] * even - P[0] * odd) / (even * even + s * s * odd * odd);
+    },
+    scale: () => 1,
+  };
+  const impedanceDisplay = {
+    gains: (x) => [x[0], 0],
+    at([K_v, b_c, k_c], i) {
+      const at = constants.model, Z_0 = given.reference, size = (a, b) => Math.sqrt(abs2(a) / abs2(b));
+      const D = affine(at.D, i, [K_v, 0]), N = affine(at.numerator, i, [K_v, 0]), wall = [K_v + b_c, k_c];
+      const drive = part(at.drive, i), Z_c = affine(at.coupling, i, [b_c, k_c]);
+      return {
+        terms: [size(D, N) / Z_0, size([N[0] - drive[0], N[1] - drive[1]], N), Z_0 / Math.sqrt(abs2(Z_c))],
+        impedance: [size(D, N), size(affine(at.D, i, wall), affine(at.numerator, i, wall))],
+      };
+    },
+    offered([, b, k], i) {
+      const [damper, spring, damper2, both, spring2] = constants.hands.offered.slice(5 * i, 5 * i + 5);
+      return (damper * b + spring * k) / (damper2 * b * b + both * b * k + spring2 * k * k);
+    },
+    required([K_v], h, i) {
+      const [lost, more, size, slope, square] = constants.hands.required[h].slice(5 * i, 5 * i + 5);
+      const below = size + K_v * (slope + K_v * square);
+      return below > 0 ? (lost + K_v * more) / below : Infinity;
+    },
+    scale: (i) => Math.sin(constants.hands.theta[i] / 2) ** 2,
+  };
+  const display = given.display === "impedance" ? impedanceDisplay : admittanceDisplay;
+
+  function frequencyModel(x) {
+    const at = constants.model, curves = { hz: at.hz, admittance: [[]], tracking: [[]], coupling: [[]], error: [[]] };
+    const squares = [0, 1, 2, 3].map(() => ({ mean: 0, peak: 0 })); // of the error and of its three terms
+    at.hz.forEach((hz, i) => {
+      const { terms, ...felt } = display.at(x, i);
+      for (const [name, values] of Object.entries(felt)) {
+        curves[name] ??= values.map(() => []);
+        values.forEach((value, k) => curves[name][k].push(value));
+      }
       ["admittance", "tracking", "coupling"].forEach((name, k) => curves[name][0].push(terms[k]));
-      const e2 = (w_a * terms[0]) ** 2 + (w_t * terms[1]) ** 2 + (w_c * terms[2]) ** 2;
+      const e2 = terms.reduce((total, term, k) => total + (given.weights[k] * term) ** 2, 0);
       curves.error[0].push(Math.sqrt(e2));
-      sum += at.weight[i] * e2;
-      if (within(hz, given.transparency_hz)) peak = Math.max(peak, e2);
+      squares.forEach((square, k) => {
+        const value = k ? terms[k - 1] ** 2 : e2;
+        square.mean += at.weight[i] * value;
+        if (within(hz, given.transparency_hz)) square.peak = Math.max(square.peak, value);
+      });
     });
-    const error = Math.sqrt(given.norm === "rms" ? sum : peak), band = given.band_hz;
-    if (!band) return { curves, error };
+    const [error, , , given_way] = squares.map((square) => Math.sqrt(given.norm === "rms" ? square.mean : square.peak));
+    const band = given.band_hz;
+    if (!band) return { curves, error, given_way };
     const k = least(curves.ratio[0], at.hz, (i) => within(at.hz[i], band));
-    return { curves, error, ratio: curves.ratio[0][k], ratio_hz: at.hz[k] };
+    return { curves, error, given_way, ratio: curves.ratio[0][k], ratio_hz: at.hz[k] };
   }
 
   function sampledLoop(x) {
-    const at = constants.sampled, curve = { x: [], y: [] };
+    const at = constants.sampled, curve = { x: [], y: [] }, [K_v, K_p] = display.gains(x);
     let peak = 0, peak_hz = 0, turned = 0, before = [1, 0];
     at.theta.forEach((theta, i) => {
       const open = part(at.open, i), v = part(at.velocity, i), p = part(at.position, i);
-      const gain = [x[0] * v[0] + x[1] * p[0], x[0] * v[1] + x[1] * p[1]], F = add(open, gain), L = over(gain, open);
+      const gain = [K_v * v[0] + K_p * p[0], K_v * v[1] + K_p * p[1]], F = add(open, gain), L = over(gain, open);
       const S = Math.sqrt(abs2(open) / abs2(F));
       if (S > peak) [peak, peak_hz] = [S, theta / (2 * Math.PI * given.sample_time)];
       turned += Math.atan2(im(F, before), re(F, before));
@@ -80,23 +133,17 @@ window.vctune = (() => {
   }
 
   function inHands(x) {
-    const at = constants.hands, T = given.sample_time;
+    const at = constants.hands;
     if (!at) return {};
-    const hz = at.theta.map((theta) => theta / (2 * Math.PI * T)), most = hz.map(() => -Infinity), whose = hz.map(() => 0);
-    const Z_c = at.theta.map((theta) => {
-      const r = x[3] * 2 * Math.sin(theta / 2) / T, c = x[2] * Math.cos(theta / 2);
-      return x[4] + x[2] * (r * r / (c * c + r * r));
-    });
-    given.hands.forEach((_, h) => at.theta.forEach((theta, i) => {
-      const open = part(at.open[h], i), v = part(at.velocity[h], i), p = part(at.position[h], i);
-      const seen_v = part(at.seen_velocity[h], i), seen_p = part(at.seen_position[h], i), s = Math.sin(theta / 2);
-      const even = open[0] + x[0] * v[0] + x[1] * p[0], odd = open[1] + x[0] * v[1] + x[1] * p[1];
-      const P = [x[0] * seen_v[0] + x[1] * seen_p[0], x[0] * seen_v[1] + x[1] * seen_p[1]];
-      const R = -0.5 * (P[1] * even - P[0] * odd) / (even * even + s * s * odd * odd);
+    const hz = at.theta.map((theta) => theta / (2 * Math.PI * given.sample_time));
+    const most = hz.map(() => -Infinity), whose = hz.map(() => 0), there = hz.map((_, i) => display.offered(x, i));
+    given.hands.forEach((_, h) => hz.forEach((_, i) => {
+      const R = display.required(x, h, i);
       if (R > most[i]) [most[i], whose[i]] = [R, h];
     }));
-    const ratio = hz.map((_, i) => (most[i] > 0 ? Z_c[i] / most[i] : Infinity)), k = least(ratio, hz, () => true);
-    return { in_hand: [Z_c, most], hand_ratio: [ratio], hz, least: ratio[k], least_hz: hz[k], hand: given.hands[whose[k]] };
+    const ratio = hz.map((_, i) => (most[i] > 0 ? there[i] / most[i] : Infinity)), k = least(ratio, hz, () => true);
+    const shown = [there, most].map((values) => values.map((value, i) => value * display.scale(i)));
+    return { in_hand: shown, hand_ratio: [ratio], hz, least: ratio[k], least_hz: hz[k], hand: given.hands[whose[k]] };
   }
 
   function evaluate(x) {
@@ -105,7 +152,7 @@ window.vctune = (() => {
     for (const [name, found] of Object.entries(model.curves)) if (name !== "hz") lines[name] = found.map((y) => [model.curves.hz, y]);
     for (const name of ["in_hand", "hand_ratio"]) if (hands[name]) lines[name] = hands[name].map((y) => [hands.hz, y]);
     return {
-      error: model.error, ratio: model.ratio, ratio_hz: model.ratio_hz, peak: loop.peak, peak_hz: loop.peak_hz,
+      error: model.error, given_way: model.given_way, ratio: model.ratio, ratio_hz: model.ratio_hz, peak: loop.peak, peak_hz: loop.peak_hz,
       unstable: loop.unstable, hand_ratio: hands.least, hand_ratio_hz: hands.least_hz, hand: hands.hand, lines,
     };
   }
@@ -157,6 +204,7 @@ window.vctune = (() => {
     });
     const rows = (found) => [
       ["error", text(found.error)],
+      ...(display === impedanceDisplay ? [["Z_0 |1/Z_c|", text(found.given_way)]] : []),
       ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
       ...(given.hands.length ? [["least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
       ["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`],
@@ -191,8 +239,12 @@ window.vctune = (() => {
         return row;
       }));
       frames.forEach(({ axes, line }) => line.setAttribute("d", same ? "" : found.lines[axes.curve].map((curve) => path(axes, curve)).join("")));
-      const [v, p, b, m, d] = x.map((value) => +value.toPrecision(8));
-      file.textContent = `[gains]\nvelocity = ${v}\nposition = ${p}\n[coupling]\ndamping = ${b}\nmass = ${m}\ndrag = ${d}\n`;
+      const tables = {};
+      given.variables.forEach(({ key }, k) => {
+        const [table, name] = key.split(".");
+        tables[table] = `${tables[table] ?? `[${table}]\n`}${name} = ${+x[k].toPrecision(8)}\n`;
+      });
+      file.textContent = Object.values(tables).join("");
     }
     inputs.forEach(({ input }) => input.addEventListener("input", update));
     box.querySelector("button").addEventListener("click", () => { inputs.forEach((each) => (each.input.value = each.start)); update(); });

@@ -170,8 +170,9 @@ def _marks(record: DesignRecord, problem: Problem) -> list[Mark]:
     marks = [_mark("this design", record.transparency.error)]
     if not problem.device.renders_force:
         marks += [_mark("device without a loop", _without_loop(problem))]
-    if record.optimality is not None and record.optimality.lower_bound is not None:
-        marks += [_mark("no design is below", record.optimality.lower_bound)]
+    found = record.optimality
+    if found is not None and found.lower_bound is not None and found.terms is None:
+        marks += [_mark("no design is below", found.lower_bound)]
     return marks
 
 

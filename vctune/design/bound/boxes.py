@@ -7,17 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.design.shapes import SLACK
 from vctune.design.variables import coordinates
 from vctune.model.problem import Problem
 from vctune.proof.array_intervals import Flags, Floats
 
 K_V, K_P, TAU_C, B_0 = range(4)
-"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0."""
+"""Rows of `DesignBoxes`: K_v, K_p, tau_c = m_c/b_c, b_0; of an impedance display tau_c = b_c/k_c, and K_p = b_0 = 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class DesignBoxes:
-    """Boxes of designs: [low, high] in each of K_v, K_p, tau_c = m_c/b_c and b_0; arrays of shape (4, n), SI units."""
+    """Boxes of designs: [low, high] in each of K_v, K_p, tau_c and b_0; arrays of shape (4, n), SI units."""
 
     low: Floats
     high: Floats
@@ -89,9 +90,18 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
     return (
         Axis(bounds.velocity.min, bounds.velocity.max, scale.get("velocity", 0.0)),
         Axis(bounds.position.min, bounds.position.max, scale.get("position", 0.0)),
-        Axis(bounds.mass.min / bounds.damping.max, bounds.mass.max / bounds.damping.min, 0.0),
+        _time_constants(problem),
         Axis(bounds.drag.min, bounds.drag.max, scale.get("drag", 0.0)),
     )
+
+
+def _time_constants(problem: Problem) -> Axis:
+    bounds = problem.bounds
+    above, below = bounds.mass, bounds.damping
+    if problem.device.renders_force:
+        above, below = bounds.damping, bounds.stiffness
+    low, high = above.min / below.max, above.max / below.min
+    return Axis(low, high, SLACK * problem.device.sample_time if low == 0 < high else 0.0)
 
 
 def all_designs(axes: tuple[Axis, ...]) -> DesignBoxes:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -64,7 +64,7 @@ class _Candidate:
 def halved(
     relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
 ) -> Halved:
-    """Halve boxes, each along the axis that raises the lower bound most.
+    """Halve boxes, each along the axis that raises the lower bound most; bound them again where there is none.
 
     While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
 
@@ -77,6 +77,9 @@ def halved(
     pool : threads
     """
     candidates = _candidates(relaxed, axes, parents.boxes, pool)
+    if not candidates:
+        error = np.maximum(lower_bounds(relaxed, parents.boxes).error, parents.bound)
+        return Halved(replace(parents, bound=error), np.zeros(len(parents), bool), len(parents))
     best = _best_axis(axes, candidates, parents, incumbent)
     children: list[OpenNodes] = []
     along_gains: list[Flags] = []

@@ -6,20 +6,36 @@ See design/bound/README.md, section 1.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from vctune.model.affine import Affine, LoopConstants
+from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import Number
-from vctune.model.pair import Pair, re_conj_product
-from vctune.proof.array_intervals import Enclosure
+from vctune.model.device_response import device_response
+from vctune.model.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.quantities import Device, stacked
+from vctune.model.transparency import Quotient
+from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.jets import ENCLOSURES
 
 Coefficients = tuple[
     Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
 ]
 """Of a quadratic: constant, linear, square, cross."""
-Term = tuple[Coefficients, Coefficients]
-"""Re(X conj X_0) and |X_0|^2 |D|^2."""
+
+
+class Term(NamedTuple):
+    """A term |X|^2/|Y|^2 of the squared error, which is at least |along|^2/size.
+
+    Attributes
+    ----------
+    along : X conj X_0, with X_0 what X is with both gains 0
+    size : |X_0|^2 |Y|^2
+    """
+
+    along: Affine
+    size: Coefficients
 
 
 def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, crossed: bool) -> Coefficients:
@@ -53,21 +69,23 @@ def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, cross
     return constant, linear, square, cross
 
 
-def error_term(at: LoopConstants, X: Affine, *, crossed: bool) -> Term:
-    """Return a term |X|^2/|D|^2 at frequencies, of X that is X_0 with both gains 0.
+def error_term(of: Quotient, *, crossed: bool) -> Term:
+    """Return a term |X|^2/|Y|^2 at frequencies, of X that is X_0 with both gains 0.
 
     Parameters
     ----------
-    at : the loop there
-    X : one of its numbers
-    crossed : as in `quadratic`, of D
+    of : X and Y there
+    crossed : as in `quadratic`, of Y
     """
+    X, Y = of.above, of.below
     assert X.constant is not None
-    idle = Affine(X.constant, None, None)
-    constant, linear, *_ = quadratic(re_conj_product, X, idle, crossed=False)
-    weight = X.constant.abs2()
-    D2 = quadratic(re_conj_product, at.D, at.D, crossed=crossed)
-    return (constant, linear, None, None), mapped(D2, lambda x: weight * x)
+    idle, weight = X.constant, X.constant.abs2()
+
+    def along(part: Pair | None) -> Pair | None:
+        return None if part is None else Pair(re_conj_product(part, idle), im_conj_product(part, idle))
+
+    Y2 = mapped(quadratic(re_conj_product, Y, Y, crossed=crossed), lambda x: weight * x)
+    return Term(Affine(Pair(weight, 0), along(X.velocity), along(X.position)), Y2)
 
 
 def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
@@ -88,30 +106,60 @@ def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coeffic
 
 
 def listed(term: Term) -> list[Number]:
-    """Return the coefficients of a term that are there."""
+    """Return the numbers of a term that are there."""
     found: list[Number] = []
-    for part in term:
-        mapped(part, found.append)
+    for part in _pairs(term.along):
+        found += [] if part is None else [part.re, part.im]
+    mapped(term.size, found.append)
     return found
 
 
-def replaced(term: Term, coefficients: Iterable[Number]) -> Term:
-    """Return a term with other coefficients in the place of those that are there.
+def replaced(term: Term, numbers: Iterable[Number]) -> Term:
+    """Return a term with other numbers in the place of those that are there.
 
     Parameters
     ----------
-    term : whose coefficients that are not there are not there either
-    coefficients : in the order of `listed`
+    term : whose numbers that are not there are not there either
+    numbers : in the order of `listed`
     """
-    found = iter(coefficients)
-    root, D2 = (mapped(part, lambda _: next(found)) for part in term)
-    return root, D2
+    found = iter(numbers)
+    along = (None if part is None else Pair(next(found), next(found)) for part in _pairs(term.along))
+    return Term(Affine(*along), mapped(term.size, lambda _: next(found)))
 
 
-def concatenated(terms: Sequence[Term]) -> Term:
-    """Return the same term of several devices, one after another."""
-    if len(terms) == 1:
-        return terms[0]
-    rows = zip(*map(listed, terms), strict=True)
-    joined = (Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row])) for row in rows)
-    return replaced(terms[0], joined)
+def _pairs(affine: Affine) -> tuple[Pair | None, Pair | None, Pair | None]:
+    return affine.constant, affine.velocity, affine.position
+
+
+def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
+    """Return the same numbers of several devices, one after another; None where there is none.
+
+    Parameters
+    ----------
+    parts : for each device its numbers, enclosed, in the same order
+    """
+    return [
+        Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
+        for row in zip(*parts, strict=True)
+    ]
+
+
+def joined(parts: Sequence[Coefficients]) -> Coefficients:
+    """Return the same quadratic of several devices, one after another."""
+    rows: list[list[Number]] = [[] for _ in parts]
+    for row, part in zip(rows, parts, strict=True):
+        mapped(part, row.append)
+    found = iter(concatenated(rows))
+    return mapped(parts[0], lambda _: next(found))
+
+
+def repeated(devices: Sequence[Device], count: int) -> Device:
+    """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
+    if len(devices) == 1:
+        return devices[0]
+    return stacked([device for device in devices for _ in range(count)])
+
+
+def loop_at(device: Device, omega: Floats) -> LoopConstants:
+    """Return the constants of a device's loop, let go, at frequencies omega > 0, rad/s, enclosed."""
+    return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))

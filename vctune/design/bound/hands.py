@@ -1,63 +1,57 @@
 """What hands ask of the coupling in the sampled loop, bounded over boxes of gains (design/bound/README.md, section 1).
 
-F and P are affine in the gains with constants of the angle and the hand (`vctune.model.hand_loop`), so that both sides
-of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them. Any set of places will do.
+In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.hand_loop`), so that
+both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
+sides are so of K_v (`vctune.model.impedance_display`). Any set of places will do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.boxes import DesignBoxes
-from vctune.design.bound.coefficients import Coefficients, concatenated, mapped, quadratic
-from vctune.design.bound.quadratics import GUARD, Quadratic, less, lower, upper
+from vctune.design.bound.boxes import K_P, K_V, DesignBoxes
+from vctune.design.bound.coefficients import Coefficients, joined, mapped, quadratic
+from vctune.design.bound.couplings import Offer, SeriesOffer, spring_offer
+from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.affine import Affine
 from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand
+from vctune.model.impedance_display import any_hand
 from vctune.model.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.quantities import Device, Hand
-from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 
 
 @dataclass(frozen=True, slots=True)
-class ConditionsInHands:
-    """The demand in hands at some places, those of one device after another.
+class SampledConditions:
+    """The demand on the coupling in the sampled loop at some places, those of one device after another.
 
     Attributes
     ----------
-    omega : (2/T) tan(theta/2), rad/s, at which the coupling is met
-    lost : |F|^2 R, rounded down
-    size, size_low : |F|^2, rounded up and down
+    offer : of the couplings there
+    required : R, of an impedance display R/s^2
     """
 
-    omega: Floats
-    lost: Quadratic
-    size: Quadratic
-    size_low: Quadratic
+    offer: Offer
+    required: LeastQuotient
 
-    def least_required(self, boxes: DesignBoxes) -> Floats:
-        """Return a lower bound of R over each box where it is positive, else 0; shape (boxes, places).
+    def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that have none.
 
-        With m the least of lost - r size, R is at least r + m/size for any r, which is the closer the better r is.
+        Those are the boxes in which at some place what R is over is negative throughout: some passive hand makes the
+        loop of K_v alone unstable.
         """
-        most, least = self.size.greatest(boxes), np.maximum(self.size_low.least(boxes), 0.0)
-
-        def from_guess(r: Floats) -> Floats:
-            slack = less(self.lost, r, self.size).least(boxes)
-            more = slack / np.where(slack >= 0, most, least)
-            return r + more - GUARD * (r + np.abs(more))
-
         middle = 0.5 * (boxes.low + boxes.high)
-        there = DesignBoxes(middle, middle)
-        guess = np.fmax(self.lost.least(there) / self.size.greatest(there), 0.0)
-        R = np.fmax(np.fmax(from_guess(0.0 * guess), from_guess(guess)), 0.0)
-        return np.asarray(np.fmax(from_guess(R), R))
+        K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
+        guess = self.required.above.at(K_v, K_p) / self.required.below.at(K_v, K_p)
+        none = (self.required.below.greatest(boxes) < 0).any(axis=1)
+        return self.required.least(boxes, guess), np.asarray(none)
 
 
-def conditions_in_hands(devices: Sequence[Device], places: Floats) -> ConditionsInHands:
+def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
     """Return the demand in hands at some places, on each of several devices.
 
     Parameters
@@ -65,22 +59,46 @@ def conditions_in_hands(devices: Sequence[Device], places: Floats) -> Conditions
     devices : known exactly
     places : omega [rad/s] in [0, pi/T] and the numbers of a hand, shape (4, places)
     """
-    each = [_coefficients(device, places) for device in devices]
-    lost, size = concatenated(each)
-    omega = [np.tan(_angles(device, places) / 2) * (2 / device.sample_time) for device in devices]
-    return ConditionsInHands(np.concatenate(omega), lower(lost), upper(size), lower(size))
+    angles = [_angles(device, places[0]) for device in devices]
+    each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
+    return _conditions(devices, angles, each)
 
 
-def _angles(device: Device, places: Floats) -> Floats:
-    return np.minimum(places[0] * device.sample_time, np.pi)
+def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
+    """Return the demand in any passive hand on impedance displays, on each of several devices.
+
+    Parameters
+    ----------
+    devices : known exactly
+    omega : rad/s, in [0, pi/T]
+    """
+    angles = [_angles(device, omega) for device in devices]
+    each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
+    return _conditions(devices, angles, each)
 
 
-def _coefficients(device: Device, places: Floats) -> tuple[Coefficients, Coefficients]:
-    """Return those of -o/2 and |F|^2."""
-    hand, theta = Hand(*map(decimal, places[1:])), Enclosure(_angles(device, places))
-    plant = plant_in_hand(device.bare.converted(decimal), hand, delays_of(device), ENCLOSURES)
-    at, sin = loop_in_hand(plant, theta, ENCLOSURES), ENCLOSURES.sin(theta / 2)
-    assert isinstance(at, LoopInHand)
+def _angles(device: Device, omega: Floats) -> Floats:
+    return np.minimum(omega * device.sample_time, np.pi)
+
+
+def _conditions(
+    devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
+) -> SampledConditions:
+    """Return the demand from what is lost and its size, of each device."""
+    lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
+    offer: Offer
+    if devices[0].renders_force:
+        offer = spring_offer(devices, angles)
+    else:
+        pairs = zip(devices, angles, strict=True)
+        offer = SeriesOffer(np.concatenate([np.tan(theta / 2) * (2 / device.sample_time) for device, theta in pairs]))
+    return SampledConditions(offer, LeastQuotient(lower(lost), upper(size), lower(size)))
+
+
+def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficients, Coefficients]:
+    """Return the coefficients of -o/2 and |F|^2."""
+    plant = plant_in_hand(device.bare.converted(decimal), Hand(*map(decimal, numbers)), delays_of(device), ENCLOSURES)
+    at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
 
     def parts(number: EvenOdd) -> Pair:
         return Pair(number.even, number.odd)
@@ -88,8 +106,24 @@ def _coefficients(device: Device, places: Floats) -> tuple[Coefficients, Coeffic
     def true(number: EvenOdd) -> Pair:
         return Pair(number.even, sin * number.odd)
 
-    F = Affine(parts(at.open), parts(at.velocity), parts(at.position))
-    P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
-    lost = mapped(quadratic(im_conj_product, P, F, crossed=True), lambda x: -0.5 * x)
-    F = Affine(true(at.open), true(at.velocity), true(at.position))
-    return lost, quadratic(re_conj_product, F, F, crossed=True)
+    def loop(form: Callable[[EvenOdd], Pair]) -> Affine:
+        position = form(at.position) if isinstance(at, LoopInHand) else None
+        return Affine(form(at.open), form(at.velocity), position)
+
+    split, whole = loop(parts), loop(true)
+    if isinstance(at, LoopInHand):
+        P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
+    else:
+        P = Affine(parts(at.met), None, None)
+    lost = mapped(quadratic(im_conj_product, P, split, crossed=True), lambda x: -0.5 * x)
+    return lost, quadratic(re_conj_product, whole, whole, crossed=True)
+
+
+def _in_any_hand(device: Device, theta: Floats) -> tuple[Coefficients, Coefficients]:
+    """Return the coefficients of R/s^2's numerator and denominator."""
+    delays, at = delays_of(device), Enclosure(theta)
+    fractional = delays.loop_fractional
+    of = any_hand(device.converted(decimal), delays.loop, at, ENCLOSURES, fractional=fractional).of_velocity
+    zero = 0 * at
+    lost, slope, size_slope, size_square = (zero + x for x in of)
+    return (lost, (slope, zero), None, None), (1 + zero, (size_slope, zero), (size_square, zero), None)

@@ -1,4 +1,4 @@
-"""Quadratic functions of the two gains, bounded over many boxes of designs at once."""
+"""Quadratic functions of two numbers, the gains mostly, and their quotients, bounded over many boxes at once."""
 
 from __future__ import annotations
 
@@ -40,6 +40,11 @@ class Quadratic:
     linear: tuple[Floats, Floats] | None = None
     square: tuple[Floats, Floats] | None = None
     cross: Floats | None = None
+
+    def at(self, K_v: Floats, K_p: Floats) -> Floats:
+        """Return the value at points of shape (boxes, points) or (boxes, 1), rounded anyhow."""
+        crossed = 0.0 if self.cross is None else K_v * K_p * self.cross
+        return np.asarray(self.constant + self._part(K_V, K_v) + self._part(K_P, K_p) + crossed)
 
     def greatest(self, boxes: DesignBoxes) -> Floats:
         """Return a number that no value over a box of gains exceeds, shape (boxes, points).
@@ -112,25 +117,89 @@ class Quadratic:
 
 
 def less(a: Quadratic, factor: Floats, b: Quadratic) -> Quadratic:
-    """Return a quadratic that is nowhere more than a - factor b, of quadratics with every coefficient.
+    """Return a quadratic that is nowhere more than a - factor b.
 
     Parameters
     ----------
     a, b : with coefficients of shape (points,)
     factor : >= 0, shape (boxes, points)
     """
-    assert a.linear and a.square and b.linear and b.square and a.cross is not None and b.cross is not None
 
-    def difference(x: Floats, y: Floats) -> Floats:
+    def difference(x: Floats | float, y: Floats | float) -> Floats:
         taken = factor * y
         return x - taken - GUARD * (np.abs(x) + np.abs(taken))
 
-    return Quadratic(
-        difference(a.constant, b.constant),
-        (difference(a.linear[0], b.linear[0]), difference(a.linear[1], b.linear[1])),
-        (difference(a.square[0], b.square[0]), difference(a.square[1], b.square[1])),
-        difference(a.cross, b.cross),
-    )
+    def both(x: tuple[Floats, Floats] | None, y: tuple[Floats, Floats] | None) -> tuple[Floats, Floats] | None:
+        if x is None and y is None:
+            return None
+        (x_v, x_p), (y_v, y_p) = x or (0.0, 0.0), y or (0.0, 0.0)
+        return difference(x_v, y_v), difference(x_p, y_p)
+
+    cross = None
+    if a.cross is not None or b.cross is not None:
+        cross = difference(0.0 if a.cross is None else a.cross, 0.0 if b.cross is None else b.cross)
+    return Quadratic(difference(a.constant, b.constant), both(a.linear, b.linear), both(a.square, b.square), cross)
+
+
+@dataclass(frozen=True, slots=True)
+class BoundedQuotient:
+    """A quotient of quadratics in the gains at several points: a term of the squared error, or |S|^2.
+
+    A point is a frequency, or an interval over which the term is averaged.
+
+    Attributes
+    ----------
+    above : rounded down
+    below : rounded up
+    scale : of the quotient, rounded down
+    """
+
+    above: Quadratic
+    below: Quadratic
+    scale: float = 1.0
+
+    def least(self, boxes: DesignBoxes) -> Floats:
+        """Return a lower bound over each box of gains, shape (boxes, points)."""
+        above = np.maximum(self.above.least(boxes), 0.0)
+        bound: Floats = above * (self.scale * (1 - GUARD)) / self.below.greatest(boxes)
+        return bound
+
+
+@dataclass(frozen=True, slots=True)
+class LeastQuotient:
+    """A quotient of quadratics, bounded from below over boxes where the lower one is positive.
+
+    Attributes
+    ----------
+    above : rounded down
+    below, below_low : rounded up and down
+    """
+
+    above: Quadratic
+    below: Quadratic
+    below_low: Quadratic
+
+    def least(self, boxes: DesignBoxes, guess: Floats) -> Floats:
+        """Return a lower bound of the quotient over each box where it is positive, else 0; shape (boxes, points).
+
+        With m the least of above - r below, the quotient is at least r + m/below for any r, which is the closer the
+        better r is.
+
+        Parameters
+        ----------
+        boxes : n of them
+        guess : r to begin with, of shape (n, points); any
+        """
+        most, least = self.below.greatest(boxes), np.maximum(self.below_low.least(boxes), 0.0)
+
+        def from_guess(r: Floats) -> Floats:
+            slack = less(self.above, r, self.below).least(boxes)
+            more = slack / np.where(slack >= 0, most, least)
+            return r + more - GUARD * (r + np.abs(more))
+
+        first = np.fmax(guess, 0.0)
+        found = np.fmax(np.fmax(from_guess(0.0 * first), from_guess(first)), 0.0)
+        return np.asarray(np.fmax(from_guess(found), found))
 
 
 def upper(coefficients: Coefficients, factor: int = 1) -> Quadratic:

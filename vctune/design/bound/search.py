@@ -2,8 +2,9 @@
 
 See design/bound/README.md.
 
-Boxes of (K_v, K_p, tau_c, b_0) are halved, the most promising first, and pruned when even their lower bound is within
-the gap of the best design known, when no design in them meets the demands, or when their loops are unstable.
+Boxes of (K_v, K_p, tau_c, b_0), of an impedance display of (K_v, tau_c), are halved, the most promising first, and
+pruned when even their lower bound is within the gap of the best design known, when no design in them meets the
+demands, or when their loops are unstable.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from time import perf_counter
 import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
-from vctune.analysis.in_hands import least_ratios_in_hands, loops_in_hands
+from vctune.analysis.in_hands import least_ratios, loops_in_hands
 from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.branching import Halved, halved
 from vctune.design.bound.lower_bounds import least_coupling
@@ -26,9 +27,11 @@ from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxa
 from vctune.design.bound.resume import ResumeState
 from vctune.design.bound.stability import proved_stability
 from vctune.design.judge import Judgement
-from vctune.design.prepared import Posed
+from vctune.design.prepared import Posed, acting_terms, compared
+from vctune.design.shapes import coupling_of
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.transparency import TermName
 from vctune.proof.array_intervals import Floats
 
 FREQUENCIES, INTERVALS = 40, 48
@@ -37,6 +40,8 @@ proportion; fewer make the bounds weaker, so that more boxes are needed."""
 MOST_FREQUENCIES = 160
 """Frequencies up to which those that a box's middle violates are added: four times the first, and four times the cost
 of a bound. Near the end of a search no other demand is broken than those that are known."""
+LOWEST_ANGLE = 1e-3
+"""Of any passive hand's first places, relative to pi, beside 0: what is below is at its limit to 1e-5."""
 SHARES_IN_HANDS, ANGLES_IN_HANDS = (0.0, 0.1, 1.0), 12
 """Shares of the ranges of hands, and angles per decade, at which the first places in hands are looked for."""
 LITTLE = 1e-3
@@ -80,12 +85,15 @@ class SearchState:
 class Optimality:
     """What is proved of the error of every admissible design.
 
+    The error is that of the terms that can differ between designs, mostly all of it.
+
     Attributes
     ----------
     bound : no admissible design has a lower error; inf if there is none
     incumbent : error of the best design known, inf if none is
     proved : whether the bound is within the gap that was asked for
     improved : a better design than the one given, if the search has met one
+    terms : of the error, those that it counts; none where it counts all
     history : of the search, the last of it now
     resume : what is left to do; no open node when it is proved
     """
@@ -94,6 +102,7 @@ class Optimality:
     incumbent: float
     proved: bool
     improved: Judgement | None
+    terms: tuple[TermName, ...]
     history: list[SearchState]
     resume: ResumeState
 
@@ -157,22 +166,23 @@ def bound(
     Optimality
         The bound is valid whenever the search ends.
     """
+    given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
-    incumbent = best.error if best else inf
+    incumbent = best.compared if best else inf
     nodes, pruned_bound, boxes = root(axes), inf, 0
     if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
     search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
-    rounds, ready = 0, perf_counter()
+    rounds, ready, single = 0, perf_counter(), all(axis.low == axis.high for axis in axes)
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
             nodes = _pruned(nodes, search, gap)
             search.history.append(_state(search, nodes))
             progress(search.history[-1])
             late = perf_counter() - ready > time_limit
-            if not len(nodes) or search.boxes > most_boxes or late or stopped():
+            if not len(nodes) or search.boxes > most_boxes or late or stopped() or (single and _stands(search)):
                 break
-            if rounds % TRY_EVERY == 0:
+            if single or rounds % TRY_EVERY == 0:
                 _try_best_node(posed, search, nodes, improve)
             promising, others = _most_promising(nodes)
             young = halved(search.relaxed, axes, promising, search.incumbent, pool)
@@ -181,7 +191,20 @@ def bound(
             rounds += 1
     last, proved = search.history[-1], not len(nodes)
     left = ResumeState(nodes, search.pruned_bound, search.boxes)
-    return Optimality(last.bound, search.incumbent, proved, search.improved, search.history, left)
+    return Optimality(
+        bound=last.bound,
+        incumbent=search.incumbent,
+        proved=proved,
+        improved=search.improved,
+        terms=acting_terms(posed.problem) if posed is not given else (),
+        history=search.history,
+        resume=left,
+    )
+
+
+def _stands(search: _Search) -> bool:
+    """Return whether the last round has raised no bound, which no further one will where there is but one box."""
+    return len(search.history) > 2 and search.history[-1].bound == search.history[-2].bound
 
 
 def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
@@ -189,7 +212,9 @@ def _relaxed(posed: Posed, best: Judgement | None) -> Relaxation:
     problem = posed.problem
     band = np.geomspace(*posed.span, FREQUENCIES) if problem.passive else np.zeros(0)
     slowest = slowest_resonance(problem, problem.bounds.velocity.min)
-    places = Places(band, np.geomspace(slowest, problem.nyquist, FREQUENCIES), _in_worst_hands(problem, best))
+    upto = np.geomspace(slowest, problem.nyquist, FREQUENCIES)
+    angles = np.append(0.0, problem.nyquist * np.geomspace(LOWEST_ANGLE, 1.0, FREQUENCIES))
+    places = Places(band, upto, _in_worst_hands(problem, best), angles if problem.any_hand else np.zeros(0))
     if best is not None:
         for case in posed.cases:
             places = places.joined(_tight_places(case, best.gains, best.coupling))
@@ -216,11 +241,10 @@ def _tight_places(problem: Problem, gains: Gains, coupling: AnyCoupling, *, brok
         omega = ratio.omega[ratio.value < least]
     peaks = sensitivity_maxima(problem, gains)
     most = stability.max_sensitivity * (1 + VIOLATED) if broken else 0.0
-    hands = []
-    if problem.hands_met is not None:
-        worst = least_ratios_in_hands(problem.device, problem.hands_met, gains, coupling)
-        hands = [(each.omega, *astuple(each.hand)) for each in worst if each.ratio < least]
-    return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T)
+    tight = [each for each in least_ratios(problem, gains, coupling) if each.ratio < least]
+    hands = [(each.omega, *astuple(each.hand)) for each in tight if each.hand is not None]
+    any_hand = [each.omega for each in tight if each.hand is None]
+    return Places(omega, peaks.omega[-peaks.value > most], np.array(hands).reshape(-1, 4).T, np.array(any_hand))
 
 
 def _devices(cases: tuple[Problem, ...]) -> list[Device]:
@@ -263,16 +287,14 @@ def _try_best_node(posed: Posed, search: _Search, nodes: OpenNodes, improve: Imp
     axes, first = axes_of(posed.problem), int(np.argmin(nodes.bound))
     low, high = nodes.boxes.low[:, [first]], nodes.boxes.high[:, [first]]
     middle = np.array([axis.middle(low[row], high[row]) for row, axis in enumerate(axes)])
-    bounds = posed.problem.bounds
     least = least_coupling(search.relaxed, DesignBoxes(middle, middle))
-    b_c = float(np.clip(least.damping[0], bounds.damping.min, bounds.damping.max))
     K_v, K_p, tau_c, b_0 = (float(middle[row, 0]) for row in (K_V, K_P, TAU_C, B_0))
     if high[K_P, 0] <= axes[K_P].scale:  # so little position gain is none
         K_p = 0.0
-    _add_places(posed, search, Gains(K_v, K_p), Coupling(b_c, b_c * tau_c, b_0))
+    _add_places(posed, search, Gains(K_v, K_p), coupling_of(posed.problem, float(least.first[0]), tau_c, b_0))
     better = improve(Gains(K_v, K_p), search.incumbent * (1 - BETTER))
     if better is not None:
-        search.improved, search.incumbent = better, better.error
+        search.improved, search.incumbent = better, better.compared
 
 
 def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupling) -> None:
@@ -280,5 +302,5 @@ def _add_places(posed: Posed, search: _Search, gains: Gains, coupling: AnyCoupli
     known = more = search.relaxed.places
     for case in posed.cases:
         more = more.joined(_tight_places(case, gains, coupling, broken=True))
-    if max(len(known.omega), known.in_hands.shape[1]) < MOST_FREQUENCIES and more.number > known.number:
+    if known.most < MOST_FREQUENCIES and more.number > known.number:
         search.relaxed = at_places(search.relaxed, more)

@@ -1,0 +1,235 @@
+"""What the bound knows of a display's coupling: what it offers, how large it may be, what is felt of it.
+
+A coupling has two elements of which more is safer and more is felt, b_c and m_c, or of an impedance display 1/k_c and
+1/b_c. Of both the demands and the bounds leave a least one to each box (design/bound/README.md, section 1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import inf, log
+from typing import Protocol
+
+import numpy as np
+
+from vctune.design.bound.boxes import B_0, TAU_C, DesignBoxes
+from vctune.design.bound.coefficients import Coefficients, concatenated
+from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient, lower, upper
+from vctune.model.impedance_display import spring_forms
+from vctune.model.problem import Problem, Range
+from vctune.model.quantities import Device
+from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.jets import ENCLOSURES
+
+
+@dataclass(frozen=True, slots=True)
+class LeastCoupling:
+    """What the conditions leave to the couplings of each box; arrays of shape (boxes,).
+
+    Attributes
+    ----------
+    first, second : the least b_c and m_c, or of an impedance display the least 1/k_c and 1/b_c
+    none : where they leave none
+    """
+
+    first: Floats
+    second: Floats
+    none: np.ndarray
+
+
+class Offer(Protocol):
+    """What couplings offer at some places."""
+
+    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return the least first and second element that offer 1 without drag, both of shape (boxes, places)."""
+
+
+class Couplings(Protocol):
+    """The couplings of a display."""
+
+    @property
+    def first(self) -> Range:
+        """Bounds of the first element."""
+
+    @property
+    def second(self) -> Range:
+        """Bounds of the second element."""
+
+    def ratio(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return the least and the greatest ratio of the second to the first element in each box."""
+
+    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
+        """Return the least of the coupling's share of the squared error, weighted.
+
+        Of its mean on each device that counts, shape (boxes, devices), 1 for the same on all; or at the frequencies
+        of the error, shape (boxes, frequencies).
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesCouplings:
+    """Those of an admittance display, b_0 + b_c x j/(1 + x j) with x = omega tau_c.
+
+    Attributes
+    ----------
+    problem : in SI units
+    omega : rad/s, where the error is looked at; None for its mean
+    """
+
+    problem: Problem
+    omega: Floats | None
+
+    @property
+    def first(self) -> Range:
+        """Of b_c, N s/m."""
+        return self.problem.bounds.damping
+
+    @property
+    def second(self) -> Range:
+        """Of m_c, kg."""
+        return self.problem.bounds.mass
+
+    @staticmethod
+    def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return tau_c at both ends."""
+        return boxes.low[TAU_C], boxes.high[TAU_C]
+
+    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
+        """Return a lower bound of |Z_c|^2 = b_0^2 + 2 b_0 b_c s + b_c^2 s, s = x^2/(1 + x^2) or its mean, weighted.
+
+        s grows with tau_c, s/tau_c^2 falls: in b_c the last term is least for the least tau_c, in m_c for the greatest.
+        """
+        b_c, m_c, b_0 = (each[:, None] for each in (least.first, least.second, boxes.low[B_0]))
+        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
+        light, heavy = self._transmitted(shortest), self._transmitted(longest)
+        coupled = 2 * b_0 * b_c * light + np.fmax(np.square(b_c) * light, np.square(m_c / longest) * heavy)
+        wanted = self.problem.transparency
+        return np.asarray((wanted.weights.coupling / wanted.reference_impedance) ** 2 * (b_0 * b_0 + coupled))
+
+    def _transmitted(self, tau_c: Floats) -> Floats:
+        """Return x^2/(1 + x^2), which is |Z_c/b_c|^2 and Re Z_c/b_c without drag, or its mean over log frequency."""
+        if self.omega is not None:
+            x2 = np.square(self.omega * tau_c)
+            return np.asarray(x2 / (1 + x2))
+        low, high = self.problem.transparency.band.min, self.problem.transparency.band.max
+        rise = (high - low) * (high + low) * np.square(tau_c) / (1 + np.square(low * tau_c))
+        return np.asarray(np.log1p(rise) / (2 * log(high / low)) * (1 - GUARD * high / (high - low)))
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesOffer:
+    """What Re Z_c is, at omega; in hands at (2/T) tan(theta/2).
+
+    Attributes
+    ----------
+    omega : rad/s
+    """
+
+    omega: Floats
+
+    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return the least b_c = 1 + 1/x^2, of the greatest tau_c, and the least m_c = tau_c + 1/(omega^2 tau_c).
+
+        The latter is that of the tau_c next to 1/omega.
+        """
+        shortest, longest = (edge[TAU_C][:, None] for edge in (boxes.low, boxes.high))
+        nearest = np.clip(1 / self.omega, shortest, longest)
+        return 1 + 1 / np.square(self.omega * longest), nearest + 1 / (np.square(self.omega) * nearest)
+
+
+@dataclass(frozen=True, slots=True)
+class SpringDampers:
+    """Those of an impedance display, b_c F beside k_c T/(1 - z^-1).
+
+    Attributes
+    ----------
+    problem : in SI units
+    compliance : |1/Z_c|^2 weighted, at frequencies or over intervals, over boxes of b_c and k_c
+    devices : for the mean over how many devices' intervals, one after another; None for frequencies
+    """
+
+    problem: Problem
+    compliance: BoundedQuotient
+    devices: int | None
+
+    @property
+    def first(self) -> Range:
+        """Of 1/k_c, m/N."""
+        return _inverse(self.problem.bounds.stiffness)
+
+    @property
+    def second(self) -> Range:
+        """Of 1/b_c, m/(N s)."""
+        return _inverse(self.problem.bounds.damping)
+
+    @staticmethod
+    def ratio(boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return k_c/b_c at both ends; inf without damping."""
+        with np.errstate(divide="ignore"):
+            return 1 / boxes.high[TAU_C], 1 / boxes.low[TAU_C]
+
+    def felt(self, least: LeastCoupling, boxes: DesignBoxes) -> Floats:
+        """Return a lower bound of |1/Z_c|^2, weighted: |Z_c|^2 is convex, and greatest at a vertex of b_c and k_c."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            k_c, b_c = 1 / least.first, 1 / least.second
+            k_c = np.fmin(k_c, b_c / boxes.low[TAU_C])
+        most = np.stack((b_c, k_c)) * (1 + 4 * GUARD)
+        found = self.compliance.least(DesignBoxes(0 * most, most))
+        return found if self.devices is None else found.reshape(len(boxes), self.devices, -1).sum(axis=2)
+
+
+def _inverse(range_: Range) -> Range:
+    return Range(*(1 / end if end > 0 else inf for end in (range_.max, range_.min)))
+
+
+@dataclass(frozen=True, slots=True)
+class SpringOffer:
+    """What Re(1/Z_c)/s^2 is, at some angles: (a_0 + a_1 tau)/(b_0 + b_1 tau + b_2 tau^2) over k_c, tau = b_c/k_c.
+
+    Attributes
+    ----------
+    stiff, damped : 1/k_c and 1/b_c that offer 1, over boxes of tau
+    stiffest : tau of the least 1/k_c, s, shape (places,)
+    """
+
+    stiff: LeastQuotient
+    damped: LeastQuotient
+    stiffest: Floats
+
+    def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
+        """Return the least 1/k_c and 1/b_c that offer 1; inf where nothing is offered."""
+        low, high = boxes.low[TAU_C], boxes.high[TAU_C]
+        of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
+        nearest = np.clip(self.stiffest, low[:, None], high[:, None])
+        offered = self.stiff.below.greatest(of_tau) > 0
+        with np.errstate(all="ignore"):
+            found = (
+                each.least(of_tau, each.above.at(tau, 0 * tau) / each.below.at(tau, 0 * tau))
+                for each, tau in ((self.stiff, nearest), (self.damped, high[:, None] + 0 * nearest))
+            )
+            stiff, damped = (np.where(offered, each, inf) for each in found)
+        return stiff, damped
+
+
+def spring_offer(devices: Sequence[Device], angles: Sequence[Floats]) -> SpringOffer:
+    """Return what spring-dampers offer at angles, on each of several devices.
+
+    Parameters
+    ----------
+    devices : known exactly
+    angles : of each, rad, in [0, pi]
+    """
+    each = []
+    for device, theta in zip(devices, angles, strict=True):
+        (a_1, a_0), (b_2, b_1, b_0) = spring_forms(device.converted(decimal), Enclosure(theta), ENCLOSURES)
+        each.append([a_0, a_1, b_0, b_1, b_2])
+    a_0, a_1, b_0, b_1, b_2 = concatenated(each)
+    zero = 0 * a_0
+    above: Coefficients = (b_0, (b_1, zero), (b_2, zero), None)
+    offered: tuple[Coefficients, ...] = (a_0, (a_1, zero), None, None), (zero, (a_0, zero), (a_1, zero), None)
+    stiff, damped = (LeastQuotient(lower(above), upper(of), lower(of)) for of in offered)
+    with np.errstate(all="ignore"):  # where the slope of the quotient is 0: c_2 tau^2 + 2 c_1 tau - c_0 = 0
+        c_0, c_1, c_2 = a_1.mid * b_0.mid - a_0.mid * b_1.mid, a_0.mid * b_2.mid, a_1.mid * b_2.mid
+        root = c_1 + np.sqrt(np.maximum(c_1 * c_1 + c_2 * c_0, 0.0))
+        return SpringOffer(stiff, damped, np.where(c_0 > 0, c_0 / root, 0.0))

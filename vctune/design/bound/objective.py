@@ -1,0 +1,153 @@
+"""The error of the designs of a box, term by term, bounded from below (design/bound/README.md, section 1).
+
+Every term is a quotient of what is affine in two numbers, |X|^2/|Y|^2 of the gains and 1/|Z_c|^2 of b_c and k_c. With
+X_0 what X is without gains, the mean of |X|^2/|Y|^2 over an interval is at least |integral of X conj X_0|^2/(integral
+of |X_0|^2 |Y|^2) (Cauchy and Schwarz), where the integrals are of known functions, enclosed by Arb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+from flint import acb, arb, ctx
+
+from vctune.design.bound.coefficients import (
+    Coefficients,
+    Term,
+    concatenated,
+    error_term,
+    listed,
+    loop_at,
+    quadratic,
+    repeated,
+    replaced,
+)
+from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
+from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
+from vctune.interrupt import interrupt_deferred
+from vctune.model.affine import Affine, LoopConstants, loop_constants
+from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device_response import device_response
+from vctune.model.impedance_display import spring_forms
+from vctune.model.pair import Pair, re_conj_product
+from vctune.model.problem import Band, Problem
+from vctune.model.quantities import Device
+from vctune.model.transparency import quotient_terms
+from vctune.proof.arb_balls import BALLS, ball, device_ball
+from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.jets import ENCLOSURES
+
+PRECISION = 2.0**-44
+"""Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
+time by one of Gauss's nodes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """The terms of the squared error.
+
+    Attributes
+    ----------
+    admittance, tracking : those of the loop
+    couplings : whose share is the third
+    omega : rad/s, where the error is looked at for norm "peak"; None for "rms"
+    devices : number of devices the greatest of whose errors is the objective; their terms follow one another
+    """
+
+    admittance: BoundedQuotient
+    tracking: BoundedQuotient
+    couplings: Couplings
+    omega: Floats | None
+    devices: int
+
+
+def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) -> Objective:
+    """Return the terms of a problem's error.
+
+    Parameters
+    ----------
+    problem : in SI units
+    devices : the greatest of whose errors is the objective, known exactly
+    intervals : into how many, or at how many frequencies, the transparency band is divided
+    """
+    wanted, renders_force, omega = problem.transparency, problem.device.renders_force, None
+    weights, Z_0 = wanted.weights, wanted.reference_impedance
+    of_device = weights.admittance / Z_0 if renders_force else weights.admittance * Z_0
+    scales = [of_device**2, weights.tracking**2, *([(weights.coupling * Z_0) ** 2] if renders_force else [])]
+    if wanted.norm == "peak":
+        omega = np.tile(np.geomspace(wanted.band.min, wanted.band.max, intervals), len(devices))
+        every = repeated(devices, intervals)
+        terms = _loop_terms(loop_at(every, omega), every)
+        if renders_force:
+            terms.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
+    else:
+        each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
+        terms = [replaced(same[0], concatenated([listed(term) for term in same])) for same in zip(*each, strict=True)]
+    admittance, tracking, *compliance = (
+        BoundedQuotient(
+            lower(quadratic(re_conj_product, term.along, term.along, crossed=True)), upper(term.size), scale
+        )
+        for term, scale in zip(terms, scales, strict=True)
+    )
+    couplings: Couplings = SeriesCouplings(problem, omega)
+    if compliance:
+        couplings = SpringDampers(problem, compliance[0], None if omega is not None else len(devices))
+    return Objective(admittance, tracking, couplings, omega, len(devices))
+
+
+def _loop_terms(at: LoopConstants, device: Device) -> list[Term]:
+    crossed = device.velocity is not None
+    return [error_term(term, crossed=crossed) for term in quotient_terms(at, renders_force=device.renders_force)]
+
+
+def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
+    """Return |1/Z_c|^2 of b_c and k_c as s^2/(s^2 |Z_c|^2)."""
+    theta = omega * device.sample_time
+    _, (damped, crossed, stiff) = spring_forms(device, theta, ops)
+    sin = ops.sin(theta / 2)
+    size: Coefficients = (0 * sin, None, (damped, stiff), crossed)
+    return Term(Affine(Pair(sin, 0), None, None), size)
+
+
+def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) -> list[Term]:
+    """Return the terms of the mean over log frequency, by Cauchy and Schwarz on each of several equal intervals.
+
+    Those that are not wanted are not worked out: their numbers are 1.
+    """
+    exact, first = device_ball(device.bare), ball(band.min).log()
+    length = ball(band.max).log() - first
+    edges = [first + length * k / intervals for k in range(intervals + 1)]
+
+    def of_loop(x: acb) -> list[Term]:
+        return _loop_terms(loop_constants(device_response(exact, x.exp(), BALLS)), device)
+
+    terms: list[Callable[[acb], Term]] = [lambda x: of_loop(x)[0], lambda x: of_loop(x)[1]]
+    if device.renders_force:
+        terms.append(lambda x: _compliance(exact, x.exp(), BALLS))
+
+    def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
+        low, high = edges[k], edges[k + 1]
+        throughout = integrand(acb(low.union(high)), True)
+        if throughout == 0:
+            return arb(0)
+        # relative to the integrand, not to its integral, which may be 0
+        size = float(throughout.abs_upper())
+        tolerance = size * float(high - low) * PRECISION if size < inf else 0.0
+        return acb.integral(integrand, low, high, rel_tol=PRECISION, abs_tol=tolerance).real / length
+
+    def integrated(term: Callable[[acb], Term], counts: bool) -> Term:
+        shape = term(acb(edges[0]))
+
+        def row(index: int) -> Enclosure:
+            if not counts:
+                return Enclosure(np.ones(intervals), np.zeros(intervals))
+            found = [integral(lambda x, _analytic: acb(listed(term(x))[index]), k) for k in range(intervals)]
+            return Enclosure(*(np.array([float(f(x)) for x in found]) for f in (arb.mid, arb.rad)))
+
+        return replaced(shape, [row(index) for index in range(len(listed(shape)))])
+
+    with ctx.workprec(64), interrupt_deferred():  # an exception within Arb's integrand becomes one of another name
+        return [integrated(term, counts) for term, counts in zip(terms, wanted, strict=True)]
