@@ -19,6 +19,7 @@ Code = Literal[
     "file-exists",
     "folder-in-use",
     "internal-error",
+    "interrupted",
     "left-out-certain",
     "left-out-fixed",
     "left-out-integrator",
