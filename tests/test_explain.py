@@ -1,4 +1,4 @@
-"""Every refusal, warning and line of what was left out has a code; each code has a page, whose example gives it."""
+"""Every refusal, warning, remark and left-out line has a code; each code has a page, whose example gives it."""
 
 from __future__ import annotations
 
@@ -143,14 +143,14 @@ def trees():
 
 @pytest.mark.parametrize(
     ("maker", "place"),
-    [("Mistake", 0), ("InputError.of", 1), ("Note", 0), ("Fault", 2), ("warn", 0), ("coded", 1)],
+    [("Mistake", 0), ("InputError.of", 1), ("Note", 0), ("Check", 0), ("Fault", 2), ("warn", 0), ("coded", 1)],
 )
 def test_nothing_is_refused_or_warned_of_without_a_code(maker, place):
     """Whatever makes such a line is given a code that is known, or one that it was given itself."""
     for path, tree in trees().items():
         for call in calls(tree, maker):
             given = call.args[place]
-            passed_on = ast.unparse(given) in ("code", "mistake.code", "self.code", "doubt.code")
+            passed_on = ast.unparse(given) in ("code", "mistake.code", "self.code", "doubt.code", "check.code")
             assert passed_on or ast.literal_eval(given) in CODES, f"{path}:{call.lineno}"
 
 
