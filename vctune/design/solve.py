@@ -35,7 +35,9 @@ before, and leave the bound reached."""
 
 
 @np.errstate(all="ignore")
-def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None) -> Solved:
+def solve(
+    problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
+) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
@@ -47,6 +49,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     problem : Problem
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
+    exhaustive : whether every box is searched where the optimiser finds no design
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -60,7 +63,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    bounded = not problem.device.renders_force
+    bounded = exhaustive and not problem.device.renders_force
     early = _early(prepared) if bounded and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
