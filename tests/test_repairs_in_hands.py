@@ -52,8 +52,8 @@ INFEASIBLE = {
 }
 """Causes of all kinds."""
 REPAIRS = {
-    "no drag": {"operator.damping.min", "coupling.drag", "operator.stiffness.min"},
-    "no drag, both criteria": {"operator.damping.min", "coupling.drag"},
+    "no drag": {"coupling.drag", "operator.stiffness.min"},
+    "no drag, both criteria": {"operator.damping.min"},
     "K_v too great": {"gains.velocity.min", "device.sample_time"},
     "K_v too small": {"gains.velocity.max", "stability.max_sensitivity"},
     "m_c too small": {"coupling.mass.max", "operator.damping.min"},

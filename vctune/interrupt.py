@@ -16,7 +16,13 @@ RECEIVED: list[int] = []
 
 
 def raise_interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it."""
+    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it.
+
+    Parameters
+    ----------
+    number : of the signal
+    frame : that it came in; of no meaning
+    """
     RECEIVED.append(number)
     signal.default_int_handler(number, frame)
 

@@ -161,6 +161,11 @@ def local_optima(
     progress : told the stage of the work
     worth : by what factor a start's error may exceed the least that is known
     polished_from : how a start is polished; None: with nothing known
+
+    Returns
+    -------
+    list of Polished
+        Dimensionless, the least error first; not proved.
     """
 
     def plainly(start: Start, least: float) -> Polished | None:

@@ -50,6 +50,11 @@ def solve(
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
     exhaustive : whether every box is searched where the optimiser finds no design
+
+    Returns
+    -------
+    Solved
+        The design with its certificate, or why there is none; SI units. Repairs are not looked for.
     """
     began = perf_counter()
     if problem.bounds.fixed:

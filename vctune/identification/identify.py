@@ -89,6 +89,11 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     name : of the device
     progress : told the stage of the work
 
+    Returns
+    -------
+    Identified
+        The device, its box, and what the recordings do not tell; SI units and hertz.
+
     Raises
     ------
     InputError
