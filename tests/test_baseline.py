@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
+from itertools import count
 
 import pytest
-from command import run, started, wait_for_work
+from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 from test_region import B_0, B_C, K_P, K_V, M_C, found
 
+from vctune import interrupt
 from vctune.document.region import read_region
 from vctune.exit_codes import ExitCode
 from vctune.study.region import Kind
@@ -246,19 +250,141 @@ def test_wrong_use_of_region(tmp_path, name):
     assert [path.name for path in tmp_path.iterdir()] == ["device.toml"]
 
 
-@pytest.mark.parametrize("seconds", [0.3, 1.2, pytest.param(2.5, marks=pytest.mark.slow)])
-def test_an_interrupted_region_leaves_nothing_half_written(tmp_path, seconds):
-    (tmp_path / "device.toml").write_text(for_passive_hands(PLAIN))
-    process = started("region", "device.toml", "--resolution", "0.001", cwd=tmp_path)
-    wait_for_work(process, seconds)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    left = {path.name for path in tmp_path.rglob("*") if path.is_file()} - {"device.toml"}
-    assert "Traceback" not in err
-    if process.returncode == ExitCode.OK:
-        assert left == {"region.json", "region.svg"}
-    else:
-        assert (process.returncode, left) == (ExitCode.INTERRUPTED, set())
+def struck(monkeypatch, number, batch):
+    """Let a signal come before the cells that are judged together for the so-many-th time."""
+    noted, asked = interrupt.interrupt_noted, count(1)
+
+    @contextmanager
+    def noting():
+        with noted() as stopped:
+
+            def check():
+                if next(asked) == batch:
+                    signal.raise_signal(number)
+                return stopped()
+
+            yield check
+
+    monkeypatch.setattr(interrupt, "interrupt_noted", noting)
+
+
+@pytest.fixture
+def interrupted(baseline, tmp_path, monkeypatch):
+    """The folder of a region at 1/32 that was interrupted before the third batch of cells."""
+    shutil.copy(baseline / "device.toml", tmp_path)
+    struck(monkeypatch, signal.SIGINT, 3)
+    done = run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path)
+    assert done.returncode == ExitCode.UNDECIDED and "[interrupted]" in done.stderr
+    assert "%  interrupted: some of it was not looked at\n" in done.stdout
+    monkeypatch.undo()
+    return tmp_path
+
+
+def finest(record):
+    """The verdict on each of the finest cells, and on those of the line K_p = 0, by their lower edges."""
+    return {
+        ("line" if y_low == y_high else "plane", i, j): verdict
+        for x_low, x_high, y_low, y_high, verdict, _ in record["cells"]
+        for i in range(x_low, x_high)
+        for j in range(y_low, max(y_high, y_low + 1))
+    }
+
+
+def test_an_interrupted_region_holds_what_was_decided(baseline, interrupted):
+    """Each cell that is decided is as in the whole region, and all others are undecided: they tile the plane."""
+    part, whole = record_of(interrupted), record_of(baseline)
+    assert part["interrupted"] is True and "interrupted" not in whole
+    kinds, all_kinds = finest(part), finest(whole)
+    assert kinds.keys() == all_kinds.keys()
+    decided = {place: kind for place, kind in kinds.items() if kind != "undecided"}
+    assert decided.items() <= all_kinds.items() and set(decided.values()) == {"feasible", "infeasible"}
+    for kind, share in part["areas"].items():
+        cells = [place for place, found in kinds.items() if found == kind and place[0] == "plane"]
+        assert share == pytest.approx(len(cells) / 32**2)
+    assert 0 < whole["areas"]["undecided"] < part["areas"]["undecided"] < 1
+    assert part["designs"] == whole["designs"]
+    assert (
+        "interrupted: some of what is undecided was not looked at"
+        in (interrupted / "results/device/region.svg").read_text()
+    )
+    assert {path.name for path in (interrupted / "results/device").iterdir()} == {"region.json", "region.svg"}
+
+
+def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
+    region_file = "results/device/region.json"
+    done = run("check", "device.toml", "--region", region_file, "--strict", cwd=interrupted)
+    area = record_of(interrupted)["areas"]["feasible"]
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+    assert f"proved again: {100 * area:.4g} % of the plane and the listed gain sets, 1" in done.stdout
+    (interrupted / "device.toml").write_text(for_passive_hands(PLAIN.replace("mass = 0.4", "mass = 0.6", 1)))
+    assert run("check", "device.toml", "--region", region_file, cwd=interrupted).returncode == ExitCode.FAILED
+
+
+def test_no_whole_region_is_lost_to_an_interrupted_one(baseline, tmp_path, monkeypatch):
+    """Not by the first interrupted run, and not by the next; a run that ends replaces the interrupted one."""
+    shutil.copytree(baseline, tmp_path, dirs_exist_ok=True)
+    place = tmp_path / "results/device"
+    whole = {path.name: path.read_bytes() for path in place.iterdir()}
+    for batch, said in ((2, "; the earlier one is region.previous.json now"), (1, "")):
+        with monkeypatch.context() as patched:
+            struck(patched, signal.SIGINT, batch)
+            done = run("region", "device.toml", "--resolution", "0.03125", "--quiet", cwd=tmp_path)
+        text = f"results/device/region.json: holds what was decided before the interrupt{said} [interrupted]\n"
+        assert (done.returncode, done.stdout, done.stderr) == (ExitCode.UNDECIDED, "", text)
+        assert json.loads((place / "region.json").read_text())["interrupted"]
+        for name, content in whole.items():
+            assert (place / name.replace(".", ".previous.")).read_bytes() == content
+    assert run("region", "device.toml", "--resolution", "0.03125", cwd=tmp_path).returncode == ExitCode.OK
+    assert {name: (place / name).read_bytes() for name in whole} == whole
+
+
+def test_an_interrupted_region_refutes_nothing(tmp_path, monkeypatch):
+    """Where there is no design and no time to prove that there is none, nothing is claimed."""
+    from vctune.api.regions import region
+    from vctune.design.judge import Status
+    from vctune.design.result import Solved
+    from vctune.document.reading import problem_file
+
+    file = problem_file(for_passive_hands(PLAIN), tmp_path / "p.toml")
+    found = region(file, resolution=1 / 8, solved=Solved(problem=file.problem), stopped=lambda: True)
+    assert found.areas == {"feasible": 0, "infeasible": 0, "undecided": 1}
+    assert found.region.interrupted and found.status is Status.UNDECIDED
+    asked = count()
+    found = region(file, resolution=1 / 8, solved=Solved(problem=file.problem), stopped=lambda: next(asked) == 9)
+    assert not found.region.interrupted  # it was done before
+
+
+STRUCK = """
+import signal, vctune.study.region as region
+judged, batches = region._judged, iter(range(1, 1000))
+
+def strike(*given):
+    if next(batches) == 2:
+        for number in NUMBERS:
+            signal.raise_signal(number)
+            print("went on", flush=True)
+    return judged(*given)
+
+region._judged = strike
+from vctune.cli import run; run()
+"""
+
+
+@pytest.mark.parametrize(
+    ("numbers", "code"),
+    [((signal.SIGTERM,), ExitCode.UNDECIDED), ((signal.SIGINT, signal.SIGINT), ExitCode.INTERRUPTED)],
+    ids=["once", "twice"],
+)
+def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, numbers, code):
+    command = [sys.executable, "-c", STRUCK.replace("NUMBERS", str([*map(int, numbers)])), "region", "device.toml"]
+    out = baseline / code.name
+    done = subprocess.run(
+        [*command, "--resolution", "0.03125", "--out", out], cwd=baseline, capture_output=True, text=True, check=False
+    )
+    left = {path.name for path in (out / "device").iterdir()}
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False)
+    assert done.stdout.count("went on") == 1
+    assert left == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
 
 
 def test_the_reader_of_the_answer_may_go_away(baseline):

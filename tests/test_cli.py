@@ -174,6 +174,21 @@ def test_interrupt_in_compiled_code_is_delivered_after_it():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
+def test_the_first_interrupt_is_noted_and_the_second_delivered():
+    from vctune.interrupt import interrupt_noted
+
+    reached = []
+    with pytest.raises(KeyboardInterrupt), interrupt_noted() as stopped:
+        reached.append(stopped())
+        signal.raise_signal(signal.SIGTERM)
+        reached.append(stopped())
+        signal.raise_signal(signal.SIGINT)
+        reached.append("went on")
+    assert reached == [False, True]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
 def test_internal_errors_are_said_without_a_traceback(device, tmp_path):
     broken = "import vctune.document.reading as r; r.resolve = lambda *a: 1 / 0; from vctune.cli import run; run()"
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Every refusal, warning and line of what was left out has a code; each code has a page, whose example gives it."""
+"""Every refusal, warning, remark and left-out line has a code; each code has a page, whose example gives it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
+from contextlib import nullcontext
 from functools import cache
 from pathlib import Path
 from typing import get_args
 
 import pytest
 from command import run, strict
-from conftest import ROOT
+from conftest import DEVICE, ROOT
 from readme import NUMBER
 
-from vctune import problem, solve
+from vctune import interrupt, problem, solve
 from vctune.api import identifying
 from vctune.api.explaining import CODE, entries, explain
 from vctune.design.record import record_of
@@ -32,7 +33,7 @@ from vctune.exit_codes import ExitCode
 GUIDES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))}
 CODES = get_args(Code)
 BLOCK = re.compile(r"```text\n(.*?)```", re.DOTALL)
-UNSHOWN = {"missing-package", "no-compiler", "internal-error", "warn-repairs-cut-short"}
+UNSHOWN = {"missing-package", "no-compiler", "internal-error", "interrupted", "warn-repairs-cut-short"}
 """Codes whose example is not to be had by a command: each has a test of its own."""
 
 
@@ -107,6 +108,17 @@ def test_a_fault_of_our_own_says_so(tmp_path, monkeypatch):
     assert done.returncode == ExitCode.INTERNAL and ENDING.search(done.stderr.strip())[1] == "internal-error"
 
 
+def test_what_is_interrupted_says_so(tmp_path, monkeypatch):
+    (tmp_path / "wheel.toml").write_text(DEVICE)
+    earlier = tmp_path / "results/wheel/region.json"
+    earlier.parent.mkdir(parents=True)
+    earlier.write_text("of an earlier run")
+    monkeypatch.setattr(interrupt, "interrupt_noted", lambda: nullcontext(lambda: True))
+    done = run("region", "wheel.toml", "--resolution", "0.125", cwd=tmp_path)
+    assert done.returncode == ExitCode.UNDECIDED and done.stderr.strip() in example("interrupted")
+    assert earlier.with_name("region.previous.json").read_text() == "of an earlier run"
+
+
 def test_what_is_cut_short_says_so():
     assert CUT_SHORT.line in example("warn-repairs-cut-short")
 
@@ -131,14 +143,14 @@ def trees():
 
 @pytest.mark.parametrize(
     ("maker", "place"),
-    [("Mistake", 0), ("InputError.of", 1), ("Note", 0), ("Fault", 2), ("warn", 0), ("coded", 1)],
+    [("Mistake", 0), ("InputError.of", 1), ("Note", 0), ("Check", 0), ("Fault", 2), ("warn", 0), ("coded", 1)],
 )
 def test_nothing_is_refused_or_warned_of_without_a_code(maker, place):
     """Whatever makes such a line is given a code that is known, or one that it was given itself."""
     for path, tree in trees().items():
         for call in calls(tree, maker):
             given = call.args[place]
-            passed_on = ast.unparse(given) in ("code", "mistake.code", "self.code", "doubt.code")
+            passed_on = ast.unparse(given) in ("code", "mistake.code", "self.code", "doubt.code", "check.code")
             assert passed_on or ast.literal_eval(given) in CODES, f"{path}:{call.lineno}"
 
 

@@ -126,6 +126,27 @@ def test_files_of_one_run(tmp_path, number):
     assert visible(ends[-1][1]) == {"a": b"new", "b": b"new", "c": b"new", "e.previous.txt": b"old"}
 
 
+KEEPING = (
+    ONLY_FILES[0],
+    'write_together({Path("a.x"): "new", Path("b.x"): "new"}, aside=[Path("b.x"), Path("a.x")])',
+)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_files_that_are_replaced_and_kept(tmp_path, number):
+    (tmp_path / "before").mkdir()
+    for name, content in (("a", "old"), ("b", "old"), ("a.previous", "older"), ("b.previous", "older")):
+        (tmp_path / "before" / f"{name}.x").write_text(content)
+    ends = ended(tmp_path, KEEPING, number)
+    assert len(ends) > 5
+    for _, folder in ends:
+        left = visible(folder)
+        kept = {left.pop(name) for name in list(left) if "previous" in name}
+        assert len(set(left.values())) <= 1 and len(kept) <= 1
+        assert b"old" in kept | set(left.values())
+    assert visible(ends[-1][1]) == {"a.x": b"new", "b.x": b"new", "a.previous.x": b"old", "b.previous.x": b"old"}
+
+
 def digests(folder):
     """Return of which problem each file of a design says that it is."""
     texts = {name: content.decode() for name, content in visible(folder).items() if not name.endswith(".npz")}

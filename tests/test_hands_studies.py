@@ -16,6 +16,7 @@ from random_devices import ordinary_gains, with_parts
 
 import vctune
 from vctune.analysis.in_hands import loops_in_hands
+from vctune.design import repair as repairing
 from vctune.design.bound.boxes import DesignBoxes
 from vctune.design.bound.hands import conditions_in_hands
 from vctune.design.bound.lower_bounds import lower_bounds
@@ -269,11 +270,18 @@ def test_a_bound_for_both_criteria_is_proved():
 NO_DRAG = WHEEL.replace("[stab", "drag = 0.0\n[stab").replace("min = 0.5", "min = 0.0")
 
 
-def test_without_drag_there_is_no_design_in_hands_without_damping():
+def test_without_drag_there_is_no_design_in_hands_without_damping(monkeypatch):
+    changes = repairing.parameter_changes
+
+    def of_stiffness(*given):  # all numbers: test_repairs_in_hands.py
+        return [change for change in changes(*given) if change.key == "operator.stiffness.min"]
+
+    monkeypatch.setattr(repairing, "parameter_changes", of_stiffness)
     file = read_problem(FOLDER / f"{NAMES[0]}.toml")
     file = replace(file, problem=posed(NO_DRAG), text=NO_DRAG)
     solved = vctune.solve(file)
-    assert solved.status == "infeasible" and not solved.repairs
+    (repair,) = solved.repairs
+    assert solved.status == "infeasible" and repair.key == "operator.stiffness.min" and 0 < repair.new < 3000
     assert "coupling.drag" in solved.infeasibility.reason and "operator.damping.min" in solved.infeasibility.reason
     without = impossible(posed(NO_DRAG.replace("min = 3000.0", "min = 0.0")))
     assert not without.proved and "K_p = 0" in without.reason

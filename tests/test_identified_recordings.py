@@ -81,10 +81,12 @@ def test_the_box_holds_what_both_recordings_say(emps):
 def test_blocks_at_random_and_an_instrument_agree(emps):
     for recording in emps.record.recordings:
         mass, checks = numbers(recording)["mass"], {each.name: each for each in recording.checks}
-        blocks = checks["mass, blocks of the log at random"]
+        blocks = checks["mass, blocks of the log at random [check-blocks]"]
         assert blocks.value == pytest.approx(mass.value, abs=mass.sigma)
         assert blocks.sigma == pytest.approx(mass.sigma, rel=0.5)
-        assert checks["mass, reference as instrument"].value == pytest.approx(mass.value, abs=3 * mass.sigma)
+        assert checks["mass, reference as instrument [check-instrument]"].value == pytest.approx(
+            mass.value, abs=3 * mass.sigma
+        )
 
 
 def test_the_classical_recipe_gives_the_published_table(emps):

@@ -11,6 +11,7 @@ from identification_logs import driven, encoded
 from jsonschema import Draft202012Validator
 
 from vctune import identify
+from vctune.document.codes import ENDING
 from vctune.document.errors import InputError
 from vctune.document.schemas import SCHEMAS
 from vctune.model.experiment import Friction
@@ -149,6 +150,10 @@ def test_the_command_writes_a_device_that_solves(log, tmp_path):
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     assert "limited by" in done.stdout
+    page = strict((tmp_path / "out/log/identification.json").read_text())
+    said = [*page["remarks"], *(each["limit"] for each in page["numbers"])]
+    said += [check["name"] for each in page["recordings"] for check in each["checks"]]
+    assert len(said) > 4 and all(ENDING.search(line) for line in said)
     folder = tmp_path / "out" / "log"
     assert sorted(path.name for path in folder.iterdir()) == ["device.toml", "identification.json"]
     said = strict(run("identify", "log.csv", "--out", "out", "--no-report", "--json", cwd=tmp_path).stdout)

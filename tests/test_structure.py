@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from functools import cache
@@ -121,6 +122,49 @@ def test_public_names_are_there():
 
     for name in vctune.__all__:
         assert getattr(vctune, name) is not None
+
+
+IN_A_LINE = ("model", "proof", "design/bound")
+"""Folders in which a line of algebra says what a function takes: A B, |re + j im|."""
+
+
+def public_functions(tree):
+    """Yield the functions and methods of a module that others may call, but commands, whose docstring is their help."""
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public_functions(node)
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            stub = isinstance(node.body[-1], ast.Expr) and ast.unparse(node.body[-1]) == "..."
+            command = any(ast.unparse(each).startswith("click.command") for each in node.decorator_list)
+            if not stub and not command:
+                yield node
+
+
+def lacking(function):
+    """Yield what the docstring of a function does not say, in NumPy's sections or in its first line."""
+    text = ast.get_docstring(function) or ""
+    arguments = [each.arg for each in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
+    arguments = [name for name in arguments if name not in ("self", "cls")]
+    parts = re.split(r"\n\n(\w+)\n-{3,}\n", text)
+    summary, sections = parts[0], dict(zip(parts[1::2], parts[2::2], strict=True))
+    if len(arguments) > 1:
+        entries = re.findall(r"^(\S.*?) : ", sections.get("Parameters", ""), re.MULTILINE)
+        named = {name.lstrip("*") for entry in entries for name in entry.split(", ")}
+        yield from (name for name in arguments if name not in named)
+        returns = function.returns is not None and ast.unparse(function.returns) not in ("None", "NoReturn")
+        said = re.search(r"\b(return|yield)s? ", summary, re.IGNORECASE) or {"Returns", "Yields"} & sections.keys()
+        yield from ["Returns"] if returns and not said else []
+    raised = [ast.unparse(node.exc) for node in ast.walk(function) if isinstance(node, ast.Raise) and node.exc]
+    if any(name.startswith("InputError") for name in raised) and "Raises" not in sections:
+        yield "Raises"
+
+
+def test_public_functions_say_what_they_take_give_and_refuse():
+    for path in PACKAGE.rglob("*.py"):
+        place = path.relative_to(PACKAGE).as_posix()
+        if not place.startswith(IN_A_LINE):
+            for function in public_functions(ast.parse(path.read_text())):
+                assert list(lacking(function)) == [], f"{place}: {function.name}"
 
 
 def test_top_level_holds_what_the_users_named():

@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from math import inf
 from types import FrameType
 
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
@@ -15,18 +16,25 @@ RECEIVED: list[int] = []
 
 
 def raise_interrupt(number: int, frame: FrameType | None) -> None:
-    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it."""
+    """Handle SIGINT or SIGTERM by KeyboardInterrupt, and remember it.
+
+    Parameters
+    ----------
+    number : of the signal
+    frame : that it came in; of no meaning
+    """
     RECEIVED.append(number)
     signal.default_int_handler(number, frame)
 
 
 @contextmanager
 def interrupt_noted() -> Iterator[Callable[[], bool]]:
-    """Let SIGINT and SIGTERM only be noted within the block; yield a function that tells whether there was one.
+    """Let the first SIGINT or SIGTERM only be noted within the block; yield a function that tells whether it came.
 
-    For work that is worth something wherever it stops. Only the main thread is ever interrupted.
+    For work that is worth something wherever it stops. The second is for whoever handled it before: it ends the work at
+    once. Only the main thread is ever interrupted.
     """
-    with _held() as came:
+    with _held(at_most=1) as came:
         yield lambda: bool(came)
 
 
@@ -49,14 +57,18 @@ def interrupt_deferred() -> Iterator[None]:
 
 
 @contextmanager
-def _held() -> Iterator[list[int]]:
-    """Yield the list of the signals that have come, which nobody else hears of within the block."""
+def _held(at_most: float = inf) -> Iterator[list[int]]:
+    """Yield the list of the signals that have come, of which nobody else hears within the block but of those beyond."""
     came: list[int] = []
 
-    def remember(number: int, _frame: FrameType | None) -> None:
-        came.append(number)
-
     with ExitStack() as stack:
+
+        def remember(number: int, _frame: FrameType | None) -> None:
+            came.append(number)
+            if len(came) > at_most:
+                stack.close()
+                signal.raise_signal(number)
+
         if threading.current_thread() is threading.main_thread():
             for number in INTERRUPTS:
                 stack.callback(signal.signal, number, signal.signal(number, remember))

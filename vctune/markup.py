@@ -9,14 +9,27 @@ Cell = str | float | None
 
 
 def html_table(caption: str, rows: Iterable[Sequence[Cell]], head: Sequence[str] = ()) -> str:
-    """Return a table as HTML; numbers to six digits, nothing where there is none."""
+    """Return a table as HTML; numbers to six digits, nothing where there is none.
+
+    Parameters
+    ----------
+    caption : above it
+    rows : of texts, numbers and None
+    head : of the columns; empty for none
+    """
     top = f"<thead>{_row(head, 'th')}</thead>" if head else ""
     body = "".join(_row(row, "td") for row in rows)
     return f"<table><caption>{escape(caption)}</caption>{top}<tbody>{body}</tbody></table>"
 
 
 def html_facts(caption: str, facts: Mapping[str, Cell]) -> str:
-    """Return named values as HTML, a row each; those that are None are left out."""
+    """Return named values as HTML, a row each; those that are None are left out.
+
+    Parameters
+    ----------
+    caption : above them
+    facts : value by name
+    """
     return html_table(caption, [(name, value) for name, value in facts.items() if value is not None])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, log2
 from pathlib import Path
@@ -17,8 +18,9 @@ from vctune.design.variables import keys_for
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
-from vctune.document.files import write_together
+from vctune.document.files import previous, write_together
 from vctune.document.reading import ProblemFile
+from vctune.document.region import read_region
 from vctune.markup import html_facts
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Problem
@@ -28,6 +30,8 @@ from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_json import region_record
 
+REGION_FILE = "region.json"
+
 
 @dataclass(frozen=True, slots=True)
 class AdmissibleGains:
@@ -36,7 +40,7 @@ class AdmissibleGains:
     Attributes
     ----------
     file : the problem
-    region : the cells
+    region : the cells; `interrupted` where it was stopped
     solved : the problem's best design, if it has one
     """
 
@@ -59,9 +63,10 @@ class AdmissibleGains:
     @property
     def status(self) -> Status:
         """Certified if there are admissible gains, infeasible if there are none, undecided if neither is proved."""
-        if self.areas["feasible"] > 0 or self.designs:
+        kinds = self.region.kinds
+        if (kinds == Kind.FEASIBLE).any() or self.designs:
             return Status.CERTIFIED
-        impossible = self.solved.status is Status.INFEASIBLE or self.areas["undecided"] == 0
+        impossible = self.solved.status is Status.INFEASIBLE or (kinds == Kind.INFEASIBLE).all()
         return Status.INFEASIBLE if impossible else Status.UNDECIDED
 
     def record(self) -> dict[str, Any]:
@@ -79,6 +84,8 @@ def region(
     y: str | None = None,
     *,
     resolution: float = 1 / 256,
+    solved: Solved | None = None,
+    stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
     """Find the set of gains for which a problem's demands hold, cell by cell.
@@ -89,6 +96,8 @@ def region(
     x, y : dotted keys of two variables that are free; None for K_v and K_p, or of an impedance display b_c and k_c.
         Where others are free, feasible means that some values of theirs within their bounds will do
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
+    solved : what `solve` has found of the problem; None to solve it first
+    stopped : whether to give up now; what is not decided by then is undecided
     progress : told the stage of the work
 
     Returns
@@ -108,8 +117,8 @@ def region(
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
-    found = divide(file.problem, across, across.coarsest_squares(), progress)
-    return AdmissibleGains(file, found, solve(file.problem, progress))
+    solved = solved or solve(file.problem, progress)
+    return AdmissibleGains(file, divide(file.problem, across, across.coarsest_squares(), progress, stopped), solved)
 
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
@@ -145,13 +154,18 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     return file
 
 
-def write_region(found: AdmissibleGains, folder: Path) -> None:
+def write_region(found: AdmissibleGains, folder: Path) -> Path | None:
     """Write region.json and its picture.
 
     Parameters
     ----------
-    found : what was proved of the plane
+    found : what was proved of the plane; of a search that was interrupted, an earlier region that was not is kept
     folder : one that is there
+
+    Returns
+    -------
+    Path or None
+        What region.json of an earlier search was renamed to, if it was.
 
     Raises
     ------
@@ -163,4 +177,14 @@ def write_region(found: AdmissibleGains, folder: Path) -> None:
 
     text = json.dumps(found.record(), allow_nan=False) + "\n"
     pictures = figure_file(region_figure(found.file.problem, found.region, found.designs), folder, "region")
-    write_together({folder / "region.json": text, **pictures})
+    place = folder / REGION_FILE
+    kept = [*pictures, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
+    write_together({place: text, **pictures}, aside=kept)
+    return previous(place) if kept else None
+
+
+def _interrupted(place: Path) -> bool:
+    try:
+        return read_region(place).interrupted
+    except InputError:
+        return False

@@ -109,6 +109,11 @@ def dense(prepared: Prepared, start: Start, count: int, reserve: float) -> Dense
     start : where to begin; decides whether the law has an integrator
     count : frequencies of each kind
     reserve : relative sharpening of the demands
+
+    Returns
+    -------
+    Dense
+        The NLP of one solve, and where it starts.
     """
     integrator = start.gains.position > 0
     posed, scaled = prepared.scaled, prepared.scaled.problem

@@ -47,6 +47,11 @@ def exact(case: Case, omega: Any) -> Exact:
     ----------
     case : of numbers, not arrays
     omega : rad/s
+
+    Returns
+    -------
+    Exact
+        Numbers of `DIGITS` digits, SI units.
     """
     with mp.workdps(DIGITS + GUARD):
         m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)

@@ -41,6 +41,11 @@ def worth(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Worth:
     ----------
     problem : with its demands
     gains, coupling : the answer
+
+    Returns
+    -------
+    Worth
+        What vctune says of it, and an independent evaluation.
     """
     judged = judge(problem, gains, coupling)
     witnesses = [outcome.witness for outcome in judged.certificate.outcomes.values() if outcome.witness]

@@ -109,6 +109,11 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     seed : not used: nothing here is random
     tick : told what is measured next
 
+    Returns
+    -------
+    Measured
+        A row for each solver on each problem, and what they come to.
+
     Raises
     ------
     InputError

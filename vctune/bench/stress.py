@@ -69,6 +69,11 @@ def measure(quick: bool, seed: int, tick: Tick) -> Measured:
     seed : of the devices
     tick : told how many are done
 
+    Returns
+    -------
+    Measured
+        A row for each device, and what they come to.
+
     Raises
     ------
     InputError
@@ -97,6 +102,11 @@ def examined(seed: int, number: int) -> Row:
     Parameters
     ----------
     seed, number : of the device
+
+    Returns
+    -------
+    Row
+        Its status, its time, and what of it an independent evaluation contradicts.
     """
     document, problem = device(seed, number)
     said, began = json.dumps(document), process_time()

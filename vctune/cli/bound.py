@@ -31,7 +31,8 @@ def bound(
     """Prove a lower bound on the error of every admissible design of PROBLEM.
 
     DESIGN is a design.json of it; without one the problem is solved first. What is proved is added to design.json and
-    to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on.
+    to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on. A
+    second Ctrl-C ends at once.
     """
     from math import inf
 

@@ -11,7 +11,7 @@ from rich.table import Table
 from vctune.document.errors import printable
 from vctune.document.identification import IdentificationRecord
 
-WIDTH = 120
+WIDTH = 140
 
 
 def print_identification(record: IdentificationRecord, folder: Path) -> None:
@@ -37,7 +37,7 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
         table.add_column(heading, header_style="dim", justify="right" if right else "left")
     for number in record.numbers:
         cells = (f"{value:.5g}" for value in (number.value, number.low, number.high))
-        table.add_row(number.key, *cells, number.unit, number.limit)
+        table.add_row(number.key, *cells, number.unit, escape(number.limit))
     console.print(table)
     if record.unmodelled:
         worst = max(record.unmodelled, key=lambda point: point[1] or 0.0)

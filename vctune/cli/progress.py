@@ -17,6 +17,11 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
     ----------
     title : before the stage
     shown : whether to show it, on a terminal
+
+    Returns
+    -------
+    context manager
+        Of the function, which takes the stage.
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda stage: None
@@ -36,6 +41,11 @@ def bar_on_stderr(title: str, total: int, *, shown: bool) -> Iterator[Callable[[
     title : before the bar
     total : how many there are to do
     shown : whether to show it, on a terminal
+
+    Returns
+    -------
+    context manager
+        Of the function, which takes nothing.
     """
     if not (shown and sys.stderr.isatty()):
         yield lambda: None

@@ -34,15 +34,19 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     or undecided at the resolution. Where the coupling is free, feasible means that some coupling within its bounds will
     do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg.
 
-    Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved.
+    Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved. Ctrl-C leaves what was
+    decided before it, exit code 3; a second one ends at once.
     """
-    from vctune.api.regions import axes_of, require_plane, write_region
+    from vctune.api.regions import REGION_FILE, axes_of, require_plane, write_region
     from vctune.api.regions import region as find
     from vctune.cli.exits import of_status
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
+    from vctune.design.solve import solve
     from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
+    from vctune.exit_codes import ExitCode
+    from vctune.interrupt import interrupt_noted
 
     read = read_problem(problem)
     x, y = axes_of(read.problem, x, y)
@@ -50,10 +54,18 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     folder = out / folder_name(file.problem.name)
     make_folder(folder)
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
-        found = find(file, x, y, resolution=resolution, progress=progress)
-        progress("drawing")
-        write_region(found, folder)
+        solved = solve(file.problem, progress)
+        with interrupt_noted() as stopped:  # from here on something would be lost
+            found = find(file, x, y, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
+            progress("drawing")
+            kept = write_region(found, folder)
+    interrupted = found.region.interrupted
+    if interrupted:
+        earlier = f"; the earlier one is {kept.name} now" if kept else ""
+        warn("interrupted", f"{folder / REGION_FILE}: holds what was decided before the interrupt{earlier}")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
+    if interrupted:
+        lines[-1] += "  interrupted: some of it was not looked at"
     lines.append(f"of the plane {x} by {y}; written to {folder}")
     answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
-    return of_status(found.status)
+    return ExitCode.UNDECIDED if interrupted else of_status(found.status)

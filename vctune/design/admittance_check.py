@@ -39,6 +39,11 @@ def check_admittance(problem: ProblemFile, path: Path, given: AdmittanceFile) ->
     path : of the parameter file
     given : what it states
 
+    Returns
+    -------
+    list of Checked
+        One for each selected axis, in the file's order.
+
     Raises
     ------
     InputError

@@ -168,6 +168,11 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     file : the problem and its text
     design : gains and coupling; None for the numbers that the problem fixes
 
+    Returns
+    -------
+    Checked
+        Verdict, message, warnings, and what was found.
+
     Raises
     ------
     InputError

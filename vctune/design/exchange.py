@@ -77,6 +77,11 @@ def polish(
     tightening : relative sharpening of the demands
     witnesses : points that a proof has refuted, to begin with
     demands : of a like device's optimum, to begin with in the place of the local extrema at the start
+
+    Returns
+    -------
+    Polished or None
+        Dimensionless; admissible in double precision, with the demands sharpened, and not proved.
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)

@@ -79,6 +79,11 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     samples : where to look
     grid : one grid of designs
     loops : what its loops miss, shape (velocities, corners)
+
+    Returns
+    -------
+    GainLimits
+        Where they are and what the designs there are worth; empty where no corner has one.
     """
     last = loops.feasible[:-1] & ~loops.feasible[1:]
     corner = np.flatnonzero(last.any(axis=0))

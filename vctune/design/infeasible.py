@@ -54,6 +54,11 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
     prepared : the problem
     scanned : the scan's result
     proved : whether every box of gains has been searched in vain
+
+    Returns
+    -------
+    Infeasibility
+        In words: the demand, the frequency, by how much, and what may repair it.
     """
     opening = OPENINGS[proved]
     if not scanned.starts:

@@ -179,6 +179,11 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     ----------
     posed : in SI units
     gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Certificate, status, transparency and margins, in SI units and rad/s.
     """
     certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
     return _judgement(posed, gains, coupling, certificate)

@@ -20,7 +20,7 @@ from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, point
 from vctune.design.working_set import ConstraintPoint, WorkingSet
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import Gains
+from vctune.model.quantities import AnyCoupling, Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
@@ -104,10 +104,15 @@ def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
 
 
 @np.errstate(all="ignore")
-def attained(problem: Problem) -> Judgement | None:
-    """Return a certified design of a problem that leaves something free, if the optimiser finds one; proves no more.
+def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
+    """Return a design of a problem that leaves something free that the optimiser takes for admissible, SI units.
 
-    It stops at the first, and where it finds none no box is searched: an opinion in a fraction of the time of `solve`.
+    It stops at the first and proves nothing, and where it finds none no box is searched: an opinion in a fraction of
+    the time of `solve`.
+
+    Parameters
+    ----------
+    problem : Problem
     """
     if impossible(problem) is not None:
         return None
@@ -116,9 +121,8 @@ def attained(problem: Problem) -> Judgement | None:
     for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:
         hopeful = start.workable and start.violation < NEARLY
         optimum = polish(prepared.scaled, start, scanned) if hopeful else None
-        judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
-        if judgement is not None and judgement.status is Status.CERTIFIED:
-            return judgement
+        if optimum is not None:
+            return design_of(prepared.units.to_si(optimum.values))
     return None
 
 
@@ -157,6 +161,11 @@ def local_optima(
     progress : told the stage of the work
     worth : by what factor a start's error may exceed the least that is known
     polished_from : how a start is polished; None: with nothing known
+
+    Returns
+    -------
+    list of Polished
+        Dimensionless, the least error first; not proved.
     """
 
     def plainly(start: Start, least: float) -> Polished | None:

@@ -23,6 +23,8 @@ A gain that is changed too far fails again: up to a factor of 4 no window wider 
 """
 FURTHEST = 1e6
 """How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
+SOFTEST = 1e-3
+"""How far the heaviest, most damped or stiffest hand is brought down at most: to what nobody would call a hand."""
 FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
 """Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
 DIGITS = 12
@@ -66,6 +68,12 @@ class ParameterChange:
     def key(self) -> str:
         """The dotted key."""
         return dotted(self.path)
+
+    @property
+    def eases(self) -> bool:
+        """Whether more of it asks for less or leaves more to choose: fewer hands, a narrower band, wider bounds."""
+        fewer_demands, wider = self.path[0] in ("operator", "stability"), self.path[-1] in ("min", "max")
+        return fewer_demands or wider or self.key in ONLY_UPWARDS
 
     @property
     def least(self) -> float:
@@ -220,7 +228,8 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
     for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
         least, most = getattr(low, name), getattr(high, name)
         if least < most:
-            yield ParameterChange(("operator", name, "max"), lighter, most, least, 1.0, least)
+            lowest = max(least, SOFTEST * most)
+            yield ParameterChange(("operator", name, "max"), lighter, most, lowest, 1.0, least)
 
 
 def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:

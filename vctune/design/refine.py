@@ -78,6 +78,11 @@ def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
     problem : dimensionless
     samples : where to look
     near : each minimum between its neighbours, axes of shape (minima, 3)
+
+    Returns
+    -------
+    list of Start
+        One for each minimum, in their order, dimensionless.
     """
     if not len(near.velocity):
         return []

@@ -82,11 +82,13 @@ class RepairTest:
     estimate : a first opinion
     verify : its design, if that is certified; None if there is none
     width : how closely the least change is bracketed, relative
+    furthest_first : whether a change that may not suffice however far it goes is given up at once
     """
 
     estimate: Callable[[Problem], bool]
     verify: Callable[[Problem], Judgement | None]
     width: float
+    furthest_first: bool = False
 
 
 def _seems_admissible(problem: Problem) -> bool:
@@ -115,14 +117,22 @@ def _judged(problem: Problem) -> Judgement | None:
 def _solved(problem: Problem) -> Judgement | None:
     from vctune.design.solve import solve
 
-    judgement = solve(problem).judgement
+    # in hands the search of every box takes half a minute, as long as all repairs may take
+    judgement = solve(problem, exhaustive=problem.hands_met is None).judgement
     return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
 
 
-def _attained(problem: Problem) -> Judgement | None:
-    from vctune.design.optimum import attained
+def _seems_solvable(problem: Problem) -> bool:
+    from vctune.design.optimum import within_reach
 
-    return attained(problem)
+    return within_reach(problem) is not None
+
+
+def _seems_solvable_in_use(problem: Problem) -> bool:
+    from vctune.design.optimum import within_reach
+
+    design = within_reach(problem)
+    return design is not None and transparency_error(problem, *design).tracking <= IDLE
 
 
 def _in_use(judgement: Judgement | None) -> Judgement | None:
@@ -135,13 +145,11 @@ def _seems_in_use(problem: Problem) -> bool:
 
 
 OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
-OF_FREE = RepairTest(lambda problem: _attained(problem) is not None, _solved, 0.05)
+OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
 """Of problems that fix every number, and of those that leave something free: judged in a millisecond, so that the least
 change can be found closely, or solved in a second. Half or twice the width costs one trial more or less a number."""
 OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
-OF_FREE_IN_USE = RepairTest(
-    lambda problem: _in_use(_attained(problem)) is not None, lambda problem: _in_use(_solved(problem)), OF_FREE.width
-)
+OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
 """Of the same, until their designs use the velocity loop."""
 
 
@@ -158,8 +166,6 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     idle = judgement is not None and judgement.idle
     if judgement is not None and solved.status is not Status.VIOLATED and not idle:
         return solved
-    if judgement is None and problem.hands_met is not None:
-        return solved  # next to the least change a proof in hands takes a minute: the reason says what to change
     document = toml.parse(file.text, problem.name)
     if idle:
         repairs = find_cures(document, problem, progress)
@@ -197,7 +203,7 @@ def find_repairs(
     """Return the least changes of one number that repair a problem, the smallest first, as many as `LONGEST` allows.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
-    with it, and solved or, if it fixes every number, judged.
+    with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
 
     Parameters
     ----------
@@ -206,55 +212,82 @@ def find_repairs(
     test : how changed problems are tried
     progress : told what is tried
     """
-    found, last = [], perf_counter() + LONGEST
-    for change in changes:
-        progress(f"looking for repairs: {change.meaning}")
-        repair = _least(document, change, test, lambda: perf_counter() > last)
-        found += [repair] if repair is not None else []
-    return sorted(found, key=lambda repair: repair.size)
-
-
-def _least(
-    document: dict[str, Any], change: ParameterChange, test: RepairTest, late: Callable[[], bool]
-) -> Repair | None:
-    """Return the least change of a number that repairs the problem while `SHARE` of it does not, if found in time."""
-
-    def certified(new: float) -> Judgement | None:
-        posed, _ = pose(change.applied(document, new), "")
-        return test.verify(posed) if posed is not None else None
-
-    def promising(new: float) -> bool:
-        posed, _ = pose(change.applied(document, new), "")
-        return posed is not None and not late() and test.estimate(posed)
-
-    relative = _least_relative_change(change, promising, 1 + test.width)
-    for _ in range(ROUNDS):
-        if relative is None or late():
-            break
-        new = change.rounded(relative, test.width / 2)
-        design, partial = certified(new), change.partial(new, SHARE)
-        if design is None:
-            relative *= 1 + test.width
-        elif certified(partial) is not None:
-            relative = change.relative_change(partial)
+    last = perf_counter() + LONGEST
+    searches = [_Search(document, change, test, lambda: perf_counter() > last) for change in changes]
+    left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
+    trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
+    found = []
+    for relative, number in trials:
+        if number not in left:
+            continue
+        progress(f"looking for repairs: {changes[number].meaning}")
+        if searches[number].promising(relative):
+            found.append(searches[number].least(left.pop(number), relative))
         else:
-            error = design.transparency.error
-            return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
-    return None
+            left[number] = relative
+    return sorted((repair for repair in found if repair is not None), key=lambda repair: repair.size)
 
 
-def _least_relative_change(change: ParameterChange, holds: Callable[[float], bool], width: float) -> float | None:
-    """Return the relative change of the first value tried that holds, narrowed towards the last one that does not."""
-    low = 0.0
-    for high in change.relative_changes():
-        if holds(change.value(high)):
-            break
-        low = high
-    else:
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """The search for the least change of one number.
+
+    Attributes
+    ----------
+    document : parsed TOML
+    change : the number
+    test : how changed problems are tried
+    late : whether to try no more
+    """
+
+    document: dict[str, Any]
+    change: ParameterChange
+    test: RepairTest
+    late: Callable[[], bool]
+
+    def hopeless(self) -> bool:
+        """Return whether it will not do however far it goes, where going further only eases the demands."""
+        furthest = self.change.relative_change(self.change.limit)
+        return self.test.furthest_first and self.change.eases and not self.promising(furthest)
+
+    def promising(self, relative: float) -> bool:
+        """Return whether a relative change seems to suffice."""
+        posed, _ = pose(self.change.applied(self.document, self.change.value(relative)), "")
+        return posed is not None and not self.late() and self.test.estimate(posed)
+
+    def certified(self, new: float) -> Judgement | None:
+        """Return the design that there is with a new value, if it is certified."""
+        posed, _ = pose(self.change.applied(self.document, new), "")
+        return self.test.verify(posed) if posed is not None else None
+
+    def least(self, low: float, high: float) -> Repair | None:
+        """Return the least change that repairs the problem while `SHARE` of it does not, if found in time.
+
+        Parameters
+        ----------
+        low, high : relative changes of which the second seems to suffice
+        """
+        change, width = self.change, self.test.width
+        relative = self._narrowed(low, high)
+        for _ in range(ROUNDS):
+            if self.late():
+                break
+            new = change.rounded(relative, width / 2)
+            design, partial = self.certified(new), change.partial(new, SHARE)
+            if design is None:
+                relative *= 1 + width
+            elif self.certified(partial) is not None:
+                relative = change.relative_change(partial)
+            else:
+                error = design.transparency.error
+                return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
         return None
-    while low == 0 and high > change.least:
-        low, high = (0.0, high / FINER) if holds(change.value(high / FINER)) else (high / FINER, high)
-    while 0 < low * width < high < inf:
-        middle = sqrt(low * high)
-        low, high = (low, middle) if holds(change.value(middle)) else (middle, high)
-    return high
+
+    def _narrowed(self, low: float, high: float) -> float:
+        """Return a relative change that seems to suffice, narrowed towards one that does not."""
+        while low == 0 and high > self.change.least:
+            low, high = (0.0, high / FINER) if self.promising(high / FINER) else (high / FINER, high)
+        while 0 < low * (1 + self.test.width) < high < inf:
+            middle = sqrt(low * high)
+            low, high = (low, middle) if self.promising(middle) else (middle, high)
+        return high

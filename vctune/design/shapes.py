@@ -59,7 +59,19 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
-    """Return the least and the greatest scale within the bounds, of the shape of the time constants."""
+    """Return the least and the greatest scale within the bounds, of the shape of the time constants.
+
+    Parameters
+    ----------
+    problem : whose bounds hold
+    time_constant : of the coupling, in the problem's unit of time, shape (n,)
+
+    Returns
+    -------
+    two arrays
+        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. Where the least exceeds
+        the greatest there is no such coupling.
+    """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.renders_force:
         return np.maximum(bounds.damping.min, bounds.mass.min / tau), np.minimum(

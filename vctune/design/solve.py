@@ -35,7 +35,9 @@ before, and leave the bound reached."""
 
 
 @np.errstate(all="ignore")
-def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None) -> Solved:
+def solve(
+    problem: Problem, progress: Progress = lambda stage: None, *, gap: float | None = None, exhaustive: bool = True
+) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
 
     Where the optimiser finds none, a search over all designs (`vctune.design.bound`) finds one, or proves that there is
@@ -47,6 +49,12 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     problem : Problem
     progress : told the stage of the work
     gap : prove that no design has an error lower by more than this share
+    exhaustive : whether every box is searched where the optimiser finds no design
+
+    Returns
+    -------
+    Solved
+        The design with its certificate, or why there is none; SI units. Repairs are not looked for.
     """
     began = perf_counter()
     if problem.bounds.fixed:
@@ -60,7 +68,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
     scanned = scan(prepared.scaled)
     seconds = {"scan": perf_counter() - began}
     admissible = any(start.admissible for start in scanned.starts)
-    early = _early(prepared) if not admissible else None
+    early = _early(prepared) if exhaustive and not admissible else None
     if early is not None and early.proved:
         seconds["bound"] = perf_counter() - began - seconds["scan"]
         miss = nearest_miss(prepared, scanned, proved=True)
@@ -80,7 +88,7 @@ def solve(problem: Problem, progress: Progress = lambda stage: None, *, gap: flo
         seconds=seconds | best.seconds,
         nominal_error=nominal[1] if nominal is not None else None,
     )
-    if solved.judgement is None or gap is not None:
+    if exhaustive and (solved.judgement is None or gap is not None):
         solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved

@@ -64,6 +64,11 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     cases : the problem of each device that is looked at, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
     tightening : relative amount by which the demands are sharpened
+
+    Returns
+    -------
+    Violations
+        Dimensionless frequencies, with device and hand, at which a demand fails.
     """
     gains, coupling = design_of(values)
     loops = of_own_loops(cases)

@@ -114,7 +114,18 @@ def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> Ga
 
 
 def plain_design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> tuple[Gains, AnyCoupling]:
-    """Return gains and coupling of a design, of what `design` takes."""
+    """Return gains and coupling of a design, of what `design` takes.
+
+    Parameters
+    ----------
+    gains : path of a gains file, or the gains of a coupling
+    coupling : None with a path
+
+    Raises
+    ------
+    InputError
+        As `design`.
+    """
     given = design(gains, coupling)
     return given.gains, given.coupling
 

@@ -1,4 +1,4 @@
-"""The stable code of every refusal, warning and line of what was left out.
+"""The stable code of every refusal, warning, remark and line of what was left out.
 
 Each is explained under a heading of its own in the README of the folder that says it, from where `vctune explain CODE`
 takes its page: a code without a page, and a page whose example does not give its code, fail the tests.
@@ -14,11 +14,15 @@ Code = Literal[
     "ambiguous-files",
     "bad-option",
     "cannot-write",
+    "check-blocks",
+    "check-classical",
+    "check-instrument",
     "contradiction",
     "damaged-document",
     "file-exists",
     "folder-in-use",
     "internal-error",
+    "interrupted",
     "left-out-certain",
     "left-out-fixed",
     "left-out-integrator",
@@ -26,6 +30,13 @@ Code = Literal[
     "left-out-sensitivity",
     "left-out-stability",
     "left-out-weight",
+    "limit-band",
+    "limit-differ",
+    "limit-floor",
+    "limit-friction",
+    "limit-residuals",
+    "limit-stated",
+    "limit-zero",
     "log-columns",
     "log-samples",
     "log-signal",
@@ -51,6 +62,14 @@ Code = Literal[
     "other-document",
     "other-version",
     "out-of-range",
+    "remark-actuator-lag",
+    "remark-handle-damping",
+    "remark-highest-line",
+    "remark-saturated",
+    "remark-slow-motion",
+    "remark-stated-delay",
+    "remark-unused",
+    "remark-weak-delay",
     "ros-no-damping",
     "ros-parameter",
     "ros-rotation",
@@ -88,7 +107,7 @@ def coded(text: str, code: Code) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """What a design's reader should know: a warning, or what was left out of the search.
+    """What a reader should know: a warning, what was left out of a search, what a log does not tell.
 
     Attributes
     ----------

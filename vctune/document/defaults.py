@@ -33,7 +33,13 @@ from vctune.model.transparency import Terms
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
-    """Return the problem that a valid document states, every default filled in."""
+    """Return the problem that a valid document states, every default filled in.
+
+    Parameters
+    ----------
+    document : the tables of a problem file, in its units
+    default_name : of the problem, where the document states none
+    """
     hands = _hands(document.operator or OperatorTable())
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
     counted = operator if document.stability.criterion != "hands" else None

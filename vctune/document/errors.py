@@ -53,7 +53,16 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
-        """Return the error of a single mistake; the arguments are those of `Mistake`."""
+        """Return the error of a single mistake; the arguments are those of `Mistake`.
+
+        Parameters
+        ----------
+        source : path of the file, or what else is at fault
+        code : what the mistake is an instance of
+        message : what is wrong, by how much, and what to do
+        key : dotted; empty where no key is at fault
+        line : of the file, from 1; None where it has none
+        """
         return InputError(source, [Mistake(code, key, message, line)])
 
     def __str__(self) -> str:

@@ -20,15 +20,17 @@ RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
 def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
     """Write the files of one run in the place of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
 
-    When all the new files are complete, the older ones go, the last first; then the first is replaced; then the others
-    come in their order. So the files that are there are of one run whenever the process ends, even killed. The first
-    has to be worth something alone, and the last should be the one that shows the others.
+    When all the new files are complete, the older ones go, the last first; then those to keep are renamed; then the
+    first is replaced; then the others come in their order. So the files that are there are of one run whenever the
+    process ends, even killed. The first has to be worth something alone, and the last should be the one that shows the
+    others.
 
     Parameters
     ----------
     files : contents by place
     stale : files of an earlier run that the new one has not; they go first
-    aside : files that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to NAME.previous.SUFFIX
+    aside : files that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to NAME.previous.SUFFIX,
+        also where a new one takes their place
 
     Raises
     ------
@@ -48,7 +50,8 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
                 handle, complete[place] = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
                 _fill(handle, content)
                 os.chmod(complete[place], 0o666 & ~_umask())
-            for place in (*stale, *reversed(others)):
+            older = (place for place in reversed(others) if place not in renamed)
+            for place in (*stale, *renamed.values(), *older):
                 place.unlink(missing_ok=True)
             for place, kept in renamed.items():
                 os.replace(place, kept)

@@ -68,6 +68,11 @@ def read_log(path: Path, known: LogMap) -> Recording:
     path : of a CSV file, or of one packed by gzip; separated by commas, semicolons or tabs, with a line of headers
     known : which column is what
 
+    Returns
+    -------
+    Recording
+        Columns in SI units, by what they are.
+
     Raises
     ------
     InputError

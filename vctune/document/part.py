@@ -81,7 +81,13 @@ class Part(BaseModel):
 
 
 def filled(part: Part, words: str) -> str:
-    """Return words of a field with what they name in braces, other fields or properties of the part."""
+    """Return words of a field with what they name in braces, other fields or properties of the part.
+
+    Parameters
+    ----------
+    part : whose fields are named
+    words : text with names in braces, as in "of {band}"
+    """
     return re.sub(r"{(\w+)}", lambda field: text(getattr(part, field[1])), words)
 
 

@@ -94,7 +94,10 @@ class CheckedProblemRecord(Part):
 
 
 class RegionDocument(Document):
-    """What was found of a plane of gains, in SI units: the object of region.json."""
+    """What was found of a plane of gains, in SI units: the object of region.json.
+
+    Of one that was `interrupted`, cells that were not looked at are undecided.
+    """
 
     SCHEMA = "vctune/region/1"
 
@@ -103,6 +106,7 @@ class RegionDocument(Document):
     axes: AxesRecord
     others: dict[str, float | dict[str, float]] = Field(default_factory=dict)
     areas: dict[str, float] = Field(default_factory=dict)
+    interrupted: bool = False
     designs: list[DesignPoint]
     edges: EdgesRecord
     cells: list[Cell]

@@ -65,6 +65,11 @@ def parse(text: str, source: str) -> dict[str, Any]:
     text : of a file
     source : what messages call it
 
+    Returns
+    -------
+    dict
+        Tables and values by their keys.
+
     Raises
     ------
     InputError

@@ -100,7 +100,13 @@ def operations(equations: Iterable[Equation]) -> Counter[str]:
 
 
 def comment(text: str, width: int = 110) -> list[str]:
-    """Return a text as lines that fit into a comment of C, which they cannot end."""
+    """Return a text as lines that fit into a comment of C, which they cannot end.
+
+    Parameters
+    ----------
+    text : any text, of the user's too
+    width : characters of a line at most, where no word is longer
+    """
     lines, line = [], ""
     plain_text = printable(text).encode("ascii", "replace").decode()
     for word in plain_text.replace("/", " / ").split() if "*" in text else plain_text.split():

@@ -103,7 +103,13 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
 
 @np.errstate(all="ignore")
 def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
-    """Return what is proved of a design, as `vctune check` proves it."""
+    """Return what is proved of a design, as `vctune check` proves it.
+
+    Parameters
+    ----------
+    problem : the device and the demands, SI units
+    design : gains and coupling as the firmware has them
+    """
     return judge_all(problem, [design])[0]
 
 

@@ -65,6 +65,11 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     file : the problem
     made : the design as firmware, whose decimals are simulated in double precision
     progress : told the stage of the work
+
+    Returns
+    -------
+    list of Replay
+        One for each experiment, sample by sample.
     """
     if not file.problem.experiments:
         file = problem_file(file.text + USUAL, Path(file.source))
@@ -137,7 +142,13 @@ def commands(firmware: Firmware, one: Replay, number: Callable[[float], Number])
 
 
 def experiment_line(one: Replay, *, difference: bool) -> str:
-    """Return an experiment as an element of the table in replay.c, with the position at the start for a difference."""
+    """Return an experiment as an element of the table in replay.c, with the position at the start for a difference.
+
+    Parameters
+    ----------
+    one : what was simulated
+    difference : whether the firmware takes its velocity from a difference of positions
+    """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]

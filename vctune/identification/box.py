@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from vctune.document.codes import Note
 from vctune.identification.covariance import joint_factor
 
 MASS_FLOOR = 0.01
@@ -46,6 +47,7 @@ class Estimate:
     value, sigma : SI units, frequencies in Hz
     source : which record, and how
     excess : by how much other ways to look at the record differ more than they should, below and above
+    stated : whether it is the user's, and no record's
     """
 
     key: str
@@ -53,6 +55,7 @@ class Estimate:
     sigma: float
     source: str
     excess: tuple[float, float] = (0.0, 0.0)
+    stated: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,7 @@ class Bounded:
     value : middle of the interval
     low, high : its ends
     sampled : half-width of the widest interval that a single estimate has by its sigma
-    limit : what the interval is made by
+    limits : what the interval is made by
     estimates : that it holds
     """
 
@@ -74,13 +77,18 @@ class Bounded:
     low: float
     high: float
     sampled: float
-    limit: str
+    limits: tuple[Note, ...]
     estimates: tuple[Estimate, ...]
 
     @property
     def share(self) -> float:
         """Its half-width as the file states it."""
         return WIDEST if self.low <= 0 else (self.high - self.low) / (self.high + self.low)
+
+    @property
+    def limit(self) -> str:
+        """What the interval is made by, as text."""
+        return "; ".join(note.line for note in self.limits)
 
 
 def box(estimates: Sequence[Estimate], sample_time: float) -> tuple[Bounded, ...]:
@@ -100,21 +108,27 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     low = min(each.value - factor * each.sigma - each.excess[0] for each in estimates)
     high = max(each.value + factor * each.sigma + each.excess[1] for each in estimates)
     sampled = factor * max(each.sigma for each in estimates)
-    spread = max(each.value for each in estimates) - min(each.value for each in estimates)
-    limit = "residuals"
-    excess = max(max(each.excess) for each in estimates)
-    if spread / 2 > max(sampled, excess):
-        limit = "records, directions or models differ"
-    elif excess > sampled:
-        limit = (
-            "friction is not quite Coulomb's" if key == "damping" else "model error: the band that is kept changes it"
-        )
+    limit = _widest(key, estimates, sampled)
     low, high = max(low, 0.0), max(high, 0.0)
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:
         low, high = max(middle - least, 0.0), middle + least
-        middle, limit = 0.5 * (low + high), "floor"
-    if low == 0:
-        limit += "; it may be 0"
-    return Bounded(key, middle, low, high, sampled, limit, tuple(estimates))
+        middle, limit = 0.5 * (low + high), Note("limit-floor", "floor")
+    limits = (limit, Note("limit-zero", "may be 0")) if low == 0 else (limit,)
+    return Bounded(key, middle, low, high, sampled, limits, tuple(estimates))
+
+
+def _widest(key: str, estimates: list[Estimate], sampled: float) -> Note:
+    """Return which of the reasons for an interval asks for the most."""
+    spread = max(each.value for each in estimates) - min(each.value for each in estimates)
+    excess = max(max(each.excess) for each in estimates)
+    if all(each.stated for each in estimates):
+        return Note("limit-stated", "what was stated")
+    if spread / 2 > max(sampled, excess):
+        return Note("limit-differ", "records, directions or models differ")
+    if excess <= sampled:
+        return Note("limit-residuals", "residuals")
+    if key == "damping":
+        return Note("limit-friction", "friction is not quite Coulomb's")
+    return Note("limit-band", "model error: the band that is kept changes it")

@@ -7,6 +7,7 @@ from math import pi
 
 import numpy as np
 
+from vctune.document.codes import Note
 from vctune.document.errors import InputError, Mistake
 from vctune.document.recording import Channel, Floats, Recording
 
@@ -48,15 +49,17 @@ def check(recording: Recording, sample_time: float | None) -> float:
     return T
 
 
-def remarks(recording: Recording) -> list[str]:
+def remarks(recording: Recording) -> list[Note]:
     """Return what a reader should know of a recording that can be used."""
     said = []
     for role in ("command", "force"):
         if role in recording.channels and (share := _at_limit(recording.channels[role])) > 0:
             header = recording.channels[role].header
-            said.append(f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated")
+            text = f"{header} is at its greatest value in {share:.1%} of the samples: it may be saturated"
+            said.append(Note("remark-saturated", f"{recording.name}: {text}"))
     if recording.ignored:
-        said.append(f"columns that were not used: {', '.join(recording.ignored)}")
+        text = f"{recording.name}: columns that were not used: {', '.join(recording.ignored)}"
+        said.append(Note("remark-unused", text))
     return said
 
 

@@ -40,6 +40,11 @@ def fit_drive(lines: Lines, sample_time: float) -> DriveFit:
     ----------
     lines : of it
     sample_time : s
+
+    Returns
+    -------
+    DriveFit
+        Lag and delay, s, with their standard deviations.
     """
     from scipy.optimize import least_squares
 

@@ -7,6 +7,7 @@ from math import ceil, log2, pi
 
 import numpy as np
 
+from vctune.document.codes import coded
 from vctune.document.recording import Floats
 from vctune.identification.identify import Identified
 from vctune.identification.physics import antiresonance_hz, compliances
@@ -127,5 +128,5 @@ def _noise(found: Identified) -> float:
 def _reasons(found: Identified) -> tuple[str, ...]:
     said = [f"{each.key}: within {each.share:.0%}, by {each.limit}" for each in found.bounds if each.share > 0.05]
     if not found.unmodelled:
-        said.append("resonances and what is not modelled: nothing is known of them yet")
+        said.append(coded("resonances and what is not modelled: nothing is known of them yet", "remark-slow-motion"))
     return tuple(said)

@@ -51,7 +51,14 @@ def filtered(values: Floats, response: Response, sample_time: float) -> Floats:
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
-    """Return how many samples at each end of a filtered column are not of the log alone."""
+    """Return how many samples at each end of a filtered column are not of the log alone.
+
+    Parameters
+    ----------
+    cutoff_hz : of the low-pass, Hz
+    delay : by which the column is shifted, s
+    sample_time : s
+    """
     return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1
 
 

@@ -84,17 +84,38 @@ class FitTask:
         return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
 
     def residuals(self, at: Floats, model_errors: Floats) -> Floats:
-        """Return them over their standard deviation, real parts and imaginary parts one after the other."""
+        """Return them over their standard deviation, real parts and imaginary parts one after the other.
+
+        Parameters
+        ----------
+        at : numbers of the candidate as `point` has them, shape (n,)
+        model_errors : of each output, relative, shape (outputs,)
+        """
         errors, spread, owners = self.errors(at)
         weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
         return np.concatenate([weighed.real, weighed.imag])
 
 
 def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
+    """Return the numbers of a candidate as the search has them: those of `SCALED` by their logarithms.
+
+    Parameters
+    ----------
+    numbers : by name, SI units
+    candidate : says which, and in what order
+    """
     return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
 
 
 def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
+    """Return the point of the least weighted squares that is found from a start.
+
+    Parameters
+    ----------
+    task : what is fitted to what
+    start : as `point` has it, shape (n,)
+    model_errors : of each output, relative, shape (outputs,)
+    """
     from scipy.optimize import least_squares
 
     names, T = task.candidate.names, task.measured.sample_time
@@ -111,7 +132,14 @@ def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
 
 
 def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
-    """Return how large a change of each number is: the search's own units."""
+    """Return how large a change of each number is: the search's own units.
+
+    Parameters
+    ----------
+    at : as `point` has it, shape (n,)
+    names : of the numbers, n of them
+    measured : the response, whose frequencies and friction set the units
+    """
     numbers = dict(zip(names, at, strict=True))
     drag = np.exp(numbers["mass"]) * float(measured.position.omega[0])
     pushed = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)

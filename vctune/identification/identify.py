@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 
+from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
@@ -43,7 +44,7 @@ class RecordStudy:
     sample_time: float
     motion: MotionStudy | None
     periodic: PeriodicStudy | None
-    remarks: tuple[str, ...]
+    remarks: tuple[Note, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ class Identified:
     friction: FrictionFound | None
     force_noise: float | None
     records: tuple[RecordStudy, ...]
-    remarks: tuple[str, ...]
+    remarks: tuple[Note, ...]
 
     def bounded(self, key: str) -> Bounded | None:
         """Return a number of the device with its interval, by its key; None where nothing was found of it."""
@@ -87,6 +88,11 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     known : what the user says of them
     name : of the device
     progress : told the stage of the work
+
+    Returns
+    -------
+    Identified
+        The device, its box, and what the recordings do not tell; SI units and hertz.
 
     Raises
     ------
@@ -116,7 +122,10 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
-        remarks=(*said, *_remarks(studies, bounds)),
+        remarks=(
+            *said,
+            *_remarks(studies, bounds, lag_known=actuator is not None or known.document.device.delay is not None),
+        ),
     )
 
 
@@ -152,18 +161,19 @@ def _estimates(study: RecordStudy, T: float) -> list[Estimate]:
 
 def _with_known(
     estimates: list[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
-) -> tuple[list[Estimate], list[str]]:
+) -> tuple[list[Estimate], list[Note]]:
     """Return the estimates with a delay that the user knows in place of what was found of it."""
-    stated, said = known.document.device, []
+    stated = known.document.device
     if stated.delay is not None:
         others = [each for each in estimates if each.key != "delay"]
         half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
-        said.append(f"the delay is the stated one, {stated.delay:g} s, within {half:g} s")
-        return [*others, Estimate("delay", stated.delay, 0.0, known.source, (half, half))], said
+        text = f"the delay is the stated one, {stated.delay:g} s, within {half:g} s"
+        told = Estimate("delay", stated.delay, 0.0, known.source, (half, half), stated=True)
+        return [*others, told], [Note("remark-stated-delay", text)]
     if not any(each.key == "delay" for each in estimates):
         message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
         raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
-    return estimates, said
+    return estimates, []
 
 
 def _check_delay(bounds: Sequence[Bounded], recording: Recording, T: float) -> None:
@@ -232,29 +242,32 @@ def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
     return max(found, key=lambda each: each.coulomb, default=None)
 
 
-def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[str]:
-    said = [f"{study.recording.name}: {remark}" for study in studies for remark in study.remarks]
+def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], *, lag_known: bool) -> list[Note]:
+    """Return what the recordings do not tell; `lag_known` is whether actuator or delay are the user's."""
+    said = [remark for study in studies for remark in study.remarks]
     keys = {each.key for each in bounds}
-    if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys:
-        said.append("a log of motion does not tell the actuator's lag from a delay: the delay holds both")
+    if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys and not lag_known:
+        text = "a log of motion does not tell the actuator's lag from a delay: the delay holds both"
+        said.append(Note("remark-actuator-lag", text))
     delay = next(each for each in bounds if each.key == "delay")
     if delay.share > WEAK:
-        said.append(f"the delay is hardly told: anything from {delay.low:.2g} to {delay.high:.2g} s fits")
+        text = f"the delay is hardly told: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
+        said.append(Note("remark-weak-delay", text))
     if "structure.handle_mass" not in keys and all(study.periodic is None for study in studies):
-        said.append(
-            "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled: record a "
-            "multisine (vctune identify --excitation)"
+        text = "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled"
+        said.append(Note("remark-slow-motion", f"{text}: record a multisine (vctune identify --excitation)"))
+    return said + [note for study in studies if study.periodic for note in _of_lines(study, study.periodic)]
+
+
+def _of_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]:
+    top = periodic.measured.position.omega[-1] / (2 * pi)
+    text = f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
+    said = [Note("remark-highest-line", text)]
+    if periodic.fit.candidate.load:
+        text = (
+            f"{study.recording.name}: the handle has a damping of its own, "
+            f"{periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the intervals of "
+            "both dampings hold it and the fit without it, unmodelled the rest"
         )
-    for study in studies:
-        if study.periodic is not None:
-            top = study.periodic.measured.position.omega[-1] / (2 * pi)
-            said.append(
-                f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
-            )
-            if study.periodic.fit.candidate.load:
-                said.append(
-                    f"{study.recording.name}: the handle has a damping of its own, "
-                    f"{study.periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the "
-                    "intervals of both dampings hold it and the fit without it, unmodelled the rest"
-                )
+        said.append(Note("remark-handle-damping", text))
     return said

@@ -7,6 +7,7 @@ from math import sqrt
 
 import numpy as np
 
+from vctune.document.codes import Code
 from vctune.document.log_schema import ClassicalTable
 from vctune.document.recording import Floats, Recording
 from vctune.identification.filters import filtered, smooth
@@ -24,11 +25,13 @@ class Check:
 
     Attributes
     ----------
-    name : of the way and of the number
+    code : of the way
+    name : of the number and of the way
     value : SI units
     sigma : standard deviation that this way has; None if it has none of its own
     """
 
+    code: Code
     name: str
     value: float
     sigma: float | None
@@ -51,7 +54,8 @@ def bootstrap(fit: MotionFit) -> Check:
     moved = np.array(
         [np.linalg.lstsq(squares[rows].sum(axis=0), crossed[rows].sum(axis=0), rcond=None)[0][0] for rows in drawn]
     )
-    return Check("mass, blocks of the log at random", fit.value("mass") + float(moved.mean()), float(moved.std(ddof=1)))
+    value, sigma = fit.value("mass") + float(moved.mean()), float(moved.std(ddof=1))
+    return Check("check-blocks", "mass, blocks of the log at random", value, sigma)
 
 
 def instrumental(signals: Signals, fit: MotionFit) -> Check | None:
@@ -70,7 +74,7 @@ def instrumental(signals: Signals, fit: MotionFit) -> Check | None:
     rows = np.round(fit.time / T).astype(int)
     instruments, regressors = columns[rows], fit.sensitivity[:, : len(DIRECTIONAL)]
     theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ fit.measured, rcond=None)[0]
-    return Check("mass, reference as instrument", float(theta[0]), None)
+    return Check("check-instrument", "mass, reference as instrument", float(theta[0]), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +122,7 @@ def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) 
     variance = float(left @ left) / (y.size - theta.size) * np.diag(np.linalg.inv(Z.T @ Z))
     names = ("mass", "damping", "coulomb", "offset")
     checks = tuple(
-        Check(f"{name}, classical recipe", float(value), sqrt(float(each)))
+        Check("check-classical", f"{name}, classical recipe", float(value), sqrt(float(each)))
         for name, value, each in zip(names, theta, variance, strict=True)
     )
     return Classical(checks, float(np.linalg.norm(left) / np.linalg.norm(y)))

@@ -117,6 +117,11 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     actuator : between command and motor, where it is known
     known : delays that need not be found
 
+    Returns
+    -------
+    MotionStudy
+        Fits at several cut-offs, SI units.
+
     Raises
     ------
     InputError

@@ -31,7 +31,14 @@ class PeriodicStudy:
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
-    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping."""
+    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping.
+
+    Parameters
+    ----------
+    study : of the recording
+    source : its name, for the reader
+    T : sample time, s
+    """
     fit, found = study.fit, []
     numbers, text = fit.numbers, f"{source}: response"
 

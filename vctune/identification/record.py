@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from vctune.document.codes import coded
 from vctune.document.identification import (
     BoundedRecord,
     CandidateRecord,
@@ -57,7 +58,7 @@ def identification_record(
         force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
         excitation=None if next_one is None else _excitation(next_one),
         recordings=[_recording(study) for study in found.records],
-        remarks=list(found.remarks),
+        remarks=[note.line for note in found.remarks],
         versions=dict(versions),
     )
 
@@ -128,9 +129,12 @@ def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
         derived=[]
         if classical is None
         else [_number("residual share, classical recipe", classical.residual_share, None)],
-        checks=[CheckRecord(name=each.name, value=each.value, sigma=each.sigma) for each in (*motion.checks, *others)],
+        checks=[
+            CheckRecord(name=coded(check.name, check.code), value=check.value, sigma=check.sigma)
+            for check in (*motion.checks, *others)
+        ],
         candidates=[],
-        remarks=list(study.remarks),
+        remarks=[note.line for note in study.remarks],
     )
 
 
@@ -165,7 +169,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
             )
             for each in periodic.candidates
         ],
-        remarks=list(study.remarks),
+        remarks=[note.line for note in study.remarks],
     )
 
 

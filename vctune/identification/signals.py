@@ -44,7 +44,14 @@ class Signals:
 
 
 def derivatives(position: Floats, cutoff_hz: float, sample_time: float) -> tuple[Floats, Floats]:
-    """Return acceleration and velocity behind the low-pass, m/s2 and m/s."""
+    """Return acceleration and velocity behind the low-pass, m/s2 and m/s.
+
+    Parameters
+    ----------
+    position : evenly sampled, m or rad, shape (n,)
+    cutoff_hz : of the low-pass, Hz
+    sample_time : s
+    """
     centred = position - position.mean()
     a = filtered(centred, lambda w: -(w**2) * smooth(w, cutoff_hz), sample_time)
     return a, filtered(centred, lambda w: 1j * w * smooth(w, cutoff_hz), sample_time)
@@ -65,7 +72,13 @@ def cutoffs(signals: Signals) -> list[float]:
 
 
 def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
-    """Return the standard deviation of an acceleration behind the low-pass, of the encoder alone, m/s2."""
+    """Return the standard deviation of an acceleration behind the low-pass, of the encoder alone, m/s2.
+
+    Parameters
+    ----------
+    signals : of the recording
+    cutoff_hz : of the low-pass, Hz
+    """
     omega = np.linspace(0, np.pi / signals.sample_time, 4096)
     return signals.noise * sqrt(float(np.mean((omega**2 * smooth(omega, cutoff_hz)) ** 2)))
 

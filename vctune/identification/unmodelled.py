@@ -109,6 +109,13 @@ def envelope(hertz: Floats, needed: Floats) -> tuple[tuple[float, float], ...]:
 
 
 def within(hertz: Floats, needed: Floats, stated: Sequence[tuple[float, float]]) -> bool:
-    """Return whether radii that are needed are within those that are stated."""
+    """Return whether radii that are needed are within those that are stated.
+
+    Parameters
+    ----------
+    hertz : of the lines, Hz, shape (n,)
+    needed : radius of each, relative, shape (n,)
+    stated : (Hz, radius) of a device file, straight between them on logarithmic axes
+    """
     x, y = np.log(np.array(stated)).T
     return bool(np.all(np.log(np.maximum(needed, LEAST)) <= np.interp(np.log(hertz), x, y)))

@@ -57,6 +57,10 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     problem : the device
     hands : to be met
     gains, coupling : the design
+
+    Returns
+    -------
+    Figure
     """
     figure = canvas(WIDTH, 7.2, left=0.85, top=0.8, gaps=(0, 0.5))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
@@ -118,6 +122,10 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
     ----------
     problem : the device
     gains, coupling : the design
+
+    Returns
+    -------
+    Figure
     """
     device = problem.device
     where = loops_in_any_hand(device, CURVES)

@@ -44,12 +44,12 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
     Parameters
     ----------
     problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
-    region : the cells and what is proved of each
+    region : the cells and what is proved of each; of one that was interrupted the title says so
     designs : gain sets to mark
     """
     plane = region.plane
     with rc_context(STYLE):
-        figure, axes = _frame(plane)
+        figure, axes = _frame(plane, "interrupted: some of what is undecided was not looked at" * region.interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
         _marked(axes, plane, designs, "*", PAPER, "optimum")
@@ -78,9 +78,10 @@ def lost_figure(again: Recheck) -> Figure:
     return figure
 
 
-def _frame(plane: Plane) -> tuple[Figure, Axes]:
-    figure = canvas(8.6, 5.2, left=0.95, right=2.1)
+def _frame(plane: Plane, title: str = "") -> tuple[Figure, Axes]:
+    figure = canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
     axes = figure.subplots()
+    axes.set_title(title, loc="left")
     axes.grid(visible=False)
     for place, axis in enumerate(plane.axes):
         values, at = _marks(plane, place)

@@ -73,6 +73,11 @@ def assembly_step(
     at : states and bristles at the beginning
     foreseen : velocity at which the friction's rate is taken, m/s
     ops : arithmetic of states and velocity
+
+    Returns
+    -------
+    state, velocity
+        States and bristles at the end, and w.
     """
     h, bristles = step.length, bristle_step(friction, foreseen, step.length, ops)
     compliance = -float(step.change[0, step.friction])  # by how much less far the motor comes for a newton, m/N
@@ -96,6 +101,11 @@ def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> Assembly
     step : one step
     at : states and bristles at the beginning
     count : how many steps
+
+    Returns
+    -------
+    AssemblyState
+        At the end of the last.
     """
     _, foreseen = step(at, at.v)
     for _ in range(count):

@@ -67,6 +67,11 @@ def simulate(
     experiment : one of the problem's, or any other
     progress : told the stage of the work
     controller : a firmware in the place of the design's own; None for none
+
+    Returns
+    -------
+    Simulated
+        Traces, SI units, and what was measured on them; no measures of a run that diverged.
     """
 
     def ran(scene: Scene, name: str) -> Run:

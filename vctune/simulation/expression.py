@@ -71,12 +71,22 @@ class Operation(Expression):
 
 
 def minimum(a: Term, b: Term) -> Operation:
-    """Return the lesser of two terms."""
+    """Return the lesser of two terms.
+
+    Parameters
+    ----------
+    a, b : names, numbers or operations
+    """
     return Operation("minimum", (a, b))
 
 
 def maximum(a: Term, b: Term) -> Operation:
-    """Return the greater of two terms."""
+    """Return the greater of two terms.
+
+    Parameters
+    ----------
+    a, b : names, numbers or operations
+    """
     return Operation("maximum", (a, b))
 
 
@@ -86,7 +96,14 @@ def floor(a: Term) -> Operation:
 
 
 def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
-    """Return one term where another is above a limit, and a third where it is not."""
+    """Return one term where another is above a limit, and a third where it is not.
+
+    Parameters
+    ----------
+    above, limit : what is compared
+    yes : where `above` is the greater
+    no : elsewhere
+    """
     return Operation("choice", (above, limit, yes, no))
 
 

@@ -84,6 +84,11 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     environment : that was rendered
     operator : the hand
     limit : greatest force of the actuator, N; None for none
+
+    Returns
+    -------
+    Metrics
+        SI units; None for what the environment or the motion does not have.
     """
     stroke = stroke_time(operator)
     counted = traces.time >= (2 * stroke if operator.cycles > 1 else 0.0)

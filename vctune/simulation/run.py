@@ -89,7 +89,19 @@ def run(scene: Scene, progress: Callable[[float], None] = lambda share: None, st
 
 
 def motion_inputs(scene: Scene, first: int, noise: np.random.Generator) -> Floats:
-    """Return the inputs of a scene's step for `CHUNK` samples from the `first` on, a column a sample."""
+    """Return the inputs of a scene's step for `CHUNK` samples from the `first` on, a column a sample.
+
+    Parameters
+    ----------
+    scene : what the run consists of
+    first : number of the first sample
+    noise : generator of the force sensor's, advanced by `CHUNK` samples where there is any
+
+    Returns
+    -------
+    array
+        Shape (INPUTS, CHUNK).
+    """
     motion = intended_motion(scene.operator, scene.device.sample_time, first, first + CHUNK)
     inputs = np.zeros((INPUTS, CHUNK))
     inputs[0], inputs[2] = motion.position[:-1], motion.position[1:]

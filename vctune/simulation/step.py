@@ -102,6 +102,11 @@ def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
     ----------
     scene : what the run consists of; of its law only the encoder
     stretch : of no meaning without friction
+
+    Returns
+    -------
+    OpenStep
+        Compiled: what the firmware measures, and a sample with its answer.
     """
     wired = _wire(scene, INPUTS + len(ANSWER))
     given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]

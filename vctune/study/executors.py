@@ -69,6 +69,11 @@ def worker_pool(choice: str, jobs: int) -> Iterator[WorkerPool]:
         a running one
     jobs : number of workers to start
 
+    Returns
+    -------
+    context manager
+        Of the pool.
+
     Raises
     ------
     InputError

@@ -64,23 +64,32 @@ class Region:
     squares : the cells, shape (4, n)
     kinds : of each cell, `Kind`
     damping : for each feasible cell a b_c that serves all of it, N s/m, when the problem leaves b_c free; else nan
+    interrupted : whether cells were left undecided that had not been looked at, or could have been divided
     """
 
     plane: Plane
     squares: Squares
     kinds: Kinds
     damping: Floats
+    interrupted: bool = False
 
     def area(self, kind: Kind) -> float:
         """Return the share of the plane that is of this kind."""
         return float(self.plane.areas(self.squares)[self.kinds == kind].sum())
 
 
-def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress = lambda stage: None) -> Region:
+def region(
+    problem: Problem,
+    plane: Plane,
+    squares: Squares,
+    progress: Progress = lambda stage: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Region:
     """Divide cells of a plane of gains until each is decided or as small as the plane's edges allow.
 
     Where b_c, m_c or b_0 are free and not on an axis, feasible means that some values within their bounds will do. The
-    demands ease as m_c and b_0 grow, so that their upper bounds decide.
+    demands ease as m_c and b_0 grow, so that their upper bounds decide. Coarse cells come before fine ones, so that a
+    search that is stopped has decided most of the plane that it could in its time.
 
     Parameters
     ----------
@@ -88,6 +97,7 @@ def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress 
     plane : the variables and the edges of the finest cells
     squares : cells to begin with, shape (4, n)
     progress : told how many cells are decided
+    stopped : whether to give up now; asked before each `TOGETHER` cells
 
     Returns
     -------
@@ -95,16 +105,18 @@ def region(problem: Problem, plane: Plane, squares: Squares, progress: Progress 
         The cells that those are divided into, in no particular order.
     """
     done: list[tuple[Squares, Kinds, Floats]] = []
-    while squares.shape[1]:
+    while squares.shape[1] and not stopped():
         progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
-        kinds, damping = judged(problem, plane, squares)
-        size = np.maximum(squares[1] - squares[0], squares[3] - squares[2])
+        first, squares = np.split(squares, [TOGETHER], axis=1)
+        kinds, damping = _judged(problem, plane, first)
+        size = np.maximum(first[1] - first[0], first[3] - first[2])
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
-        done.append((squares[:, settled], kinds[settled], damping[settled]))
-        squares = halved(squares[:, ~settled])
-    if not done:
-        return Region(plane, squares, np.zeros(0, np.intp), np.zeros(0))
-    return Region(plane, *(np.concatenate(part, axis=-1) for part in zip(*done, strict=True)))
+        done.append((first[:, settled], kinds[settled], damping[settled]))
+        squares = np.concatenate((squares, halved(first[:, ~settled])), axis=1)
+    left = squares.shape[1]
+    done.append((squares, np.full(left, Kind.UNDECIDED, np.intp), np.full(left, np.nan)))
+    cells, kinds, damping = (np.concatenate(part, axis=-1) for part in zip(*done, strict=True))
+    return Region(plane, cells, kinds, damping, interrupted=left > 0)
 
 
 def free_damping(plane: Plane) -> bool:
@@ -140,27 +152,15 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
     return Cells(low, high)
 
 
-def judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
+@np.errstate(all="ignore")
+def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free.
-
-    Parameters
-    ----------
-    problem : whose demands are to hold
-    plane : in which the cells lie
-    squares : the cells, shape (4, n)
 
     Returns
     -------
     kinds : of each cell, `Kind`, shape (n,)
     damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
-    parts = [_judged(problem, plane, squares[:, i : i + TOGETHER]) for i in range(0, squares.shape[1], TOGETHER)]
-    kinds, damping = zip(*parts, strict=True)
-    return np.concatenate(kinds), np.concatenate(damping)
-
-
-@np.errstate(all="ignore")
-def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     demands = pose(problem).demands
     damping, places = _estimate(problem, cells, free=free)

@@ -54,6 +54,11 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     ----------
     problem : of today, without `plane_errors` on the baseline's axes
     baseline : what the region file holds
+
+    Returns
+    -------
+    Recheck
+        The cells, divided further where they are not proved as a whole, and which gain sets still are certified.
     """
     keys = keys_for(problem)
     axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))

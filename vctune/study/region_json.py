@@ -50,6 +50,7 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
             if index not in plane.axes
         },
         areas={kind.name.lower(): region.area(kind) for kind in Kind},
+        **({"interrupted": True} if region.interrupted else {}),
         designs=[
             DesignPoint.model_validate({"gains": asdict(gains), "coupling": asdict(coupling)})
             for gains, coupling in designs

@@ -94,6 +94,11 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
     study : whose rows they are
     restart : begin anew instead of going on
 
+    Returns
+    -------
+    context manager
+        Of the rows, to be read and added to.
+
     Raises
     ------
     InputError
