@@ -252,9 +252,10 @@ def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded]) -> list[
                 f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
             )
             if study.periodic.fit.candidate.load:
+                damping = study.periodic.fit.numbers["handle_damping"]
                 said.append(
                     f"{study.recording.name}: the handle has a damping of its own, "
-                    f"{study.periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the "
+                    f"{damping:.3g} {study.recording.units.damping}, which a problem file cannot say: the "
                     "intervals of both dampings hold it and the fit without it, unmodelled the rest"
                 )
     return said

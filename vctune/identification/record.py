@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +20,8 @@ from vctune.document.identification import (
     stated,
 )
 from vctune.document.statement import table_of
-from vctune.identification.box import UNIT_OF, Bounded
+from vctune.document.units import unit_of
+from vctune.identification.box import Bounded
 from vctune.identification.excitation import Excitation
 from vctune.identification.fit import ResponseFit
 from vctune.identification.identify import Identified, RecordStudy
@@ -28,6 +30,7 @@ from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.physics import antiresonance_hz
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
+from vctune.model.units import UNITS, Units, UnitSystem
 
 
 def identification_record(
@@ -43,8 +46,9 @@ def identification_record(
     next_one : a multisine for what is still uncertain; None if it was not asked for
     """
     rotary = found.records[0].recording.rotary
-    numbers = [_bounded(each, rotary=rotary) for each in found.bounds]
-    device = found.device.with_numbers({each.key: each.value for each in numbers})
+    units: UnitSystem = "rotary" if rotary else "linear"
+    numbers = [_bounded(each, UNITS[units]) for each in found.bounds]
+    device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
         name=found.name,
         description=description,
@@ -62,12 +66,11 @@ def identification_record(
     )
 
 
-def _bounded(found: Bounded, *, rotary: bool) -> BoundedRecord:
+def _bounded(found: Bounded, units: Units) -> BoundedRecord:
     value, share = stated(found.value, found.low, found.high)
-    unit = UNIT_OF[found.key]
     return BoundedRecord(
         key=found.key,
-        unit={"kg": "kg m2", "N s/m": "N m s/rad"}.get(unit, unit) if rotary else unit,
+        unit=unit_of(tuple(found.key.split(".")), units),
         value=value,
         low=float(found.low),
         high=float(found.high),

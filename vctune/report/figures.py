@@ -16,9 +16,11 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.phases import sensor_miss
 from vctune.design.prepared import pose
 from vctune.document.record import BoxRecord, DesignRecord, OptimalityRecord
+from vctune.model.keys import KEYS, labelled
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Band, Problem
 from vctune.model.quantities import AnyCoupling, Coupling, Gains, series_coupling
+from vctune.model.units import Units
 from vctune.report.curves import (
     Transparency,
     handle_impedance,
@@ -46,7 +48,6 @@ from vctune.report.style import (
     time_text,
 )
 from vctune.report.summary import doubt
-from vctune.report.units import UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def figures(design: Design) -> dict[str, Figure]:
             **({"nyquist": _nyquist(design)} if design.gains.closed or not renders_force else {}),
         }
         if design.record.optimality is not None:
-            drawn["optimality"] = _optimality(design.record.optimality)
+            drawn["optimality"] = _optimality(design.record.optimality, design.problem.units)
         for figure in drawn.values():
             if words := doubt(design.record, design.problem):
                 stamp(figure, words)
@@ -95,7 +96,7 @@ def _llewellyn(design: Design) -> Figure:
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
     upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")
-    upper.set_ylabel(UNITS.damping)
+    upper.set_ylabel(problem.units.damping)
     lower.plot(curves.hz, curves.ratio, color=BLUE, label="ratio Re Z_c / R")
     if problem.device.operator is not None:
         bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, coupling)
@@ -224,7 +225,7 @@ def _impedance(design: Design) -> Figure:
     axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
     _promised(axes, design)
-    axes.set_ylabel(f"|impedance at the handle|, {UNITS.damping}")
+    axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
     decades(axes)
     legend_above(axes, 3)
     return figure
@@ -248,7 +249,7 @@ def _promised(axes: Axes, design: Design) -> None:
     shade(axes, problem.transparency.band, BLUE, "transparency band")
 
 
-def _optimality(found: OptimalityRecord) -> Figure:
+def _optimality(found: OptimalityRecord, units: Units) -> Figure:
     """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
@@ -261,14 +262,14 @@ def _optimality(found: OptimalityRecord) -> Figure:
     axes.set(xlabel="boxes searched", ylabel="transparency error", yscale="log")
     legend_above(axes, 1)
     for panel in others:
-        _draw_boxes(panel, found.open)
+        _draw_boxes(panel, found.open, units)
         panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")
     return figure
 
 
-def _draw_boxes(axes: Axes, boxes: list[BoxRecord]) -> None:
+def _draw_boxes(axes: Axes, boxes: list[BoxRecord], units: Units) -> None:
     for box in boxes:
         (x, y, *_), (x_end, y_end, *_) = box.low, box.high
         axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
     axes.autoscale_view()
-    axes.set(xlabel="K_v, N s/m", ylabel="K_p, N/m")
+    axes.set(xlabel=labelled(KEYS[0], units), ylabel=labelled(KEYS[1], units))

@@ -28,7 +28,6 @@ from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
 from vctune.model.transparency import log_quadrature
 from vctune.report.curves import frequencies
-from vctune.report.units import UNITS
 
 PANELS = 8
 """Parts of the transparency band with Gauss's nodes in each: the sampled error is the design's to 1e-6 and better. Half
@@ -78,7 +77,7 @@ def sliders(problem: Problem, gains: Gains, coupling: Coupling, record: DesignRe
         "band_hz": [band[0], None if band[1] == inf else band[1]] if problem.passive else None,
         "operator_damping": 0.0 if operator is None else operator.damping,
         "transparency_hz": list(transparency.band.hz),
-        "hands": [str(hand) for hand in hands],
+        "hands": [hand.in_words(problem.units) for hand in hands],
         "constants": {
             "model": _frequency_model(problem, record),
             "sampled": _sampled_loop(problem.device, record),
@@ -116,13 +115,13 @@ def _axes(figure: Figure, number: int, curve: str) -> dict[str, Any]:
 
 def _variables(problem: Problem, gains: Gains, coupling: Coupling) -> list[dict[str, Any]]:
     """Return the five sliders: what each is called, its unit, shipped value and ends; those that are 0 begin there."""
-    bounds, scale = problem.bounds, problem.device.damping + gains.velocity
+    bounds, scale, units = problem.bounds, problem.device.damping + gains.velocity, problem.units
     named: tuple[tuple[str, str, str, float, Range, float], ...] = (
-        ("gains.velocity", "K_v", UNITS.damping, gains.velocity, bounds.velocity, 1.0),
-        ("gains.position", "K_p", UNITS.stiffness, gains.position, bounds.position, scale / problem.device.loop_lag),
-        ("coupling.damping", "b_c", UNITS.damping, coupling.damping, bounds.damping, 1.0),
-        ("coupling.mass", "m_c", UNITS.mass, coupling.mass, bounds.mass, 1.0),
-        ("coupling.drag", "b_0", UNITS.damping, coupling.drag, bounds.drag, coupling.damping),
+        ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, 1.0),
+        ("gains.position", "K_p", units.stiffness, gains.position, bounds.position, scale / problem.device.loop_lag),
+        ("coupling.damping", "b_c", units.damping, coupling.damping, bounds.damping, 1.0),
+        ("coupling.mass", "m_c", units.mass, coupling.mass, bounds.mass, 1.0),
+        ("coupling.drag", "b_0", units.damping, coupling.drag, bounds.drag, coupling.damping),
     )
     return [
         {"key": key, "symbol": symbol, "unit": unit, "value": value, "top": REACH * value if value > 0 else most,
