@@ -34,7 +34,8 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
-        "device.damping is 0: any passive hand, or none, may answer any force with any motion, so that R is infinite"
+        f"device.damping is 0: any passive hand, or none, may answer any {problem.units.push} with any motion, so that "
+        "R is infinite"
     )
     return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
 
