@@ -157,7 +157,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
         residual_share=float(np.sqrt(np.mean(error**2))),
         chi2=fit.chi2,
         numbers=numbers,
-        derived=_derived(fit),
+        derived=_derived(fit, study.recording.units),
         checks=[],
         candidates=[
             CandidateRecord(
@@ -172,7 +172,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
     )
 
 
-def _derived(fit: ResponseFit) -> list[NumberRecord]:
+def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
     """Return what a reader knows a structure by: both masses, its stiffness and where it resonates."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
@@ -185,7 +185,7 @@ def _derived(fit: ResponseFit) -> list[NumberRecord]:
         "stiffness": parts.stiffness,
         "antiresonance, Hz": low,
         "resonance, Hz": structure.frequency_hz,
-        "damping between them, N s/m": parts.viscosity,
+        f"damping between them, {units.damping}": parts.viscosity,
     }
     return [_number(name, float(value), None) for name, value in found.items()]
 

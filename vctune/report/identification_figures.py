@@ -40,7 +40,7 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
             figures["time-fit"] = _time_fit(moved, record.units)
         if repeated:
             figures["response"] = _response(found, repeated, record.units)
-        figures["residual-spectrum"] = _residual_spectra(found.records)
+        figures["residual-spectrum"] = _residual_spectra(found.records, record.units)
         figures["numbers"] = _numbers(record)
     return figures
 
@@ -105,7 +105,7 @@ def _degrees(response: np.ndarray) -> Floats:
     return np.degrees(np.unwrap(np.angle(-response))) - 180.0
 
 
-def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
+def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
     figure = canvas(9, 3.4, top=0.35)
     axes = figure.subplots()
     ends = []
@@ -116,7 +116,7 @@ def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
         )
         axes.plot(hertz, noise, "--", color=colour, linewidth=1.0, label="noise")
         ends += [float(hertz[0]), float(hertz[-1])]
-    axes.set_ylabel("residual, share of the force")
+    axes.set_ylabel(f"residual, share of the {units.push}")
     decades(axes)
     frequency_axis(axes, min(ends), max(ends))
     legend_above(axes, 4)
