@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import astuple
 from pathlib import Path
 
 import pytest
 from command import run
+from conftest import ROOT
 
 from vctune import solve
 from vctune.design.judge import judge
@@ -20,6 +22,8 @@ from vctune.document.statement import statement
 from vctune.document.toml_text import toml_text
 from vctune.document.units import unit_of
 from vctune.firmware.fmu import DIMENSIONS
+from vctune.model.problem import HUMAN_HANDS
+from vctune.model.quantities import Hand
 from vctune.model.units import LINEAR, QUANTITIES, ROTARY
 
 FILE = Path("device.toml")
@@ -85,7 +89,7 @@ LINEAR_UNITS = re.compile(
     r"\bkg\b(?! m2)|\bN s/m|\bN/m\b|(?<!\w)m/s\b|\bmm\b|m/\(N s\)|(?<=[\d\],] )N\b(?! m\b)|"
     r"(?<=\d )m\b|(?<=[,\[] )m(?=[],.:;])"
 )
-WORDS = re.compile(r"(?<![\w.\"])(?:mass|masses|force|forces)(?![\w\"=]| =)\b", re.IGNORECASE)
+WORDS = re.compile(r"(?<![\w.\"])(?:mass|masses|force|forces)(?![\w\"=]| =| /)\b", re.IGNORECASE)
 
 
 def stated(device: str, rest: str, units: str) -> str:
@@ -258,6 +262,17 @@ def test_what_has_no_default_is_asked_for():
     display = stated('display = "impedance"\n' + DEVICE, "", "rotary")
     assert parse_problem(display, "device.toml", "device").any_hand
     assert "r^2" in refused(display + '[stability]\ncriterion = "hands"\n')
+
+
+def test_the_guide_s_own_example_is_one():
+    guide = (ROOT / "vctune/document/README.md").read_text()
+    (text,) = (block for block in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "rotary" in block)
+    problem = parse_problem(text, "device.toml", "device")
+    assert problem.device.units == "rotary"
+    r = 0.05
+    most = HUMAN_HANDS.high
+    expected = Hand(most.mass * r * r, most.damping * r * r, most.stiffness * r * r)
+    assert astuple(problem.hands.high) == pytest.approx(astuple(expected))
 
 
 def test_an_experiment_states_what_has_a_length_in_it():
