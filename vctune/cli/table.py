@@ -125,9 +125,9 @@ def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
 
 def _least(least: LeastVirtualRecord, units: Units) -> str:
     if least.share == 0:
-        return f"the regular PID is stable without a virtual {units.inertia} and damping"
+        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
     return (
-        f"the regular PID is stable from a virtual {units.inertia} of {least.mass:.4g} {units.mass} and a damping of "
+        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
         f"{least.damping:.4g} {units.damping} on"
     )
 

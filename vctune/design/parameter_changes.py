@@ -204,7 +204,7 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
             )
     if device.force_sensor is not None and device.force_sensor.delay > 0:
         path = ("device", "force_sensor", "delay")
-        less = f"less delay of the {problem.units.push} sensor"
+        less = f"less delay of the {problem.units.force_name} sensor"
         yield ParameterChange(path, less, device.force_sensor.delay, 0.0)
 
 

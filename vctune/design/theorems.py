@@ -34,8 +34,8 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
-        f"device.damping is 0: any passive hand, or none, may answer any {problem.units.push} with any motion, so that "
-        "R is infinite"
+        f"device.damping is 0: any passive hand, or none, may answer any {problem.units.force_name} with any motion, "
+        "so that R is infinite"
     )
     return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
 
@@ -66,7 +66,7 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     proved = bounds.position.min > 0
     units = UNITS[device.units]
     cause = (
-        f"in hands without {units.inertia} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
+        f"in hands without {units.mass_name} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
         f"at 0 Hz, but Re Z_c is the drag, 0 {units.damping}"
     )
     if not proved:

@@ -16,7 +16,8 @@ CALLED = {
     "moment_of_inertia": "mass",
     "handle_inertia": "handle_mass",
     "torque_noise": "force_noise",
-} | {"torque_sensor": "force_sensor"}
+    "torque_sensor": "force_sensor",
+}
 """Keys by what a rotary device's numbers are called."""
 WITH_COMMA = re.compile(r"([-+]?\d+),(\d+)")
 WITH_UNIT = re.compile(r"([-+]?\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?) *([A-Za-zµ][\w /^²·*]*)")

@@ -172,7 +172,7 @@ def _head(record: IdentificationRecord) -> list[str]:
     lines = ["# Identified by `vctune identify` from"]
     for each in record.recordings:
         lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
-        of = "response" if each.cutoff_hz is None else record.units.push
+        of = "response" if each.cutoff_hz is None else record.units.force_name
         residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
         lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
     if any(each.low <= 0 for each in record.numbers):

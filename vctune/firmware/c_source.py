@@ -95,18 +95,18 @@ def assumptions(made: Firmware) -> list[str]:
     parts = [
         (device.velocity, "velocity estimate"),
         (device.actuator, "actuator"),
-        (device.force_sensor, f"{units.push} sensor"),
+        (device.force_sensor, f"{units.force_name} sensor"),
         (device.structure, "structure"),
     ]
     known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
     built = f"a linear device of {own} with {known or 'ideal parts'}{box}"
-    sampled = "" if made.parts.renders_force else f"; the {units.push} is sampled just before"
+    sampled = "" if made.parts.renders_force else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
         f"sample and is held{sampled}; environments are passive as they run. Of static "
-        f"friction, a limited {units.push}, quantisation and the rounding of each operation nothing is proved.",
+        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
     ]
 
 

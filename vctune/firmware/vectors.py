@@ -83,7 +83,12 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
 
 def vectors_text(made: list[Replay], units: Units) -> str:
     """Return the text of vectors.csv: every number in the shortest decimals that read as itself."""
-    measured = {"position": units.position, "velocity": units.speed, units.push: units.force, "command": units.force}
+    measured = {
+        "position": units.position,
+        "velocity": units.speed,
+        units.force_name: units.force,
+        "command": units.force,
+    }
     of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
     lines = [",".join(["experiment", *of])]
     for number, one in enumerate(made):

@@ -22,14 +22,14 @@ class Units:
 
     Attributes
     ----------
-    inertia, push : what mass and force are called
+    mass_name, force_name : what mass and force are called
     mass, damping, stiffness, integral_gain, mobility, compliance : of what moves, of impedances and of one over them
     force, position, position_integral, speed : of signals
     time, frequency : of anything
     """
 
-    inertia: str
-    push: str
+    mass_name: str
+    force_name: str
     mass: str
     damping: str
     stiffness: str
@@ -61,15 +61,15 @@ class Units:
 
     def _called(self, found: re.Match[str]) -> str:
         article, word, plural = found[1] or "", found[2], found[3] or ""
-        called = self.inertia if word.lower() == "mass" else self.push
+        called = self.mass_name if word.lower() == "mass" else self.force_name
         vowel = called[0] in "aeiou"
         article = article.replace("a ", "an ").replace("A ", "An ") if vowel and article in ("a ", "A ") else article
         return article + (called.capitalize() if word[0].isupper() else called) + ("s" if plural else "")
 
 
 LINEAR = Units(
-    inertia="mass",
-    push="force",
+    mass_name="mass",
+    force_name="force",
     mass="kg",
     damping="N s/m",
     stiffness="N/m",
@@ -82,8 +82,8 @@ LINEAR = Units(
     speed="m/s",
 )
 ROTARY = Units(
-    inertia="inertia",
-    push="torque",
+    mass_name="inertia",
+    force_name="torque",
     mass="kg m2",
     damping="N m s/rad",
     stiffness="N m/rad",
@@ -95,7 +95,9 @@ ROTARY = Units(
     position_integral="rad s",
     speed="rad/s",
 )
-QUANTITIES = tuple(each.name for each in fields(Units) if each.name not in ("inertia", "push", "time", "frequency"))
+QUANTITIES = tuple(
+    each.name for each in fields(Units) if each.name not in ("mass_name", "force_name", "time", "frequency")
+)
 """Those whose units depend on the motion."""
 UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
 WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)

@@ -41,5 +41,5 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
         diagram=diagram,
         doubt=controller.get("not_proved", ""),
         renders_force=device.renders_force,
-        push=UNITS[device.units].push,
+        push=UNITS[device.units].force_name,
     )

@@ -60,7 +60,7 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
         lines = [] if sensor.bandwidth_hz is None else [_low_pass(sensor.bandwidth_hz, sensor.order)]
         lines += [f"delay {_time(sensor.delay)}"] if sensor.delay > 0 else []
         _arrow(axes, (LEFT, low), (LEFT, TOP - TALL / 2))
-        _box(axes, LEFT, TOP, f"{units.push} sensor", lines, colour=GREEN)
+        _box(axes, LEFT, TOP, f"{units.force_name} sensor", lines, colour=GREEN)
         _arrow(axes, (LEFT + WIDTH / 2, TOP), (COUPLING - WIDTH / 2, TOP), label="f_s")
     axes.plot([LEFT], [low], "o", color=INK, markersize=3)
     axes.text(LEFT + 0.07, 1.6, "f_h", ha="left", va="center")
@@ -81,7 +81,7 @@ def _drive(axes: Axes, device: Device, gains: Gains) -> None:
     units = UNITS[device.units]
     lines = [f"K_v {gains.velocity:.4g} {units.damping}"] if gains.velocity > 0 or not device.renders_force else []
     lines += [f"K_p {gains.position:.6g} {units.stiffness}"] if gains.position > 0 else []
-    told, law = ("f_c", units.push) if device.renders_force else ("v_e", "velocity law")
+    told, law = ("f_c", units.force_name) if device.renders_force else ("v_e", "velocity law")
     _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label=told)
     _box(axes, LAW, TOP, law, lines, colour=BLUE)
     _arrow(axes, (LAW + WIDTH / 2, TOP), (RIGHT - WIDTH / 2, TOP))

@@ -25,7 +25,7 @@ def simulation_figure(simulation: SimulationRecord) -> Figure:
         for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
             _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE, units)
             _draw(right, experiment, experiment.design, "b) this design", BLUE, units)
-            left.set_ylabel(f"{units.push} of the hand, {units.force}")
+            left.set_ylabel(f"{units.force_name} of the hand, {units.force}")
     return figure
 
 

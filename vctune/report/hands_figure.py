@@ -108,7 +108,7 @@ def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gain
     need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
     figure.colorbar(drawn, ax=axes, label=f"R of {_name(device)}, %")
-    axes.set(xlabel=f"{units.inertia} of the hand, {units.mass}", ylabel=f"stiffness, {units.stiffness}")
+    axes.set(xlabel=f"{units.mass_name} of the hand, {units.mass}", ylabel=f"stiffness, {units.stiffness}")
 
 
 def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Figure:

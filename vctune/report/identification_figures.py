@@ -56,7 +56,7 @@ def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
         shown = np.abs(fit.time - worst) < WINDOW / 2
         close.plot(fit.time[shown], fit.measured[shown], color=BLUE, label=f"recorded, {study.recording.name}")
         close.plot(fit.time[shown], fit.fitted[shown], "--", color=ORANGE, label=units.translated("mass and friction"))
-        close.set_ylabel(f"{units.push}, {units.force}")
+        close.set_ylabel(f"{units.force_name}, {units.force}")
         legend_above(close, 2)
         every = max(1, left.size // MOST_POINTS)
         whole.plot(fit.time[::every], left[::every], color=GREY, linewidth=0.8)
@@ -80,7 +80,7 @@ def _response(found: Identified, studies: list[RecordStudy], units: Units) -> Fi
     allowed = covered(device, bounds, found.unmodelled, omega, held=first.measured.input == "command")
     size.fill_between(hertz, allowed[0], allowed[1], color=GREY, alpha=0.25, label="box and unmodelled")
     phase.fill_between(hertz, allowed[2], allowed[3], color=GREY, alpha=0.25)
-    size.set_ylabel(f"position / {units.push}, {units.compliance}")
+    size.set_ylabel(f"position / {units.force_name}, {units.compliance}")
     decades(size)
     phase.set_ylabel("phase, degrees")
     repeat.set(ylabel="coherence", ylim=(0, 1.05))
@@ -116,7 +116,7 @@ def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
         )
         axes.plot(hertz, noise, "--", color=colour, linewidth=1.0, label="noise")
         ends += [float(hertz[0]), float(hertz[-1])]
-    axes.set_ylabel(f"residual, share of the {units.push}")
+    axes.set_ylabel(f"residual, share of the {units.force_name}")
     decades(axes)
     frequency_axis(axes, min(ends), max(ends))
     legend_above(axes, 4)

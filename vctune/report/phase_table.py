@@ -40,7 +40,7 @@ def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
     problem : its device and transparency band
     gains : of the design
     """
-    device, edge, push = problem.device, problem.transparency.band.max, problem.units.push
+    device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name
     cross = crossover(device, gains)
     columns: list[tuple[str, Phases]] = []
     if cross is not None:
@@ -63,7 +63,7 @@ def _remark(problem: Problem) -> str:
     miss = sensor_miss(problem.device, band.min * (band.max / band.min) ** share)
     if miss is None:
         return ""
-    mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.push
+    mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
     return (
         f"The {push} sensor misses |1 - F_s| = {mean:.2g} of the hand's {push} in the mean over the transparency band, "
         f"{miss[-1]:.2g} at its upper edge. No gain has a part in that, and the error does not count it."

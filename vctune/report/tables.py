@@ -77,7 +77,7 @@ def _device(problem: Problem) -> list[Line]:
         )
     estimate = device.velocity
     known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
-    display = [Line("display", "impedance", "", f"motion in, {units.push} out")] if device.renders_force else []
+    display = [Line("display", "impedance", "", f"motion in, {units.force_name} out")] if device.renders_force else []
     lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
@@ -256,7 +256,7 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     lines = [
         FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
         for name, unit, ours, theirs in (
-            (units.inertia, units.mass, here.mass, bare.mass),
+            (units.mass_name, units.mass, here.mass, bare.mass),
             ("damping", units.damping, here.damping, bare.damping),
         )
         for k, hz in enumerate(FREE_HZ)
@@ -269,9 +269,12 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         FeelLine(f"stiffest wall felt, {where}", _number(ours), _number(theirs), units.stiffness)
         for ours, theirs, where in walls
     ]
-    force = f"{units.push} for a steady {SPEED:g} {units.speed}"
+    force = f"{units.force_name} for a steady {SPEED:g} {units.speed}"
     lines.append(FeelLine(force, _number(here.force), _number(bare.force), units.force))
-    late = [("loop latency", here.loop_latency), (f"{units.push}-path latency at {WALL_HZ:g} Hz", here.force_latency)]
+    late = [
+        ("loop latency", here.loop_latency),
+        (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
+    ]
     if problem.device.renders_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
