@@ -21,6 +21,7 @@ from vctune.document.log_schema import LogDocument
 from vctune.document.part import how_shown
 from vctune.document.rows import NumbersRecord
 from vctune.document.schema import json_schema, schema_of
+from vctune.model.units import LINEAR
 
 ROOT = Path(__file__).parent.parent
 PAGES = [
@@ -95,7 +96,8 @@ def columns() -> str:
     ]
     for name, shown in how_shown(NumbersRecord).items():
         label = shown.label.replace("|", "\\|")
-        rows.append(f"| `{name}` | {label}{f', {shown.unit}' if shown.unit else ''} |")
+        unit = LINEAR.of(shown.of)
+        rows.append(f"| `{name}` | {label}{f', {unit}' if unit else ''} |")
     return "\n".join([*rows, "| `reason` | why there is no certified design |"]) + "\n"
 
 

@@ -19,8 +19,9 @@ from vctune.cli.main import main
 from vctune.cli.schema import KINDS
 from vctune.document import toml
 from vctune.document.schemas import SCHEMAS
-from vctune.document.units import QUANTITIES, UNITS, unit_of
+from vctune.document.units import QUANTITIES, unit_of
 from vctune.exit_codes import ExitCode
+from vctune.model.units import LINEAR
 
 GOOD, POOR = (for_passive_hands(DEVICE + FIXED.format(damping)) for damping in (160.0, 80.0))
 EXPERIMENT = '[[experiment]]\nname = "spring"\nenvironment = { stiffness = 200.0 }\noperator = { cycles = 1 }\n'
@@ -147,13 +148,14 @@ def test_every_schema_is_printed(tmp_path):
 
 def test_units_are_those_of_the_key_reference():
     """Of every number that a file may have, the unit is the one that the description of its key has."""
-    shown, known = set(), "|".join(map(re.escape, sorted(UNITS.values(), key=len, reverse=True)))
+    shown, every = set(), {LINEAR.of(quantity) for quantity in QUANTITIES}
+    known = "|".join(map(re.escape, sorted(every, key=len, reverse=True)))
     said = re.compile(rf"(?:^|, )({known})(?=[.,;])")
     for path, description in described(SCHEMAS["problem"](), SCHEMAS["problem"](), ()):
-        unit = unit_of(path)
+        unit = unit_of(path, LINEAR)
         assert re.findall(said, description.partition(" Default")[0]) == ([unit] if unit else []), (path, description)
         shown |= {unit} if unit else set()
-    assert shown == set(UNITS.values()) and set(QUANTITIES) == set(UNITS)
+    assert shown == every
 
 
 def described(schema, table, path):

@@ -22,6 +22,7 @@ from vctune.document.reading import problem_file
 from vctune.model import quantities
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.quantities import Device, ForceSensor, Hand, Structure, VelocityEstimate
+from vctune.model.units import LINEAR
 from vctune.proof.certificate import Claim
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import fastest_mode
@@ -136,7 +137,7 @@ def test_the_record_of_a_refusal_names_it():
     made = GrowingEnvironment(found.kind, found.value, found.damping, found.growth_per_s, 2 * pi * found.hz)
     grown = log(radius(problem.device, Hand(hand.mass, hand.damping, hand.stiffness), made)) * 1e3
     assert found.growth_per_s == pytest.approx(grown, rel=1e-6)
-    assert made.unit == found.unit
-    rows = [row.unit for row in claim.rows()]
+    assert LINEAR.of(made.quantity) == found.unit
+    rows = [row.unit for row in claim.rows(LINEAR)]
     assert any(row.startswith("grows at ") and "e-fold in" in row for row in rows)
     assert all(other.environment is None for other in claims.values() if other is not claim)

@@ -23,6 +23,8 @@ SAID = {
     "sample_time = 250 us": "write 0.00025 alone: the file is in s",
     "sample_time = 0.25ms": "write 0.00025 alone: the file is in s",
     "mass = 1.5e1 kg m^2": "write 1.5e1 alone",
+    "mass = 120 g cm2": "write 1.2e-05 alone: the file is in kg m2",
+    "zero = 90 deg": "write 1.57079632679 alone: the file is in rad",
 }
 
 

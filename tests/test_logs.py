@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from vctune import identify
 from vctune.document.codes import ENDING
 from vctune.document.errors import InputError
 from vctune.document.schemas import SCHEMAS
-from vctune.model.experiment import Friction
+from vctune.model.experiment import USUAL_MASS, Friction
 from vctune.model.quantities import Device
 
 T = 1e-3
@@ -55,6 +56,21 @@ def test_a_good_log_is_identified(log, tmp_path):
     assert abs(found.device.mass / DEVICE.mass - 1) < 0.01
     assert found.bounded("delay").low <= DEVICE.delay <= found.bounded("delay").high
     assert abs(found.friction.coulomb / 0.3 - 1) < 0.05
+
+
+def test_a_rotary_device_says_so_in_its_file(log, tmp_path):
+    """The numbers are those of the linear one, in kg m2; the file reads back, with its experiment."""
+    turned = dict(zip(("time_s", "position_rad", "command_Nm"), log.values(), strict=True))
+    (tmp_path / "log.toml").write_text("rotary = true\n")
+    path = written(tmp_path, turned)
+    plain, found = identify(written(tmp_path, log, "linear.csv")).record, identify(path, tmp_path / "log.toml")
+    assert [each.value for each in found.record.numbers] == [each.value for each in plain.numbers]
+    assert {each.key: each.unit for each in found.record.numbers}["mass"] == "kg m2"
+    assert 'units = "rotary"' in found.text and not re.search(r"\bkg\b(?! m2)|N s/m", found.text)
+    problem = found.file.problem
+    assert problem.device.units == "rotary"
+    share = problem.device.mass / USUAL_MASS
+    assert problem.experiments[0].operator.stiffness == pytest.approx(1000.0 * share, rel=1e-2)
 
 
 def test_order_of_columns_packing_and_separator_do_not_matter(log, tmp_path):

@@ -15,6 +15,7 @@ from vctune.design.record import record_of
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
 from vctune.model.quantities import NUMBERS
+from vctune.model.units import LINEAR
 
 REAL = """
 [device]
@@ -130,12 +131,12 @@ def test_what_takes_too_long_is_not_tried(monkeypatch):
 def test_what_it_is_worth_in_words(new, error, change, said):
     record = PriceRecord(key="device.actuator.bandwidth_hz", old=1.0, new=new, error=error, change=change)
     assert record.worth == said
-    assert record.unit == "Hz"
+    assert record.cells(LINEAR)[2] == "Hz"
 
 
 def test_every_number_has_its_unit(real):
     file = ProblemFile(real.problem, REAL)
-    units = {row.key: row.unit for row in record_of(file, real).prices}
+    units = {row.key: row.cells(LINEAR)[2] for row in record_of(file, real).prices}
     assert units["device.structure.damping_ratio"] == "" and units["device.force_sensor.delay"] == "s"
     assert units["device.sample_time"] == "s" and units["device.structure.handle_mass"] == "kg"
 

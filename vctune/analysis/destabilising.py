@@ -60,9 +60,9 @@ class GrowingEnvironment:
     omega: float
 
     @property
-    def unit(self) -> Literal["N/m", "kg"]:
-        """The unit of its value."""
-        return "N/m" if self.kind == "spring" else "kg"
+    def quantity(self) -> Literal["stiffness", "mass"]:
+        """What its value is (`vctune.model.units`)."""
+        return "stiffness" if self.kind == "spring" else "mass"
 
 
 def destabilising(

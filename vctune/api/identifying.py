@@ -126,7 +126,7 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
 
 
 def _excitation_text(made: Excitation, record: IdentificationRecord) -> str:
-    unit = "Nm" if record.rotary else "N"
+    unit = record.units.force.replace(" ", "")
     rows = (f"{i * made.sample_time:.9g},{force:.6g}" for i, force in enumerate(made.force))
     return "\n".join([f"time_s,command_{unit}", *rows]) + "\n"
 

@@ -17,6 +17,7 @@ from vctune.document.part import text
 from vctune.document.record import DesignRecord, RepairRecord, SpringRecord
 from vctune.document.rows import Cells, CornerRecord, SweepRecord
 from vctune.document.simulation import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+from vctune.model.units import Units
 
 LEAST_WIDTH = 80
 WIDE = 120
@@ -92,39 +93,42 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         console.print(table)
         for one in record.experiments:
             if one.difference is not None:
-                console.print(f"{escape(printable(one.name))}: {_apart(one.difference)}", soft_wrap=True)
+                console.print(f"{escape(printable(one.name))}: {_apart(one.difference, record.units)}", soft_wrap=True)
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 console.print(
-                    f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling)}", soft_wrap=True
+                    f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",
+                    soft_wrap=True,
                 )
             if one.least_virtual is not None:
-                console.print(f"{escape(printable(one.name))}: {_least(one.least_virtual)}", soft_wrap=True)
+                console.print(
+                    f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}", soft_wrap=True
+                )
 
 
-def _apart(difference: DifferenceRecord) -> str:
+def _apart(difference: DifferenceRecord, units: Units) -> str:
     if difference.force is None:
         return "the firmware's commands are not finite"
     if difference.force == 0:
         return "the firmware's commands are those of the design to the last bit"
     return (
-        f"the firmware's commands are within {difference.force:.3g} N of the design's own on the same measurements, "
-        f"farthest at {difference.time_s:.4g} s"
+        f"the firmware's commands are within {difference.force:.3g} {units.force} of the design's own on the same "
+        f"measurements, farthest at {difference.time_s:.4g} s"
     )
 
 
-def _quiet(stiffness: float, coupling: SpringRecord) -> str:
+def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
     return (
-        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} N/m in motion (Abbott and Okamura), "
-        f"the coupling has {coupling.stiffness:.4g} N/m"
+        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} {units.stiffness} in motion (Abbott and "
+        f"Okamura), the coupling has {coupling.stiffness:.4g} {units.stiffness}"
     )
 
 
-def _least(least: LeastVirtualRecord) -> str:
+def _least(least: LeastVirtualRecord, units: Units) -> str:
     if least.share == 0:
-        return "the regular PID is stable without a virtual mass and damping"
+        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
     return (
-        f"the regular PID is stable from a virtual mass of {least.mass:.4g} kg and a damping of "
-        f"{least.damping:.4g} N s/m on"
+        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
+        f"{least.damping:.4g} {units.damping} on"
     )
 
 

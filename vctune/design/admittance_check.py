@@ -21,7 +21,8 @@ from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.toml_text import toml_text
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.quantities import Coupling, Hand, series_coupling
+from vctune.model.quantities import Coupling, Device, Hand, series_coupling
+from vctune.model.units import Units
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import Mode, fastest_mode
 
@@ -106,13 +107,13 @@ def _checked(
     T, name = problem.problem.device.sample_time, f"{problem.problem.name} {axis.axis}"
     coupling = coupling_of_admittance(axis, T)
     if coupling.mass <= 0 or coupling.drag < 0:
-        message = Note("ros-step", f"{path}: {axis.axis}: {_explicit(axis, T)}").line
+        message = Note("ros-step", f"{path}: {axis.axis}: {_explicit(axis, T, problem.problem.units)}").line
         return Checked(path, name, CheckVerdict.FAILED, message, axis.line, None)
     file = _pasted(document, coupling, problem)
     checked = check_problem(file)
     finding = checked.finding
     assert isinstance(finding, DesignFinding), "a problem whose numbers are fixed is judged"
-    told = [*(note.line for note in _traps(axis, coefficient, T)), *finding.warnings]
+    told = [*(note.line for note in _traps(axis, coefficient, problem.problem.device)), *finding.warnings]
     parts = [checked.message]
     if checked.verdict is not CheckVerdict.PASSED:
         parts += [_with_its_spring(file, axis, finding), *_in_its_words(document, axis, finding, problem)]
@@ -131,22 +132,24 @@ def _pasted(document: dict[str, Any], coupling: Coupling, problem: ProblemFile) 
     return problem_file(toml_text({**document, "coupling": numbers}), Path(problem.source))
 
 
-def _explicit(axis: Admittance, T: float) -> str:
+def _explicit(axis: Admittance, T: float, units: Units) -> str:
     if axis.damping * T >= axis.mass:
+        needed = f"{units.translated('a mass')} of more than D T = {axis.damping * T:.4g} {units.mass}"
         return (
-            f"stepped explicitly, a damping of {axis.damping:.4g} N s/m needs a mass of more than D T = "
-            f"{axis.damping * T:.4g} kg, not {axis.mass:.4g}; make it heavier, or damping_ratio or sample time smaller"
+            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} needs {needed}, not {axis.mass:.4g}; "
+            "make it heavier, or damping_ratio or sample time smaller"
         )
     least = (axis.stiffness * T / 2 - axis.joint_damping * axis.mass) / (2 * sqrt(axis.mass * axis.stiffness))
+    taken = f"S T/2 = {axis.stiffness * T / 2:.4g} {units.damping}"
     return (
-        f"stepped explicitly, a stiffness of {axis.stiffness:.4g} N/m takes S T/2 = {axis.stiffness * T / 2:.4g} N s/m "
+        f"stepped explicitly, a stiffness of {axis.stiffness:.4g} {units.stiffness} takes {taken} "
         f"from its damping, which is {axis.damping:.4g}; damping_ratio must be at least {least:.3g}"
     )
 
 
-def _traps(axis: Admittance, coefficient: float, T: float) -> list[Note]:
+def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
     """Return what is easily overlooked in such a file."""
-    found = []
+    found, T = [], device.sample_time
     if axis.stiffness == 0:
         said = (
             f"stiffness 0 means no damping at all: D = 2 damping_ratio sqrt(M S) is 0 whatever damping_ratio "
@@ -156,8 +159,13 @@ def _traps(axis: Admittance, coefficient: float, T: float) -> list[Note]:
     if coefficient < 1 and (corner := corner_hz(coefficient, T)) < SLOW / (2 * T):
         said = f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz"
         found.append(Note("ros-slow-filter", said))
-    if axis.axis.startswith("r"):
+    turns = axis.axis.startswith("r")
+    if turns and device.units == "linear":
         found.append(Note("ros-rotation", "a rotation: the problem file must be of this axis, in kg m^2 and N m s"))
+    elif not turns and device.units == "rotary":
+        found.append(
+            Note("ros-rotation", "a translation: the problem file must be of this axis, not of a rotary device")
+        )
     return found
 
 
@@ -169,12 +177,11 @@ def _with_its_spring(file: ProblemFile, axis: Admittance, finding: DesignFinding
     corners = [Hand(*numbers) for numbers in product(*zip(_numbers(hands.low), _numbers(hands.high), strict=True))]
     tried = [*corners, *([held.hand] if held is not None else [])]
     hand, worst = max(((hand, _mode(file, axis, finding, hand)) for hand in tried), key=lambda pair: pair[1].radius)
+    units = file.problem.units
+    own = f"with its own stiffness of {axis.stiffness:g} {units.stiffness}"
     if worst.radius < 1:
-        return (
-            f"with its own stiffness of {axis.stiffness:g} N/m alone it does not grow in the corners of the box: "
-            "another passive environment makes it"
-        )
-    return f"with its own stiffness of {axis.stiffness:g} N/m it grows at {worst.hz:.4g} Hz in the hand of {hand}"
+        return f"{own} alone it does not grow in the corners of the box: another passive environment makes it"
+    return f"{own} it grows at {worst.hz:.4g} Hz in the hand of {hand.in_words(units)}"
 
 
 def _numbers(hand: Hand) -> tuple[float, float, float]:

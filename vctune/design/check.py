@@ -31,6 +31,7 @@ from vctune.markup import html_facts
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.units import UNITS
 
 
 class CheckVerdict(StrEnum):
@@ -280,19 +281,22 @@ def _repairs(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
 
 
 def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:
+    units = UNITS[judgement.tightest.units]
     if judgement.status is Status.CERTIFIED:
         demands = judgement.certificate.demands
         low, high = (edge / (2 * pi) for edge in demands.band)
         where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
         where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
-        where += [f"in every hand of {demands.hands} up to Nyquist"] if demands.hands is not None else []
+        where += (
+            [f"in every hand of {demands.hands.in_words(units)} up to Nyquist"] if demands.hands is not None else []
+        )
         return (
             f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, "
             f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
         )
     worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
     if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
-        worst += f" in the hand of {judgement.in_hand.hand}"
+        worst += f" in the hand of {judgement.in_hand.hand.in_words(units)}"
     known = judgement.reserve_missed or worst
     return "; ".join([*judgement.open_claims, known, *([_remedy(repairs)] if repairs is not None else [])])
 

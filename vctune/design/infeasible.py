@@ -15,6 +15,7 @@ from vctune.design.scan import ScanResult
 from vctune.design.variables import design_of, point
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Coupling, Gains
+from vctune.model.units import UNITS
 from vctune.proof.sampled_loop import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -65,7 +66,11 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
         return Infeasibility(opening, "widen the bounds", proved)
     start = scanned.starts[0]
     gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
-    prefix = f"{opening}; the nearest miss has velocity {gains.velocity:.4g} N s/m, position {gains.position:.4g} N/m: "
+    units = prepared.given.problem.units
+    prefix = (
+        f"{opening}; the nearest miss has velocity {gains.velocity:.4g} {units.damping}, "
+        f"position {gains.position:.4g} {units.stiffness}: "
+    )
     failures = (_first_failure(case, gains, coupling) for case in prepared.given.cases)
     missed = next((failure for failure in failures if failure is not None), None)
     unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not", "widen the bounds"
@@ -136,7 +141,7 @@ def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple
         minima = ratio_minima(problem, gains, coupling)
         found.append((float(minima.value[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
     for worst in least_ratios(problem, gains, coupling):
-        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand}"
+        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
         found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
     return min(found)
 
@@ -148,9 +153,10 @@ def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | Non
     resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
     lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
     if lack >= 0:
+        unit = UNITS[device.units].damping
         return (
-            f"Re G_hh < 0 at {hz:.4g} Hz, where b + Re C = {-lack:.4g} N s/m",
-            f"add {lack:.4g} N s/m of device damping, shorten the delay, or end stability.band_hz below {hz:.4g} Hz",
+            f"Re G_hh < 0 at {hz:.4g} Hz, where b + Re C = {-lack:.4g} {unit}",
+            f"add {lack:.4g} {unit} of device damping, shorten the delay, or end stability.band_hz below {hz:.4g} Hz",
         )
     return None
 

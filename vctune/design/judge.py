@@ -20,10 +20,11 @@ from vctune.design.prepared import Posed, compared, pose
 from vctune.design.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.frequency import hertz
-from vctune.model.keys import SYMBOLS, UNITS, keys_of
+from vctune.model.keys import keys_of, labelled
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains, series_coupling
+from vctune.model.units import UNITS, Units
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
@@ -106,9 +107,9 @@ class Judgement:
     @property
     def facts(self) -> dict[str, float | str | None]:
         """The design and what is proved of it, by name and unit."""
-        values = astuple(self.gains) + astuple(self.coupling)
+        values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
         return {
-            **{f"{SYMBOLS[key]}, {UNITS[key]}": x for key, x in zip(keys_of(len(values)), values, strict=True)},
+            **{labelled(key, units): x for key, x in zip(keys_of(len(values)), values, strict=True)},
             "error": self.transparency.error,
             self.ratio_name: self.min_ratio,
             "at, Hz": self.worst_hz,
@@ -128,7 +129,7 @@ class Judgement:
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
         return [
-            f"{outcome.verdict.value}{_place(outcome)}: {claim.value}"
+            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}"
             for claim, outcome in self.certificate.outcomes.items()
             if outcome.verdict is not Verdict.PROVED
         ]
@@ -144,10 +145,10 @@ class Judgement:
         )
 
 
-def _place(outcome: Outcome) -> str:
+def _place(outcome: Outcome, units: Units) -> str:
     place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
     if (hand := outcome.hand) is not None:
-        place += f" in the hand of {hand}"
+        place += f" in the hand of {hand.in_words(units)}"
     if (device := outcome.device) is None:
         return place
     known = [f"{key} {number:.6g}" for key, number in device.numbers().items() if key != "sample_time"]

@@ -205,11 +205,15 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
         if rate is not None:
             fastest = nyquist if key == "velocity.filter_hz" else max(100 * rate, nyquist)
             yield ParameterChange(
-                ("device", *key.split(".")), meaning, rate, min(fastest, FASTEST / device.sample_time)
+                ("device", *key.split(".")),
+                problem.units.translated(meaning),
+                rate,
+                min(fastest, FASTEST / device.sample_time),
             )
     if device.force_sensor is not None and device.force_sensor.delay > 0:
         path = ("device", "force_sensor", "delay")
-        yield ParameterChange(path, "less delay of the force sensor", device.force_sensor.delay, 0.0)
+        less = f"less delay of the {problem.units.force_name} sensor"
+        yield ParameterChange(path, less, device.force_sensor.delay, 0.0)
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:

@@ -49,10 +49,12 @@ from vctune.document.record import (
     TransparencyRecord,
     WithoutOperatorRecord,
     coupling_record,
+    stated_units,
 )
 from vctune.model.frequency import hertz
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.units import UNITS
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.sampled_loop import spectral_radius
@@ -111,7 +113,7 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
-        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text),
+        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text, **stated_units(problem.device)),
         status=solved.status.value,
         reason=solved.reason,
         active=active(solved),
@@ -288,7 +290,7 @@ def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> di
         hand=HandRecord(**asdict(hand)),
         kind=found.kind,
         value=found.value,
-        unit=found.unit,
+        unit=UNITS[device.units].of(found.quantity),
         damping=found.damping,
         hz=hertz(found.omega),
         growth_per_s=found.growth,

@@ -12,6 +12,7 @@ from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
+from vctune.model.units import UNITS
 from vctune.proof.polynomials import is_rational
 
 LEAST_POSITION = 5e-324
@@ -33,7 +34,8 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
     if not problem.any_hand or problem.device.least_damping > 0:
         return None
     cause = (
-        "device.damping is 0: any passive hand, or none, may answer any force with any motion, so that R is infinite"
+        f"device.damping is 0: any passive hand, or none, may answer any {problem.units.force_name} with any motion, "
+        "so that R is infinite"
     )
     return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
 
@@ -62,9 +64,10 @@ def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     if not limp or not lossy or bounds.drag.max > 0 or bounds.position.max == 0:
         return None
     proved = bounds.position.min > 0
+    units = UNITS[device.units]
     cause = (
-        "in hands without mass and damping and of little stiffness K the required R is K (b/K_p + tau_s) at 0 Hz, but "
-        "Re Z_c is the drag, 0 N s/m"
+        f"in hands without {units.mass_name} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
+        f"at 0 Hz, but Re Z_c is the drag, 0 {units.damping}"
     )
     if not proved:
         cause = f"{OPENINGS[False]}: with K_p > 0, {cause}; with K_p = 0 nothing is proved in a hand without stiffness"
@@ -94,12 +97,12 @@ def _negative_resistance(problem: Problem) -> tuple[str, str] | None:
     if K_v < most:
         return None
     device, omega = problem.device, problem.stability.band.min
-    tau = lags(device, FLOATS).drive
+    tau, units = lags(device, FLOATS).drive, UNITS[device.units]
     place, growth = ("for omega -> 0", "") if omega == 0 else (f"at {omega / (2 * pi):.4g} Hz", " (1 + (omega tau)^2)")
     return (
-        f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} N s/m, but "
-        f"gains.velocity is at most {most:.4g} N s/m",
-        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / tau:.4g} N/m",
+        f"Re G_hh > 0 {place} needs K_v > tau K_p - {_damping(device)}{growth}, at least {K_v:.4g} {units.damping}, "
+        f"but gains.velocity is at most {most:.4g} {units.damping}",
+        f"lower gains.position.min below {problem.bounds.position.min - (K_v - most) / tau:.4g} {units.stiffness}",
     )
 
 
@@ -148,19 +151,19 @@ def _with_integrator(problem: Problem) -> tuple[str, str] | None:
     limit = low_frequency_limit(device, Gains(bounds.velocity.max, max(bounds.position.min, LEAST_POSITION)), most)
     if _met(limit, factor):
         return None
-    drag = factor * limit.required
+    drag, unit = factor * limit.required, UNITS[device.units].damping
     held = device.operator is not None
     late = "(b + tau_s K_p)" if device.force_sensor is not None else "b"
     R = "(b^2 - 4 b_h k)/(4 (b + b_h + k)), k = K_v - tau K_p," if held else f"{late}^2/(4 (b + K_v - tau K_p))"
     reason = (
         f"with K_p > 0 the required R tends to {R} for omega -> 0, at least "
-        f"{limit.required:.4g} N s/m, with the safety factor {drag:.4g} N s/m, but Re Z_c tends to the drag, at most "
-        f"{most.drag:.4g} N s/m"
+        f"{limit.required:.4g} {unit}, with the safety factor {drag:.4g} {unit}, but Re Z_c tends to the drag, at most "
+        f"{most.drag:.4g} {unit}"
     )
     if most.drag > 0:
-        return reason, f"allow a coupling.drag of {drag:.4g} N s/m"
+        return reason, f"allow a coupling.drag of {drag:.4g} {unit}"
     lowest = sqrt(drag * most.damping) / most.mass / (2 * pi)
-    advice = f"allow a coupling.drag of {drag:.4g} N s/m, raise stability.band_hz[0] to at least {lowest:.4g} Hz"
+    advice = f"allow a coupling.drag of {drag:.4g} {unit}, raise stability.band_hz[0] to at least {lowest:.4g} Hz"
     return reason, advice
 
 
@@ -176,11 +179,11 @@ def _without_integrator(problem: Problem) -> tuple[str, str] | None:
     limits = [low_frequency_limit(device, Gains(K_v, 0.0), most) for K_v in (bounds.velocity.min, bounds.velocity.max)]
     if any(_met(limit, factor) for limit in limits):
         return None
-    need = factor * min(limit.required for limit in limits)
+    need, unit = factor * min(limit.required for limit in limits), UNITS[device.units].mass
     return (
         "with K_p = 0 omega -> 0 needs m_c^2/b_c >= K_v (m + b tau)^2/(4 (b + K_v)^2), with the safety factor at least "
-        f"{need:.4g} kg s, but the bounds allow {limits[0].coupling:.4g} kg s",
-        f"raise coupling.mass.max to {sqrt(need * most.damping):.4g} kg, or allow some coupling.drag",
+        f"{need:.4g} {unit} s, but the bounds allow {limits[0].coupling:.4g} {unit} s",
+        f"raise coupling.mass.max to {sqrt(need * most.damping):.4g} {unit}, or allow some coupling.drag",
     )
 
 
@@ -198,11 +201,11 @@ def _at_infinity(problem: Problem) -> tuple[str, str] | None:
             f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), which no coupling has for a device without damping",
             "lower stability.band_hz[1] to a finite edge, or add device damping",
         )
-    need = factor * limit.required
+    need, unit = factor * limit.required, UNITS[device.units].damping
     return (
-        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} N s/m and the safety factor at "
-        f"least {need:.4g} N s/m, but the bounds allow {limit.coupling:.4g} N s/m",
-        f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} N s/m",
+        f"omega -> inf needs b_c + b_0 >= 2 m K_v/({b} T), with K_v at least {K_v:.4g} {unit} and the safety factor at "
+        f"least {need:.4g} {unit}, but the bounds allow {limit.coupling:.4g} {unit}",
+        f"lower stability.band_hz[1] to a finite edge, or raise coupling.damping.max to {need - most.drag:.4g} {unit}",
     )
 
 

@@ -38,6 +38,7 @@ class Device(quantities.Device):
     hold : "zoh", the exact zero-order hold, or "lag", the first-order lag 2/(2 + sT)
     operator : the least impedance that is always at the handle; None for none
     velocity, actuator, force_sensor, structure : what an ideal device has not; None for ideal
+    units : "linear", or "rotary": kg m2, N m s/rad and the like in place of kg and N s/m
 
     Raises
     ------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from vctune.document.part import Document, Part, Shown, filled, how_shown
@@ -10,6 +10,7 @@ from vctune.document.reading import parse_problem
 from vctune.document.record import DesignRecord
 from vctune.document.statement import statement
 from vctune.document.validation import KeyPath, dotted
+from vctune.model.units import Units
 
 UNCOMPARED = ("name", "description", "experiment")
 """Keys of a problem that designing does not look at."""
@@ -103,21 +104,28 @@ def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
 def _values(a: DesignRecord, b: DesignRecord) -> Iterator[ValueRecord]:
     """Yield the numbers and verdicts that either design shows, by group."""
     for name, title in DesignRecord.GROUPS.items():
-        yield from _compared(title, name, getattr(a, name), getattr(b, name))
+        yield from _compared(title, name, ((getattr(a, name), a.units), (getattr(b, name), b.units)))
 
 
-def _compared(title: str, prefix: str, a: Part | None, b: Part | None) -> Iterator[ValueRecord]:
-    parts = [part for part in (a, b) if part is not None]
-    for field, shown in {field: each for part in parts for field, each in how_shown(type(part)).items()}.items():
-        one, other = (_scaled(getattr(part, field, None), shown) for part in (a, b))
-        label = " or ".join(dict.fromkeys(filled(part, shown.label) for part in parts if hasattr(part, field)))
-        unit = "Hz" if field.endswith("_hz") else "" if "{" in shown.unit else shown.unit
+def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+    parts = [(part, units) for part, units in sides if part is not None]
+    for field, shown in {field: each for part, _ in parts for field, each in how_shown(type(part)).items()}.items():
+        one, other = (_scaled(getattr(part, field, None), shown) for part, _ in sides)
+        having = [(part, units) for part, units in parts if hasattr(part, field)]
+        label = _either(units.translated(filled(part, shown.label, units)) for part, units in having)
+        unit = _either(units.of(shown.of) for _, units in having) or ("" if "{" in shown.unit else shown.unit)
+        unit = "Hz" if field.endswith("_hz") else unit
         if not shown.detail and (one is not None or other is not None):
             key = f"{prefix}.{field}"
             yield ValueRecord(group=title, key=key, label=label, unit=unit, digits=shown.digits, a=one, b=other)
-    inner = [name for part in parts for name, value in part if isinstance(value, Part)]
+    inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
     for name in dict.fromkeys(inner):
-        yield from _compared(title, f"{prefix}.{name}", getattr(a, name, None), getattr(b, name, None))
+        yield from _compared(title, f"{prefix}.{name}", [(getattr(part, name, None), units) for part, units in sides])
+
+
+def _either(said: Iterable[str]) -> str:
+    """Return what is said of both, or what of either."""
+    return " or ".join(dict.fromkeys(said))
 
 
 def _scaled(value: Any, shown: Shown) -> Any:

@@ -11,6 +11,7 @@ from vctune.document.display_contradictions import impossible_display
 from vctune.document.experiment_contradictions import impossible_experiments
 from vctune.document.plausibility import in_finer_unit
 from vctune.document.raw import number_at
+from vctune.document.rotary_contradictions import missing_of_rotary
 from vctune.document.validation import Contradiction
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.quantities import HAND, PARTS
@@ -27,6 +28,7 @@ def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
         *_impossible_criterion(raw),
         *impossible_display(raw),
         *impossible_experiments(raw),
+        *missing_of_rotary(raw),
     ]
 
 

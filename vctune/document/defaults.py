@@ -30,6 +30,7 @@ from vctune.model.quantities import (
     VelocityEstimate,
 )
 from vctune.model.transparency import Terms
+from vctune.model.units import UnitSystem
 
 
 def resolve(document: ProblemDocument, default_name: str) -> Problem:
@@ -40,7 +41,7 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     document : the tables of a problem file, in its units
     default_name : of the problem, where the document states none
     """
-    hands = _hands(document.operator or OperatorTable())
+    hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
     counted = operator if document.stability.criterion != "hands" else None
     device = replace(device_of(document.device), operator=counted)
@@ -92,9 +93,12 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     )
 
 
-def _hands(table: OperatorTable) -> Hands:
-    """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much."""
-    most = astuple(HUMAN_HANDS.high)
+def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
+    """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
+
+    What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
+    """
+    most = astuple(HUMAN_HANDS.high) if system == "linear" else (0.0, 0.0, 0.0)
     each = (table.mass, table.damping, table.stiffness)
     ranges = [
         Range(value, max(value, high)) if isinstance(value, float) else Range(value.min, value.max)
@@ -136,6 +140,7 @@ def device_of(table: DeviceTable) -> Device:
         force_sensor=None if sensed == ForceSensor() else sensed,
         structure=flexible,
         display=table.display,
+        units=table.units,
     )
 
 

@@ -8,6 +8,7 @@ from math import inf, isfinite
 from typing import Any
 
 from vctune.document.raw import number_at
+from vctune.document.units import units_stated
 from vctune.document.validation import Contradiction
 from vctune.model.quantities import NUMBERS
 
@@ -69,17 +70,18 @@ def _masses(raw: dict[str, Any]) -> Iterator[Contradiction]:
     mass, handle = number_at(raw, "device", "mass"), number_at(raw, "device", "structure", "handle_mass")
     if not (mass and handle and mass > 0 and handle > 0):
         return
+    unit = units_stated(raw).mass
     if handle >= mass:
         yield (
             ("device", "structure", "handle_mass"),
-            f"{handle:g} kg is not less than device.mass = {mass:g} kg, of which it is a part",
+            f"{handle:g} {unit} is not less than device.mass = {mass:g} {unit}, of which it is a part",
         )
         return
     less, more = (number_at(raw, "uncertainty", key) or 0.0 for key in ("mass", "structure.handle_mass"))
     if less < 1 and handle * (1 + more) >= mass * (1 - less):
         yield (
             ("uncertainty", "structure.handle_mass" if more else "mass"),
-            f"lets the handle, {handle * (1 + more):g} kg, be as heavy as the device, {mass * (1 - less):g} kg",
+            f"lets the handle, {handle * (1 + more):g} {unit}, be as heavy as the device, {mass * (1 - less):g} {unit}",
         )
 
 

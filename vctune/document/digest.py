@@ -21,6 +21,8 @@ def problem_digest(problem: Problem) -> str:
     stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
     if not problem.device.renders_force:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
+    if problem.device.units == "linear":
+        del stated["device"]["units"]
     if problem.hands_met is None:
         del stated["hands"], stated["stability"]["criterion"]
     return digest(stated)

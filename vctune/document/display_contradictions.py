@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from vctune.document.raw import number_at
+from vctune.document.units import units_stated
 from vctune.document.validation import Contradiction
 
 OF_ADMITTANCE: dict[tuple[str, ...], str] = {
@@ -40,7 +41,8 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
         return
     for path, reason in OF_ADMITTANCE.items():
         if _stated(raw, path):
-            yield path, f'means nothing with device.display = "impedance": {reason}; leave it out'
+            why = units_stated(raw).translated(reason)
+            yield path, f'means nothing with device.display = "impedance": {why}; leave it out'
     velocity = device.get("velocity")
     if isinstance(velocity, dict) and velocity.get("from") == "measured":
         yield (

@@ -8,8 +8,9 @@ from __future__ import annotations
 from dataclasses import astuple
 
 from vctune.document.toml_text import quoted
-from vctune.model.keys import SYMBOLS, UNITS, keys_of
+from vctune.model.keys import keys_of, labelled
 from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
+from vctune.model.units import LINEAR, Units
 
 
 def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
@@ -28,16 +29,21 @@ def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, fl
     return tables
 
 
-def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str]) -> str:
+def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: Units = LINEAR) -> str:
     """Return the text of a gains file.
 
     Parameters
     ----------
     gains, coupling : plain floats, written in their shortest exact decimals
     origin : keys and texts of the [design] table
+    units : of the device
     """
     written = [
-        [f"[{table}]", *(f"{name} = {value!r}  # {_told(f'{table}.{name}')}" for name, value in numbers.items()), ""]
+        [
+            f"[{table}]",
+            *(f"{name} = {value!r}  # {labelled(f'{table}.{name}', units)}" for name, value in numbers.items()),
+            "",
+        ]
         for table, numbers in design_tables(gains, coupling).items()
     ]
     lines = [
@@ -47,7 +53,3 @@ def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str]) -> s
         *(f"{key} = {quoted(text)}" for key, text in origin.items()),
     ]
     return "\n".join(lines) + "\n"
-
-
-def _told(key: str) -> str:
-    return f"{SYMBOLS[key]}, {UNITS[key]}"

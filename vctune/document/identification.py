@@ -10,6 +10,8 @@ from pydantic import Field
 from vctune.document.errors import printable
 from vctune.document.part import Document, Number, Pair, Part
 from vctune.document.toml_text import toml_text
+from vctune.model.experiment import usual_share
+from vctune.model.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STEP = 1e-5
@@ -121,6 +123,11 @@ class IdentificationRecord(Document):
     remarks: list[str]
     versions: dict[str, str | None]
 
+    @property
+    def units(self) -> Units:
+        """Of the device and all that is said of it."""
+        return UNITS["rotary" if self.rotary else "linear"]
+
 
 def stated(value: float, low: float, high: float) -> tuple[float, float]:
     """Return a number in six digits, and the relative half-width, rounded up, with which the file holds an interval.
@@ -165,11 +172,9 @@ def _head(record: IdentificationRecord) -> list[str]:
     lines = ["# Identified by `vctune identify` from"]
     for each in record.recordings:
         lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
-        of = "response" if each.cutoff_hz is None else "force"
+        of = "response" if each.cutoff_hz is None else record.units.force_name
         residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
         lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
-    if record.rotary:
-        lines.append("# A rotary device: kg, m, N and N s/m stand for kg m2, rad, N m and N m s/rad.")
     if any(each.low <= 0 for each in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
     lines += [f"# {printable(remark)}" for remark in record.remarks]
@@ -207,16 +212,22 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
                 '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
         if heading == "[[experiment]]" and line == heading:
-            lines.append("# Friction and noise as they were found; hand and motion are vctune's defaults.")
+            whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
+            lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")
         lines.append(line)
     return "\n".join(lines) + "\n"
 
 
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
     made: dict[str, Any] = {"name": "as identified"}
+    bristles: dict[str, float] = {}
+    if record.rotary:
+        share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
+        made["operator"] = {"to": 0.05, "speed": 0.01, "damping": 2.0 * share, "stiffness": 1000.0 * share}
+        bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
     if record.friction is not None:
         found = record.friction
-        made["friction"] = {"coulomb": found.coulomb}
+        made["friction"] = {"coulomb": found.coulomb} | bristles
         if found.stiction is not None and found.stribeck_velocity is not None:
             made["friction"] |= {"stiction": found.stiction, "stribeck_velocity": found.stribeck_velocity}
     if record.force_noise:

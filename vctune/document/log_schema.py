@@ -110,7 +110,9 @@ class LogDocument(Table):
         description="Of the device and of its folder. Default: the first log's stem.",
     )
     description: Text = Field("", description="Free text for the reader.")
-    rotary: bool = Field(False, strict=True, description="Whether kg, m and N stand for kg m2, rad and N m.")
+    rotary: bool = Field(
+        False, strict=True, description="Whether kg, m and N stand for kg m2, rad and N m; device.units then says so."
+    )
     sample_time: Positive | None = Field(None, description="T, s. Default: the median step of the column time.")
     columns: ColumnsTable = Field(default_factory=ColumnsTable)
     device: KnownDeviceTable = Field(default_factory=KnownDeviceTable)

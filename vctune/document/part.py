@@ -10,6 +10,9 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
+from vctune.model.quantities import Hands
+from vctune.model.units import Units
+
 
 @dataclass(frozen=True, slots=True)
 class Shown:
@@ -17,12 +20,13 @@ class Shown:
 
     Attributes
     ----------
-    label : what it is called
+    label : what it is called, of a linear device
     unit : text behind the number; in both a field's name in braces stands for its value
     digits : significant digits
     scale : of the number in that unit
     optional : whether the row is left out where the number does not exist
     detail : whether it is for the report alone, too much for a terminal
+    of : which quantity it is (`vctune.model.units`), whose unit is then behind it
     """
 
     label: str
@@ -31,6 +35,7 @@ class Shown:
     scale: float = 1.0
     optional: bool = False
     detail: bool = False
+    of: str = ""
 
 
 class Row(NamedTuple):
@@ -70,25 +75,35 @@ class Part(BaseModel):
 
     model_config = ConfigDict(extra="allow", strict=True, frozen=True, allow_inf_nan=False, defer_build=True)
 
-    def rows(self) -> Iterator[Row]:
-        """Yield the fields that are shown, in their order."""
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the fields that are shown, in their order, in the words and units of a kind of device."""
         for name, shown in how_shown(type(self)).items():
             value = getattr(self, name)
             if value is not None or not shown.optional:
                 scaled = value * shown.scale if isinstance(value, float) else value
-                label, unit = (filled(self, words) for words in (shown.label, shown.unit))
-                yield Row(label, text(scaled, shown.digits), unit, shown.detail)
+                label, unit = (filled(self, words, units) for words in (shown.label, shown.unit))
+                yield Row(units.translated(label), text(scaled, shown.digits), units.of(shown.of) or unit, shown.detail)
+
+    def in_words(self, units: Units) -> str:
+        """Return what stands for the part in a sentence."""
+        return ", ".join(f"{row.value} {row.unit}".rstrip() for row in self.rows(units))
 
 
-def filled(part: Part, words: str) -> str:
-    """Return words of a field with what they name in braces, other fields or properties of the part.
+def filled(part: Part, words: str, units: Units) -> str:
+    """Return words of a field with what they name in braces, other fields, parts or properties of the part.
 
     Parameters
     ----------
     part : whose fields are named
     words : text with names in braces, as in "of {band}"
+    units : of what is shown
     """
-    return re.sub(r"{(\w+)}", lambda field: text(getattr(part, field[1])), words)
+
+    def stated(field: re.Match[str]) -> str:
+        value = getattr(part, field[1])
+        return value.in_words(units) if isinstance(value, Part | Hands) else text(value)
+
+    return re.sub(r"{(\w+)}", stated, words)
 
 
 class Document(Part):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from vctune.document.part import Number, Part, text
+from vctune.document.units import unit_of
+from vctune.model.units import Units
 
 NO_DIFFERENCE = 5e-4
 """Share of the error below which a change of it is none. The search tells basins apart to 1e-3, twice that; half shows
 the fourth digit of what nobody will feel."""
-UNITS = {"mass": "kg", "damping": "N s/m", "time": "s", "delay": "s", "hz": "Hz", "ratio": ""}
-"""Of the numbers of a device, by the last word of their keys."""
 
 
 class PriceRecord(Part):
@@ -21,11 +21,6 @@ class PriceRecord(Part):
     change: Number
 
     @property
-    def unit(self) -> str:
-        """Of the number."""
-        return UNITS[self.key.replace(".", "_").rpartition("_")[2]]
-
-    @property
     def worth(self) -> str:
         """What the better number does to the error, in words."""
         if self.new is None:
@@ -36,8 +31,7 @@ class PriceRecord(Part):
             return "no difference"
         return f"{100 * self.change:+.1f} %"
 
-    @property
-    def cells(self) -> tuple[str, str, str, str]:
-        """The value, a better one, their unit, the error then."""
+    def cells(self, units: Units) -> tuple[str, str, str, str]:
+        """Return the value, a better one, their unit, the error then."""
         new, error = ("" if number is None else text(number, 4) for number in (self.new, self.error))
-        return text(self.old, 4), new, self.unit, error
+        return text(self.old, 4), new, unit_of(tuple(self.key.split(".")), units), error

@@ -12,9 +12,11 @@ from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
 from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
+from vctune.document.units import units_stated
 from vctune.document.validation import Fault, examined, refusal, validated
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.units import Units
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +118,16 @@ def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[F
     """
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
-        return None, faults
+        return None, [_told(fault, units_stated(raw)) for fault in faults]
     problem = resolve(document, default_name)
     if problem.stability.band.min >= problem.stability.band.max:
         return None, [_empty_default_band(problem)]
     return problem, []
+
+
+def _told(fault: Fault, units: Units) -> Fault:
+    """Return a fault in the words of a kind of device: what documents a key that is missing is of a linear one."""
+    return fault._replace(message=units.translated(fault.message)) if fault.code == "missing-key" else fault
 
 
 @dataclass(frozen=True, slots=True)

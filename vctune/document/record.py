@@ -15,8 +15,19 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from vctune.document.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.prices import PriceRecord
-from vctune.model.quantities import AnyCoupling, Coupling, Display, Gains, Hand, SpringDamper, Unmodelled
+from vctune.model.quantities import (
+    AnyCoupling,
+    Coupling,
+    Device,
+    Display,
+    Gains,
+    Hand,
+    Hands,
+    SpringDamper,
+    Unmodelled,
+)
 from vctune.model.transparency import TermName
+from vctune.model.units import UNITS, Units, UnitSystem
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
@@ -27,18 +38,24 @@ Proof = Literal["proved", "refuted", "undecided"]
 
 
 class ProblemRecord(Part):
-    """The problem file."""
+    """The problem file, and how its device moves: nothing is said of a linear one."""
 
     name: str
     sha256: str
     text: str
+    units: UnitSystem = "linear"
+
+
+def stated_units(device: Device) -> dict[str, UnitSystem]:
+    """Return what a record says of how a device moves: nothing of a linear one."""
+    return {} if device.units == "linear" else {"units": device.units}
 
 
 class GainsRecord(Part):
     """Gains of the velocity loop."""
 
-    velocity: Annotated[NotNegative, Shown("velocity K_v", "N s/m", 8)]
-    position: Annotated[NotNegative, Shown("position K_p", "N/m", 8)]
+    velocity: Annotated[NotNegative, Shown("velocity K_v", digits=8, of="damping")]
+    position: Annotated[NotNegative, Shown("position K_p", digits=8, of="stiffness")]
 
     @property
     def plain(self) -> Gains:
@@ -49,9 +66,9 @@ class GainsRecord(Part):
 class CouplingRecord(Part):
     """The virtual coupling."""
 
-    damping: Annotated[Positive, Shown("damping b_c", "N s/m", 8)]
-    mass: Annotated[Positive, Shown("mass m_c", "kg", 8)]
-    drag: Annotated[NotNegative, Shown("drag b_0", "N s/m", 8)] = 0.0
+    damping: Annotated[Positive, Shown("damping b_c", digits=8, of="damping")]
+    mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
+    drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
 
     @property
     def plain(self) -> AnyCoupling:
@@ -62,8 +79,8 @@ class CouplingRecord(Part):
 class SpringRecord(Part):
     """The virtual coupling of an impedance display."""
 
-    damping: Annotated[NotNegative, Shown("damping b_c", "N s/m", 8)]
-    stiffness: Annotated[Positive, Shown("stiffness k_c", "N/m", 8)]
+    damping: Annotated[NotNegative, Shown("damping b_c", digits=8, of="damping")]
+    stiffness: Annotated[Positive, Shown("stiffness k_c", digits=8, of="stiffness")]
 
     @property
     def plain(self) -> SpringDamper:
@@ -135,14 +152,15 @@ class PerturbationRecord(Part):
 class DeviceRecord(Part):
     """The numbers of a device that may be uncertain; those of its parts by their keys."""
 
-    mass: Annotated[float, Shown("mass", "kg")]
-    damping: Annotated[float, Shown("damping", "N s/m")]
-    delay: Annotated[float, Shown("delay", "s")]
+    mass: Annotated[float, Shown("mass", of="mass")]
+    damping: Annotated[float, Shown("damping", of="damping")]
+    delay: Annotated[float, Shown("delay", of="time")]
     parts: dict[str, float] = Field(default_factory=dict)
     unmodelled: PerturbationRecord | None = None
 
-    def __str__(self) -> str:
-        own = [f"{row.value} {row.unit}" for row in self.rows() if float(row.value)]
+    def in_words(self, units: Units) -> str:
+        """Return its numbers, those that are 0 apart."""
+        own = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
         off = [] if self.unmodelled is None else [str(self.unmodelled)]
         return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
@@ -154,8 +172,9 @@ class HandRecord(Part):
     damping: float
     stiffness: float
 
-    def __str__(self) -> str:
-        return str(Hand(self.mass, self.damping, self.stiffness))
+    def in_words(self, units: Units) -> str:
+        """Return its numbers with their units."""
+        return Hand(self.mass, self.damping, self.stiffness).in_words(units)
 
 
 class EnvironmentRecord(Part):
@@ -164,16 +183,17 @@ class EnvironmentRecord(Part):
     hand: HandRecord
     kind: Literal["spring", "mass"]
     value: float
-    unit: Literal["N/m", "kg"]
+    unit: str
     damping: float
     hz: float
     growth_per_s: float
 
-    def __str__(self) -> str:
-        lossless = "" if self.damping else "lossless "
-        rendered = f"a {lossless}{self.kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
+    def in_words(self, units: Units) -> str:
+        """Return what it is and how the design grows with it."""
+        kind = units.translated(f"a {self.kind}") if self.damping else f"a lossless {units.translated(self.kind)}"
+        rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
         if self.damping:
-            rendered += f" and a damper of {text(self.damping)} N s/m"
+            rendered += f" and a damper of {text(self.damping)} {units.damping}"
         return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
 
 
@@ -187,7 +207,7 @@ class ClaimRecord(Part):
     witness_hand: HandRecord | None = None
     environment: EnvironmentRecord | None = None
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self, units: Units) -> Iterator[Row]:
         """Yield what is shown of a claim that is not proved; its text is too long for a label."""
         yield Row(
             "claim",
@@ -195,13 +215,13 @@ class ClaimRecord(Part):
             self.claim + ("" if self.witness_hz is None else f", at {text(self.witness_hz, 6)} Hz"),
         )
         if self.witness_device is not None:
-            yield Row("", "", f"with {self.witness_device}")
+            yield Row("", "", f"with {self.witness_device.in_words(units)}")
         if self.witness_hand is not None:
-            yield Row("", "", f"in the hand of {self.witness_hand}")
+            yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
         if self.environment is not None:
-            yield Row("", "", f"grows at {self.environment}")
+            yield Row("", "", f"grows at {self.environment.in_words(units)}")
             if self.environment.hand != self.witness_hand:
-                yield Row("", "", f"in the hand of {self.environment.hand}")
+                yield Row("", "", f"in the hand of {self.environment.hand.in_words(units)}")
 
 
 class WithoutOperatorRecord(Part):
@@ -215,7 +235,7 @@ class WithoutOperatorRecord(Part):
 class HandsRecord(DisplayPart):
     """What is proved of every hand of a box, in the sampled loop at every frequency."""
 
-    verdict: Annotated[Proof, Shown("every hand", "{stated}")]
+    verdict: Annotated[Proof, Shown("every hand", "of {within}")]
     box: dict[str, Pair]
     min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
     worst_hz: Number
@@ -223,16 +243,13 @@ class HandsRecord(DisplayPart):
     boxes: int
 
     @property
-    def stated(self) -> str:
-        """The box in words."""
-        units = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
-        ranges = (f"{low:g} to {high:g} {units[name]}" for name, (low, high) in self.box.items())
-        return f"of {', '.join(ranges)}"
+    def within(self) -> Hands:
+        """The box."""
+        return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
 
-    @property
-    def promise(self) -> str:
-        """What is proved if it is, in words."""
-        return f"in every hand {self.stated}, {ENVIRONMENTS}, at every frequency"
+    def promise(self, units: Units) -> str:
+        """Return what is proved if it is, in words."""
+        return f"in every hand of {self.within.in_words(units)}, {ENVIRONMENTS}, at every frequency"
 
 
 class AnyHandRecord(DisplayPart):
@@ -267,15 +284,15 @@ class CertificateRecord(DisplayPart):
         """What holds outside the proved band, where there is one."""
         return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self, units: Units) -> Iterator[Row]:
         """Yield what is shown of it, and the claims that are not proved; rows of a band only where there is one."""
-        shown = list(super().rows())
+        shown = list(super().rows(units))
         yield from shown if self.band_hz is not None else shown[:1]
-        yield from self.any_hand.rows() if self.any_hand else ()
-        yield from self.without_operator.rows() if self.without_operator else ()
-        yield from self.hands.rows() if self.hands else ()
+        yield from self.any_hand.rows(units) if self.any_hand else ()
+        yield from self.without_operator.rows(units) if self.without_operator else ()
+        yield from self.hands.rows(units) if self.hands else ()
         for claim in self.claims:
-            yield from claim.rows() if claim.verdict != "proved" else ()
+            yield from claim.rows(units) if claim.verdict != "proved" else ()
 
 
 class NyquistRecord(Part):
@@ -305,10 +322,10 @@ class InnerLoopRecord(Part):
     delay_margin_s: Annotated[Number, Shown("delay margin", "s")]
     nyquist: NyquistRecord
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self, units: Units) -> Iterator[Row]:
         """Yield what is shown of it and of Nyquist's count."""
-        yield from super().rows()
-        yield from self.nyquist.rows()
+        yield from super().rows(units)
+        yield from self.nyquist.rows(units)
 
     @property
     def stability(self) -> str:
@@ -372,11 +389,11 @@ class OptimalityRecord(Part):
     history: Annotated[list[GlanceRecord], Field(min_length=1)]
     open: list[BoxRecord]
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self, units: Units) -> Iterator[Row]:
         """Yield what the bound is of, where that is not all of the error."""
         if self.terms is not None:
             yield Row(self.of, text(self.history[-1].error), "in which designs differ")
-        yield from super().rows()
+        yield from super().rows(units)
 
     @property
     def of(self) -> str:
@@ -396,16 +413,16 @@ class UncertaintyRecord(Part):
     worst_device: DeviceRecord
     min_ratio_device: DeviceRecord
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self, units: Units) -> Iterator[Row]:
         """Yield the box, the device on which Re Z_c / R is least, and the errors."""
         for name, ends in self.box.items():
             shown = how_shown(DeviceRecord).get(name)
-            yield Row(name, text(ends), shown.unit if shown else "")
+            yield Row(name, text(ends), units.of(shown.of) if shown else "")
         if self.unmodelled:
             radii = [radius for _, radius in self.unmodelled]
             yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
-        yield Row("least ratio at", "", str(self.min_ratio_device))
-        yield from super().rows()
+        yield Row("least ratio at", "", self.min_ratio_device.in_words(units))
+        yield from super().rows(units)
 
 
 class DesignRecord(Document):
@@ -456,12 +473,17 @@ class DesignRecord(Document):
         return self
 
     @property
+    def units(self) -> Units:
+        """Of everything in it."""
+        return UNITS[self.problem.units]
+
+    @property
     def promise(self) -> str:
         """What is proved of the design, in words; nothing where it is not certified."""
         if self.certificate is None or self.status != "certified":
             return ""
         known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
-        hands = [f"stable{known} {self.certificate.hands.promise}"] if self.certificate.hands else []
+        hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
         band = self.certificate.band_hz
         place = (
             None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
@@ -481,7 +503,8 @@ class DesignRecord(Document):
         for each in self.alternatives:
             line = f'with criterion = "{each.criterion}" alone: error {text(each.error, 3)} instead of {error}'
             if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
-                line += f", k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)} N/m"
+                line += f", k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)} "
+                line += self.units.stiffness
             found.append(line)
         return found
 
@@ -495,7 +518,7 @@ class DesignRecord(Document):
         if self.gains is None:
             return {}
         parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
-        found = {title: list(part.rows()) for title, part in parts.items() if part is not None}
+        found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # which has no K_p
             found["gains"] = found["gains"][:1]
         return found

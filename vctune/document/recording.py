@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.units import UNITS, Units
+
 Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
 """What a column can be."""
@@ -59,6 +61,11 @@ class Recording:
     def name(self) -> str:
         """The file's name, without its folder."""
         return Path(self.source).name
+
+    @property
+    def units(self) -> Units:
+        """Of its numbers."""
+        return UNITS["rotary" if self.rotary else "linear"]
 
     def __len__(self) -> int:
         return next((channel.values.size for channel in self.channels.values()), 0)

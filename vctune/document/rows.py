@@ -27,19 +27,19 @@ class NumbersRecord(Part):
     admittance_term: Annotated[Number, Shown("|Z_0 G_hh|")]
     tracking_term: Annotated[Number, Shown("|1 - G_he|")]
     coupling_term: Annotated[Number, Shown("|Z_c|/Z_0")]
-    velocity_gain: Annotated[Number, Shown("K_v", "N s/m")]
-    position_gain: Annotated[Number, Shown("K_p", "N/m")]
-    coupling_damping: Annotated[Number, Shown("b_c", "N s/m")]
-    coupling_mass: Annotated[Number, Shown("m_c", "kg")]
-    coupling_drag: Annotated[Number, Shown("b_0", "N s/m")]
-    coupling_stiffness: Annotated[Number, Shown("k_c", "N/m")] = None
+    velocity_gain: Annotated[Number, Shown("K_v", of="damping")]
+    position_gain: Annotated[Number, Shown("K_p", of="stiffness")]
+    coupling_damping: Annotated[Number, Shown("b_c", of="damping")]
+    coupling_mass: Annotated[Number, Shown("m_c", of="mass")]
+    coupling_drag: Annotated[Number, Shown("b_0", of="damping")]
+    coupling_stiffness: Annotated[Number, Shown("k_c", of="stiffness")] = None
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
-    worst_hz: Annotated[Number, Shown("where the ratio is least", "Hz")]
+    worst_hz: Annotated[Number, Shown("where the ratio is least", of="frequency")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
 
 
-NUMBERS = {name: shown.unit for name, shown in how_shown(NumbersRecord).items()}
-"""Units of the columns, in their order."""
+NUMBERS = {name: shown.of for name, shown in how_shown(NumbersRecord).items()}
+"""Which quantities the columns are (`vctune.model.units`), in their order."""
 DESIGN = {
     "gains.velocity": "velocity_gain",
     "gains.position": "position_gain",

@@ -90,6 +90,11 @@ class DeviceTable(Table):
         "admittance",
         description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
     )
+    units: Literal["linear", "rotary"] = Field(
+        "linear",
+        description="How the handle moves. Of a rotary device, a wheel or a knob, every kg, m and N of this file is a "
+        "kg m2, a rad and an N m, and mass is the moment of inertia: keys keep their names.",
+    )
     mass: Positive = Field(description="Moving mass, kg.")
     damping: NotNegative = Field(description="Viscous damping, N s/m.")
     sample_time: Positive = Field(description="Sample time of the velocity loop, s.")
@@ -111,7 +116,8 @@ class OperatorTable(Table):
     """The hands at the handle, mass s + damping + stiffness/s. { min, max } is a range, a number its least.
 
     The least mass and damping are those of what is always there, a grip or a tool, which the passive criterion counts;
-    the ranges are the hands of the criterion "hands".
+    the ranges are the hands of the criterion "hands". Of a rotary device, where they depend on how far from the axis it
+    is held, they have no defaults.
     """
 
     mass: Variable = Field(0.0, description="M, kg. Default { min = 0, max = 0.5 }.")

@@ -16,6 +16,7 @@ from vctune.document.json import as_record, read_json
 from vctune.document.part import Document, Number, Part
 from vctune.document.reading import parse_problem
 from vctune.document.record import AnyCouplingRecord, DesignRecord, GainsRecord
+from vctune.model.units import UNITS, Units, UnitSystem
 
 FILE = "simulation.json"
 MAX_BYTES = 100_000_000
@@ -28,6 +29,7 @@ class SimulatedProblemRecord(Part):
     name: str
     sha256: str
     experiments_sha256: str
+    units: UnitSystem = "linear"
 
 
 class EnvironmentRecord(Part):
@@ -92,7 +94,7 @@ class RunRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """By how much a firmware's command differs at most from the design's on what was measured, N, and when, s."""
+    """By how much a firmware's command differs at most from the design's on what was measured, and when, s."""
 
     force: Number
     time_s: float
@@ -123,6 +125,11 @@ class SimulationRecord(Document):
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
     controller: str | None = None
+
+    @property
+    def units(self) -> Units:
+        """Of everything in it."""
+        return UNITS[self.problem.units]
 
     def is_of(self, design: DesignRecord) -> bool:
         """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""

@@ -71,8 +71,9 @@ def table_of(value: Any) -> dict[str, Any]:
         table["from"] = table.pop("source")
         if "filter_hz" not in table:
             del table["filter_order"]  # of a low-pass that is not there
-    elif isinstance(value, Device) and not value.renders_force:
-        del table["display"]
+    elif isinstance(value, Device):
+        absent = {"display": not value.renders_force, "units": value.units == "linear"}
+        table = {key: entry for key, entry in table.items() if not absent.get(key)}
     elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
         del table["order"]
     return table

@@ -1,52 +1,50 @@
-"""The unit of every number of a problem file, by what the number is."""
+"""The unit of every number of a problem file, by what the number is and how the device moves."""
 
 from __future__ import annotations
 
-from vctune.document.validation import KeyPath
+from typing import Any
 
-UNITS = {
-    "mass": "kg",
-    "damping": "N s/m",
-    "stiffness": "N/m",
-    "integral gain": "N/(m s)",
-    "force": "N",
-    "position": "m",
-    "speed": "m/s",
-    "time": "s",
-    "frequency": "Hz",
-}
-"""Of each quantity."""
+from vctune.document.validation import KeyPath
+from vctune.model.keys import QUANTITIES as OF_VARIABLES
+from vctune.model.units import UNITS, Units
+
 QUANTITIES = {
     "mass": ("mass", "handle_mass"),
     "damping": ("damping", "drag", "kd", "reference_impedance"),
     "stiffness": ("stiffness", "kp"),
-    "integral gain": ("ki",),
+    "integral_gain": ("ki",),
     "force": ("coulomb", "stiction", "limit", "force_noise"),
     "position": ("zero", "from", "to", "position_resolution"),
     "speed": ("stribeck_velocity", "speed"),
     "time": ("sample_time", "delay"),
     "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz"),
 }
-"""Which keys are which quantity, whatever table they stand in."""
-GAINS = {"velocity": "damping", "position": "stiffness"}
-"""Of the table [gains], by key."""
+"""Which keys are which quantity (`vctune.model.units`), whatever table they stand in."""
 SHARES = ("uncertainty", "weights")
 """Tables of numbers without a unit."""
 
 
-def unit_of(path: KeyPath) -> str:
+def units_stated(raw: dict[str, Any]) -> Units:
+    """Return the units of a problem's tables, valid or not."""
+    device = raw.get("device")
+    return UNITS["rotary" if isinstance(device, dict) and device.get("units") == "rotary" else "linear"]
+
+
+def unit_of(path: KeyPath, units: Units) -> str:
     """Return the unit of a number of a problem file, "" for one without.
 
     Parameters
     ----------
     path : of its key
+    units : of the problem
     """
     names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
     if not names or any(name in SHARES for name in names):
         return ""
-    of_gains = GAINS.get(names[-1]) if names[0] == "gains" else None
-    quantity = of_gains or next((each for each, keys in QUANTITIES.items() if names[-1] in keys), None)
-    return UNITS[quantity] if quantity else ""
+    quantity = OF_VARIABLES.get(".".join(names)) or next(
+        (each for each, keys in QUANTITIES.items() if names[-1] in keys), ""
+    )
+    return units.of(quantity)
 
 
 def heading(name: str, unit: str) -> str:

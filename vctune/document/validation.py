@@ -15,7 +15,7 @@ from pydantic.fields import FieldInfo
 from vctune.document import toml
 from vctune.document.codes import Code
 from vctune.document.errors import InputError, Mistake
-from vctune.document.hints import commas_meant, number_meant
+from vctune.document.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
 TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
@@ -243,6 +243,8 @@ def _unknown(model: type[BaseModel], path: KeyPath) -> str:
     """Return what is said of a key that there is not: which one was meant, or where it belongs."""
     table = _table_at(model, path[:-1])
     known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
+    if CALLED.get(str(path[-1])) in known:
+        return f"unknown key; of a rotary device too it is called {CALLED[str(path[-1])]}"
     meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
     if meant:
         return f"unknown key; did you mean {meant[0]}?"

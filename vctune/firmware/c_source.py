@@ -9,7 +9,8 @@ from typing import Any
 from vctune.document.statement import stated_keys
 from vctune.firmware.c_text import code, comment, literal, operations
 from vctune.firmware.firmware import Firmware, certified
-from vctune.model.keys import SYMBOLS, UNITS
+from vctune.model.keys import QUANTITIES, SYMBOLS
+from vctune.model.units import Units
 from vctune.simulation import equations
 from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
 from vctune.simulation.expression import Symbol
@@ -19,6 +20,11 @@ BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_c
 """Coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
 """Coefficients of a limited force; an impedance display has nothing that winds up, and no reach."""
+SYSTEM = {
+    "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
+    "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
+}
+"""What a header says of units, by the motion."""
 GAINS = "velocity_gain", "position_gain"
 WIDTH = 118
 """Of a line of C."""
@@ -85,21 +91,22 @@ def not_proved(made: Firmware) -> str:
 
 def assumptions(made: Firmware) -> list[str]:
     """Return what the certificate takes for granted, in words."""
-    device = made.device
+    device, units = made.device, made.units
     parts = [
         (device.velocity, "velocity estimate"),
         (device.actuator, "actuator"),
-        (device.force_sensor, "force sensor"),
+        (device.force_sensor, f"{units.force_name} sensor"),
         (device.structure, "structure"),
     ]
     known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
-    built = f"a linear device of {device.mass!r} kg and {device.damping!r} N s/m with {known or 'ideal parts'}{box}"
-    sampled = "" if made.parts.renders_force else "; the force is sampled just before"
+    own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
+    built = f"a linear device of {own} with {known or 'ideal parts'}{box}"
+    sampled = "" if made.parts.renders_force else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
         f"sample and is held{sampled}; environments are passive as they run. Of static "
-        "friction, a limited force, quantisation and the rounding of each operation nothing is proved.",
+        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
     ]
 
 
@@ -114,15 +121,17 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
     T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
     keys = [key for key in stated_keys(made.device) if key.startswith("coupling")]
     keys += [key for key in stated_keys(made.device) if key.startswith("gains")]
-    stated = [(SYMBOLS[key], number, UNITS[key]) for key, number in zip(keys, numbers, strict=False)]
+    stated = [
+        (SYMBOLS[key], number, made.units.of(QUANTITIES[key])) for key, number in zip(keys, numbers, strict=False)
+    ]
     stated.append(("T", T, "s"))
     design = [
-        (name.upper(), made.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit)
+        (name.upper(), made.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(made.units))
         for name in GAINS
         if name in made.coefficients
     ]
     constants = [
-        (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit)
+        (name.upper(), number, COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(made.units))
         for name, number in made.coefficients.items()
         if name not in GAINS and (name != "smoothing" or made.parts.low_passes)
     ]
@@ -140,6 +149,8 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         "proved": certified(made),
         "integrator": made.gains.position > 0,
         "force": not made.parts.renders_force,
+        "units": made.units,
+        "system": SYSTEM[made.device.units],
         "limited": limiting(made),
         "difference": made.parts.difference,
         "start_head": _start_head(made),
@@ -181,9 +192,11 @@ def _code(made: Firmware) -> dict[str, Any]:
         "counted": ", ".join(
             f"{counted[kind]} {kind}" for kind in ("additions", "multiplications", "divisions", "comparisons")
         ),
-        "measurement": _fields({_short(one): one for one in INPUTS if one.name in used(blocks)}),
-        "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}),
-        "state": _fields({name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *limiting(made))}),
+        "measurement": _fields({_short(one): one for one in INPUTS if one.name in used(blocks)}, made.units),
+        "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}, made.units),
+        "state": _fields(
+            {name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *limiting(made))}, made.units
+        ),
         "start": [f"state.{name} = {_begin(name, made)};" for name in state_names(made)],
         "remember": [f"state->{name} = {name};" for name in ("desired", *kept)],
     }
@@ -219,13 +232,16 @@ def _begin(name: str, made: Firmware) -> str:
     return {"reference": "reference", "measured": "position"}.get(name, literal(0.0, made.precision))
 
 
-def _fields(quantities: dict[str, Quantity]) -> list[str]:
+def _fields(quantities: dict[str, Quantity], units: Units) -> list[str]:
     """Return quantities as fields of a struct, their comments below one another."""
     width = max(len(name) for name in quantities)
     return [
-        f"vctune_real {name};{' ' * (width - len(name))} /* {one.symbol}, {one.unit}: {one.meaning} */"
-        for name, one in quantities.items()
+        f"vctune_real {name};{' ' * (width - len(name))} /* {_told(one, units)} */" for name, one in quantities.items()
     ]
+
+
+def _told(quantity: Quantity, units: Units) -> str:
+    return f"{quantity.symbol}, {quantity.unit(units)}: {units.translated(quantity.meaning)}"
 
 
 def _names(made: Firmware, blocks: dict[str, list[Equation]]) -> dict[Symbol, str]:
@@ -257,7 +273,7 @@ def _lines(block: Iterable[Equation], names: dict[Symbol, str], made: Firmware) 
     for equation in block:
         quantity = equation.quantity
         line = f"const vctune_real {quantity.name} = {code(equation.right, names, made.precision)};"
-        told = f"/* {quantity.symbol}, {quantity.unit}: {quantity.meaning} */"
+        told = f"/* {_told(quantity, made.units)} */"
         lines += [f"{line} {told}"] if len(line) + len(told) + 5 <= WIDTH else [told, *_wrapped(line)]
     return lines
 

@@ -9,6 +9,7 @@ from typing import Any
 from vctune.firmware.c_source import BUILT_IN, assumptions, limiting, not_proved, state_names
 from vctune.firmware.c_text import plain
 from vctune.firmware.firmware import Firmware, certified
+from vctune.model.units import Units
 from vctune.simulation import equations
 from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Quantity
 from vctune.version import __version__
@@ -40,8 +41,14 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         Each quantity with symbol, unit and meaning. The equations are to be evaluated from the first to the last;
         `before.NAME` is the value that the sample before left NAME with, `choice(a, b, c, d)` is c if a > b, else d.
     """
-    coefficients = {name: {**_told(COEFFICIENTS[name]), "value": number} for name, number in made.coefficients.items()}
-    settings = {name: {**_told(COEFFICIENTS[name]), "formula": FORMULAS[name]} for name in (*BUILT_IN, *limiting(made))}
+    units = made.units
+    coefficients = {
+        name: {**_told(COEFFICIENTS[name], units), "value": number} for name, number in made.coefficients.items()
+    }
+    settings = {
+        name: {**_told(COEFFICIENTS[name], units), "formula": units.translated(FORMULAS[name])}
+        for name in (*BUILT_IN, *limiting(made))
+    }
     blocks = ("estimate", "drive", "environment", "law")
     assert all(isfinite(number) for number in made.coefficients.values())
     return {
@@ -56,12 +63,12 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         "precision": made.precision,
         "gains": {"velocity": made.gains.velocity, "position": made.gains.position},
         "coupling": asdict(made.coupling),
-        "inputs": {one.name: _told(one) for one in INPUTS},
+        "inputs": {one.name: _told(one, units) for one in INPUTS},
         "coefficients": coefficients,
         "settings": settings,
-        "state": {name: _told(STATE[name]) for name in (*state_names(made), "inertia")},
+        "state": {name: _told(STATE[name], units) for name in (*state_names(made), "inertia")},
         "equations": [
-            {"block": block, "name": one.quantity.name, **_told(one.quantity), "is": plain(one.right)}
+            {"block": block, "name": one.quantity.name, **_told(one.quantity, units), "is": plain(one.right)}
             for block in blocks
             for one in getattr(equations, block)(made.parts)
         ],
@@ -70,5 +77,5 @@ def controller_record(made: Firmware) -> dict[str, Any]:
     }
 
 
-def _told(quantity: Quantity) -> dict[str, str]:
-    return {"symbol": quantity.symbol, "unit": quantity.unit, "meaning": quantity.meaning}
+def _told(quantity: Quantity, units: Units) -> dict[str, str]:
+    return {"symbol": quantity.symbol, "unit": quantity.unit(units), "meaning": units.translated(quantity.meaning)}

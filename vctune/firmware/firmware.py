@@ -17,6 +17,7 @@ from vctune.document.record import DesignRecord
 from vctune.model.experiment import Environment
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.units import UNITS, Units
 from vctune.simulation.coefficients import coupling_of
 from vctune.simulation.controller import coefficients_of, parts_of
 from vctune.simulation.equations import Parts
@@ -55,6 +56,11 @@ class Firmware:
     def name(self) -> str:
         """The problem's name."""
         return self.record.problem.name
+
+    @property
+    def units(self) -> Units:
+        """Of its numbers."""
+        return UNITS[self.device.units]
 
     @property
     def doubt(self) -> str:

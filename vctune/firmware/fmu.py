@@ -23,19 +23,38 @@ OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """When every file of the archive was made, so that the same design makes the same bytes."""
 REALS = (
-    ("position", "m", "input", "position of the motor"),
-    ("velocity", "m/s", "input", "velocity of the motor"),
-    ("force", "N", "input", "sensed force of the hand"),
-    ("command", "N", "output", "force that the motor is commanded"),
-    ("environment_force", "N", "output", "force of the environment"),
-    ("limit", "N", "parameter", "greatest force; 0 for none"),
-    ("environment_mass", "kg", "parameter", "mass of the environment"),
-    ("environment_damping", "N.s/m", "parameter", "damping of the environment"),
-    ("environment_stiffness", "N/m", "parameter", "stiffness of the environment"),
-    ("environment_zero", "m", "parameter", "where the environment's spring is without force"),
-    ("start_position", "m", "parameter", "where the motor starts"),
-    ("start_reference", "m", "parameter", "where the environment starts"),
+    ("position", "position", "input", "position of the motor"),
+    ("velocity", "speed", "input", "velocity of the motor"),
+    ("force", "force", "input", "sensed force of the hand"),
+    ("command", "force", "output", "force that the motor is commanded"),
+    ("environment_force", "force", "output", "force of the environment"),
+    ("limit", "force", "parameter", "greatest force; 0 for none"),
+    ("environment_mass", "mass", "parameter", "mass of the environment"),
+    ("environment_damping", "damping", "parameter", "damping of the environment"),
+    ("environment_stiffness", "stiffness", "parameter", "stiffness of the environment"),
+    ("environment_zero", "position", "parameter", "where the environment's spring is without force"),
+    ("start_position", "position", "parameter", "where the motor starts"),
+    ("start_reference", "position", "parameter", "where the environment starts"),
 )
+DIMENSIONS = {
+    "linear": {
+        "position": 'm="1"',
+        "speed": 'm="1" s="-1"',
+        "force": 'kg="1" m="1" s="-2"',
+        "mass": 'kg="1"',
+        "damping": 'kg="1" s="-1"',
+        "stiffness": 'kg="1" s="-2"',
+    },
+    "rotary": {
+        "position": 'rad="1"',
+        "speed": 's="-1" rad="1"',
+        "force": 'kg="1" m="2" s="-2"',
+        "mass": 'kg="1" m="2"',
+        "damping": 'kg="1" m="2" s="-1" rad="-1"',
+        "stiffness": 'kg="1" m="2" s="-2" rad="-1"',
+    },
+}
+"""What the units consist of, by the motion."""
 BOOLEANS = (
     ("wall", "whether damping and stiffness only push, towards negative positions"),
     ("trapezoidal", "whether the environment follows the trapezoidal rule, not backward Euler; then it is no wall"),
@@ -119,16 +138,17 @@ def _given(made: Firmware) -> dict[str, Any]:
 
 
 def _described(made: Firmware) -> dict[str, Any]:
+    units = made.units
     variables = [
         {
             "name": name,
             "reference": reference,
             "causality": causality,
             "variability": "fixed" if causality == "parameter" else "discrete",
-            "meaning": meaning,
-            "type": f'<Real unit="{unit}" start="0"/>',
+            "meaning": units.translated(meaning),
+            "type": f'<Real unit="{_dotted(units.of(quantity))}" start="0"/>',
         }
-        for reference, (name, unit, causality, meaning) in enumerate(REALS)
+        for reference, (name, quantity, causality, meaning) in enumerate(REALS)
     ]
     outputs = [number for number, one in enumerate(variables, 1) if one["causality"] == "output"]
     variables += [
@@ -149,9 +169,15 @@ def _described(made: Firmware) -> dict[str, Any]:
         "description": printable(" ".join(line for line in statement(made) if line)),
         "doubt": "" if certified(made) else printable(not_proved(made)).replace("--", "- -"),
         "sample_time": repr(made.device.sample_time),
+        "units": [(_dotted(units.of(quantity)), of) for quantity, of in DIMENSIONS[made.device.units].items()],
         "variables": variables,
         "outputs": outputs,
     }
+
+
+def _dotted(unit: str) -> str:
+    """Return a unit as FMI writes it."""
+    return unit.replace(" ", ".")
 
 
 def _compiled(sources: dict[str, str]) -> bytes:

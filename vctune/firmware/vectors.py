@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import inf
-from pathlib import Path
 
 import numpy as np
 
-from vctune.document.reading import ProblemFile, problem_file
+from vctune.document.reading import ProblemFile
 from vctune.firmware.firmware import Firmware
 from vctune.model.arithmetic import Number
-from vctune.model.experiment import Experiment
+from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
+from vctune.model.quantities import Device
+from vctune.model.units import Units
 from vctune.simulation import equations
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.coefficients import environment_coefficients, limit_coefficients
@@ -22,20 +23,6 @@ from vctune.simulation.expression import Symbol, value
 from vctune.simulation.motion import Floats
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
-
-COLUMNS = ("experiment", "position_m", "velocity_m_per_s", "force_n", "command_n")
-USUAL = """
-[[experiment]]
-name = "spring"
-environment = { stiffness = 200.0 }
-operator = { to = 0.01, cycles = 1 }
-[[experiment]]
-name = "wall"
-environment = { mass = 0.1, damping = 5.0, stiffness = 20000.0, zero = 0.005, wall = true }
-operator = { to = 0.01, cycles = 1, mass = 0.1 }
-actuator = { limit = 3.0 }
-"""
-"""What is replayed where the problem has no experiment of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +58,21 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     list of Replay
         One for each experiment, sample by sample.
     """
-    if not file.problem.experiments:
-        file = problem_file(file.text + USUAL, Path(file.source))
-    return [_replay(made, experiment, progress) for experiment in file.problem.experiments]
+    experiments = file.problem.experiments or usual(made.device)
+    return [_replay(made, experiment, progress) for experiment in experiments]
+
+
+def usual(device: Device) -> tuple[Experiment, ...]:
+    """Return what is replayed where a problem has no experiment of its own: a spring, and a wall that saturates."""
+    share = usual_share(device.mass, device.units)
+    hand = Operator("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, 1000.0 * share)
+    spring = Environment(0.0, 0.0, 200.0 * share, 0.0, False, "backward")
+    wall = Environment(0.1 * share, 5.0 * share, 20000.0 * share, 0.005, True, "backward")
+    known = Sensors(0.0, 0.0, 0)
+    return (
+        Experiment("spring", spring, hand, None, known, None, None),
+        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, known, 3.0 * share, None),
+    )
 
 
 def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], None]) -> Replay:
@@ -87,9 +86,16 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
     return Replay(experiment, encoded(scene.law, begin.position, FLOATS), begin.reference, measured, traces.motor)
 
 
-def vectors_text(made: list[Replay]) -> str:
+def vectors_text(made: list[Replay], units: Units) -> str:
     """Return the text of vectors.csv: every number in the shortest decimals that read as itself."""
-    lines = [",".join(COLUMNS)]
+    measured = {
+        "position": units.position,
+        "velocity": units.speed,
+        units.force_name: units.force,
+        "command": units.force,
+    }
+    of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
+    lines = [",".join(["experiment", *of])]
     for number, one in enumerate(made):
         rows = np.column_stack([one.measured, one.command]).tolist()
         lines += [f"{number},{','.join(map(repr, row))}" for row in rows]
@@ -97,7 +103,7 @@ def vectors_text(made: list[Replay]) -> str:
 
 
 def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
-    """Return by how much a firmware's commands differ from the simulated ones, N: in its own precision, unfused.
+    """Return by how much a firmware's commands differ from the simulated ones: in its own precision, unfused.
 
     Parameters
     ----------

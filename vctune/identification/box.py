@@ -25,16 +25,6 @@ FLOORS = {
 """Least half-widths, shares: a frequency goes with the root of a mass."""
 COULOMB_SHARE = 0.1
 """How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
-UNIT_OF = {
-    "mass": "kg",
-    "damping": "N s/m",
-    "delay": "s",
-    "actuator.bandwidth_hz": "Hz",
-    "force_sensor.delay": "s",
-    "structure.handle_mass": "kg",
-    "structure.frequency_hz": "Hz",
-    "structure.damping_ratio": "",
-}
 
 
 @dataclass(frozen=True, slots=True)

@@ -149,7 +149,7 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
     if held > 1:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
         yield Mistake("log-signal", channel.header, message)
-    unit = "Nm" if recording.rotary else "N"
+    unit = recording.units.force.replace(" ", "")  # as headers have it
     if role in ("position", "handle", "reference"):
         yield from _place(recording, channel, role, T)
     elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
@@ -164,19 +164,20 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
 
 def _place(recording: Recording, channel: Channel, role: str, T: float) -> Iterator[Mistake]:
     raw = channel.values / channel.scale
-    unit = ("rad", "rad/s") if recording.rotary else ("m", "m/s")
+    units = recording.units
     speed = float(np.abs(np.diff(channel.values)).max()) / T
     if abs(channel.scale) >= 1e-3 and np.all(raw == np.round(raw)) and np.ptp(raw) > 2 * pi:
         yield Mistake(
             "log-signal",
             channel.header,
-            f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {unit[0]} per count",
+            f"has only whole numbers, up to {np.abs(raw).max():g}: counts? write scale = {units.position} per count",
         )
     elif speed > SPEEDS[recording.rotary]:
         yield Mistake(
             "log-signal",
             channel.header,
-            f"moves at up to {speed:.3g} {unit[1]}: is it in m{unit[0]}, or not a position? write its unit or scale",
+            f"moves at up to {speed:.3g} {units.speed}: is it in m{units.position}, or not a position? write its unit "
+            "or scale",
         )
     elif role == "position":
         steps = np.abs(np.diff(channel.values))

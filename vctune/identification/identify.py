@@ -266,8 +266,8 @@ def _of_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]:
     if periodic.fit.candidate.load:
         text = (
             f"{study.recording.name}: the handle has a damping of its own, "
-            f"{periodic.fit.numbers['handle_damping']:.3g} N s/m, which a problem file cannot say: the intervals of "
-            "both dampings hold it and the fit without it, unmodelled the rest"
+            f"{periodic.fit.numbers['handle_damping']:.3g} {study.recording.units.damping}, which a problem file "
+            "cannot say: the intervals of both dampings hold it and the fit without it, unmodelled the rest"
         )
         said.append(Note("remark-handle-damping", text))
     return said

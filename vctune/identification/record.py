@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from vctune.document.identification import (
     stated,
 )
 from vctune.document.statement import table_of
-from vctune.identification.box import UNIT_OF, Bounded
+from vctune.document.units import unit_of
+from vctune.identification.box import Bounded
 from vctune.identification.excitation import Excitation
 from vctune.identification.fit import ResponseFit
 from vctune.identification.identify import Identified, RecordStudy
@@ -29,6 +31,7 @@ from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.physics import antiresonance_hz
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
+from vctune.model.units import UNITS, Units, UnitSystem
 
 
 def identification_record(
@@ -44,8 +47,9 @@ def identification_record(
     next_one : a multisine for what is still uncertain; None if it was not asked for
     """
     rotary = found.records[0].recording.rotary
-    numbers = [_bounded(each, rotary=rotary) for each in found.bounds]
-    device = found.device.with_numbers({each.key: each.value for each in numbers})
+    units: UnitSystem = "rotary" if rotary else "linear"
+    numbers = [_bounded(each, UNITS[units]) for each in found.bounds]
+    device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
     return IdentificationRecord(
         name=found.name,
         description=description,
@@ -63,12 +67,11 @@ def identification_record(
     )
 
 
-def _bounded(found: Bounded, *, rotary: bool) -> BoundedRecord:
+def _bounded(found: Bounded, units: Units) -> BoundedRecord:
     value, share = stated(found.value, found.low, found.high)
-    unit = UNIT_OF[found.key]
     return BoundedRecord(
         key=found.key,
-        unit={"kg": "kg m2", "N s/m": "N m s/rad"}.get(unit, unit) if rotary else unit,
+        unit=unit_of(tuple(found.key.split(".")), units),
         value=value,
         low=float(found.low),
         high=float(found.high),
@@ -158,7 +161,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
         residual_share=float(np.sqrt(np.mean(error**2))),
         chi2=fit.chi2,
         numbers=numbers,
-        derived=_derived(fit),
+        derived=_derived(fit, study.recording.units),
         checks=[],
         candidates=[
             CandidateRecord(
@@ -173,7 +176,7 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
     )
 
 
-def _derived(fit: ResponseFit) -> list[NumberRecord]:
+def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
     """Return what a reader knows a structure by: both masses, its stiffness and where it resonates."""
     structure = fit.device.structure
     low = antiresonance_hz(fit.device)
@@ -186,7 +189,7 @@ def _derived(fit: ResponseFit) -> list[NumberRecord]:
         "stiffness": parts.stiffness,
         "antiresonance, Hz": low,
         "resonance, Hz": structure.frequency_hz,
-        "damping between them, N s/m": parts.viscosity,
+        f"damping between them, {units.damping}": parts.viscosity,
     }
     return [_number(name, float(value), None) for name, value in found.items()]
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from vctune.model.units import UnitSystem
+
 Motion = Literal["reciprocate", "sine"]
 Rule = Literal["backward", "trapezoid"]
 """How mass and stiffness follow the velocity: by backward Euler, which damps, or lossless by the trapezoidal rule."""
@@ -105,6 +107,23 @@ class Baseline:
     kd: float
     mass: float
     damping: float
+
+
+USUAL_MASS = 0.4
+"""Of a linear device, kg."""
+
+
+def usual_share(mass: float, units: UnitSystem) -> float:
+    """Return times what the hands and walls that a linear device usually meets are those of a device.
+
+    What is usual on a rotary one depends on its size, of which nothing but its inertia is known.
+
+    Parameters
+    ----------
+    mass : of the device
+    units : in which it is
+    """
+    return 1.0 if units == "linear" else mass / USUAL_MASS
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,12 +10,13 @@ from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
 from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, Hand, Hands, SpringDamper
 from vctune.model.transparency import Terms
+from vctune.model.units import UNITS, Units
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]
 """Any passive hand, on a band, in the frequency model; every hand of a box, in the sampled loop; or both."""
 HUMAN_HANDS = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
-"""A human hand from none to a firm grip, kg, N s/m and N/m (model/README.md, section 14)."""
+"""A human hand on a linear device, from none to a firm grip (model/README.md, section 14)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +129,11 @@ class Problem:
     uncertainty: Uncertainty | None = None
     experiments: tuple[Experiment, ...] = ()
     hands: Hands = HUMAN_HANDS
+
+    @property
+    def units(self) -> Units:
+        """What its numbers are called and what they are in."""
+        return UNITS[self.device.units]
 
     @property
     def passive(self) -> bool:

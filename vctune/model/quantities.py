@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.model.arithmetic import Number
+from vctune.model.units import Units, UnitSystem
 
 Hold = Literal["zoh", "lag"]
 Display = Literal["admittance", "impedance"]
@@ -45,8 +46,11 @@ class Hand:
     damping: Number
     stiffness: Number
 
-    def __str__(self) -> str:
-        return f"{self.mass:.4g} kg, {self.damping:.4g} N s/m, {self.stiffness:.4g} N/m"
+    def in_words(self, units: Units) -> str:
+        """Return its numbers with their units."""
+        return (
+            f"{self.mass:.4g} {units.mass}, {self.damping:.4g} {units.damping}, {self.stiffness:.4g} {units.stiffness}"
+        )
 
     def in_units(self, impedance: float, time: float) -> Hand:
         """Return the hand with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
@@ -75,9 +79,10 @@ class Hands:
     low: Hand
     high: Hand
 
-    def __str__(self) -> str:
+    def in_words(self, units: Units) -> str:
+        """Return the box with its units."""
         (m, b, k), (M, B, K) = ((hand.mass, hand.damping, hand.stiffness) for hand in (self.low, self.high))
-        return f"{m:g} to {M:g} kg, {b:g} to {B:g} N s/m, {k:g} to {K:g} N/m"
+        return f"{m:g} to {M:g} {units.mass}, {b:g} to {B:g} {units.damping}, {k:g} to {K:g} {units.stiffness}"
 
     @property
     def middle(self) -> Hand:
@@ -217,6 +222,7 @@ class Device:
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
     unmodelled : which of the responses that are as good as its own; None for its own
     display : what it makes of what
+    units : whether its handle moves along a line or about an axis (`vctune.model.units`): mass is then its inertia
     """
 
     mass: Number
@@ -231,6 +237,7 @@ class Device:
     structure: Structure | None = None
     unmodelled: Unmodelled | None = None
     display: Display = "admittance"
+    units: UnitSystem = "linear"
 
     @property
     def renders_force(self) -> bool:

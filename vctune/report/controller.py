@@ -7,6 +7,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.units import UNITS
 from vctune.report.diagram import loop_figure
 from vctune.report.page import inline, svg
 
@@ -40,4 +41,5 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
         diagram=diagram,
         doubt=controller.get("not_proved", ""),
         renders_force=device.renders_force,
+        push=UNITS[device.units].force_name,
     )

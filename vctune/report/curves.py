@@ -6,7 +6,7 @@ See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass, replace
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 
@@ -24,9 +24,8 @@ from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 POINTS = 400
 NARROWER = 6.0
 """How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
-ENVIRONMENTS = ("free", "14 N s/m", "200 N/m", "rigid")
 SPRING, DAMPER = 200.0, 14.0
-"""The paper's two environments, sect. 5, N/m and N s/m."""
+"""The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,9 +118,10 @@ def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Trans
 def handle_impedance(
     problem: Problem, gains: Gains, coupling: AnyCoupling
 ) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
-    """Return hz and, for each of `ENVIRONMENTS`, the impedance felt at the handle and the ideal one, N s/m.
+    """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
 
-    The ideal handle feels Z_e itself.
+    The ideal handle feels Z_e itself. Of a rotary device, which the paper has not, the damper is Z_0 and the spring as
+    stiff as it in the middle of the transparency band.
 
     Parameters
     ----------
@@ -135,9 +135,19 @@ def handle_impedance(
     """
     hz = frequencies(problem)
     s = np.asarray(2j * pi * hz, np.complex128)
-    environments: tuple[Complex | None, ...] = (0 * s, DAMPER + 0 * s, SPRING / s, None)
+    units, damper, spring = problem.units, DAMPER, SPRING
+    if problem.device.units == "rotary":
+        wanted = problem.transparency
+        damper = wanted.reference_impedance
+        spring = damper * sqrt(wanted.band.min * wanted.band.max)
+    environments: dict[str, Complex | None] = {
+        "free": 0 * s,
+        f"{damper:.4g} {units.damping}": damper + 0 * s,
+        f"{spring:.4g} {units.stiffness}": spring / s,
+        "rigid": None,
+    }
     felt = {}
-    for name, Z_e in zip(ENVIRONMENTS, environments, strict=True):
+    for name, Z_e in environments.items():
         impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)
         felt[name] = (np.abs(impedance), np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e))
     return hz, felt

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper, Structure
+from vctune.model.units import UNITS, Units
 from vctune.report.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 
 SIZE = (6.28, 4.2)
@@ -42,7 +43,7 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
         axes.set_axis_off()
         _firmware(axes, device)
         if isinstance(coupling, SpringDamper):
-            _motion_path(axes, coupling)
+            _motion_path(axes, coupling, UNITS[device.units])
         else:
             _force_path(axes, device, coupling)
         _drive(axes, device, gains)
@@ -52,34 +53,35 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
 
 
 def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
-    sensor, low = device.force_sensor, BOTTOM
+    sensor, low, units = device.force_sensor, BOTTOM, UNITS[device.units]
     if sensor is None:
         _arrow(axes, (LEFT, low), (LEFT, TOP), (COUPLING - WIDTH / 2, TOP))
     else:
         lines = [] if sensor.bandwidth_hz is None else [_low_pass(sensor.bandwidth_hz, sensor.order)]
         lines += [f"delay {_time(sensor.delay)}"] if sensor.delay > 0 else []
         _arrow(axes, (LEFT, low), (LEFT, TOP - TALL / 2))
-        _box(axes, LEFT, TOP, "force sensor", lines, colour=GREEN)
+        _box(axes, LEFT, TOP, f"{units.force_name} sensor", lines, colour=GREEN)
         _arrow(axes, (LEFT + WIDTH / 2, TOP), (COUPLING - WIDTH / 2, TOP), label="f_s")
     axes.plot([LEFT], [low], "o", color=INK, markersize=3)
     axes.text(LEFT + 0.07, 1.6, "f_h", ha="left", va="center")
-    lines = [f"b_c {coupling.damping:.4g} N s/m", f"m_c {coupling.mass:.4g} kg"]
-    lines += [f"b_0 {coupling.drag:.4g} N s/m"] if coupling.drag > 0 else []
+    lines = [f"b_c {coupling.damping:.4g} {units.damping}", f"m_c {coupling.mass:.4g} {units.mass}"]
+    lines += [f"b_0 {coupling.drag:.4g} {units.damping}"] if coupling.drag > 0 else []
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
 
 
-def _motion_path(axes: Axes, coupling: SpringDamper) -> None:
+def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
     """Draw what is measured of the motion on its way to the coupling: past its estimate, whose velocity it shares."""
     _arrow(axes, (LAW - WIDTH / 2, MIDDLE), (COUPLING, MIDDLE), (COUPLING, TOP - TALL / 2), label="x, v̂")
-    lines = [f"k_c {coupling.stiffness:.5g} N/m"]
-    lines += [f"b_c {coupling.damping:.4g} N s/m"] if coupling.damping > 0 else []
+    lines = [f"k_c {coupling.stiffness:.5g} {units.stiffness}"]
+    lines += [f"b_c {coupling.damping:.4g} {units.damping}"] if coupling.damping > 0 else []
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
 
 
 def _drive(axes: Axes, device: Device, gains: Gains) -> None:
-    lines = [f"K_v {gains.velocity:.4g} N s/m"] if gains.velocity > 0 or not device.renders_force else []
-    lines += [f"K_p {gains.position:.6g} N/m"] if gains.position > 0 else []
-    told, law = ("f_c", "force") if device.renders_force else ("v_e", "velocity law")
+    units = UNITS[device.units]
+    lines = [f"K_v {gains.velocity:.4g} {units.damping}"] if gains.velocity > 0 or not device.renders_force else []
+    lines += [f"K_p {gains.position:.6g} {units.stiffness}"] if gains.position > 0 else []
+    told, law = ("f_c", units.force_name) if device.renders_force else ("v_e", "velocity law")
     _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label=told)
     _box(axes, LAW, TOP, law, lines, colour=BLUE)
     _arrow(axes, (LAW + WIDTH / 2, TOP), (RIGHT - WIDTH / 2, TOP))
@@ -103,21 +105,28 @@ def _drive(axes: Axes, device: Device, gains: Gains) -> None:
 
 
 def _mechanism(axes: Axes, device: Device) -> None:
-    hand = device.operator
-    least = [] if hand is None else [(hand.mass, "kg"), (hand.damping, "N s/m")]
+    hand, units = device.operator, UNITS[device.units]
+    least = [] if hand is None else [(hand.mass, units.mass), (hand.damping, units.damping)]
     lines = [f"{number:.3g} {unit}" for number, unit in least if number > 0]
     _box(axes, HAND, BOTTOM, "hand ≥" if lines else "hand", lines, width=0.76, colour=GREY)
-    damping = f"{device.damping:.4g} N s/m"
+    damping = f"{device.damping:.4g} {units.damping}"
     if device.structure is None:
         left, right = 1.25, LAW + WIDTH / 2
         _arrow(axes, (HAND + 0.38, BOTTOM), (left, BOTTOM), both=True)
-        _box(axes, (left + right) / 2, BOTTOM, "mechanism", [f"{device.mass:.4g} kg, {damping}"], width=right - left)
+        _box(
+            axes,
+            (left + right) / 2,
+            BOTTOM,
+            "mechanism",
+            [f"{device.mass:.4g} {units.mass}, {damping}"],
+            width=right - left,
+        )
         return
     structure, handle = device.structure, 1.85
     _arrow(axes, (HAND + 0.38, BOTTOM), (handle - 0.6, BOTTOM), both=True)
-    _box(axes, handle, BOTTOM, "handle", [f"{structure.handle_mass:.4g} kg"], width=1.2)
+    _box(axes, handle, BOTTOM, "handle", [f"{structure.handle_mass:.4g} {units.mass}"], width=1.2)
     _spring(axes, handle + 0.6, LAW - WIDTH / 2, structure)
-    _box(axes, LAW, BOTTOM, "motor", [f"{device.motor_mass:.4g} kg", damping])
+    _box(axes, LAW, BOTTOM, "motor", [f"{device.motor_mass:.4g} {units.mass}", damping])
 
 
 def _spring(axes: Axes, left: float, right: float, structure: Structure) -> None:

@@ -10,28 +10,32 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.document.simulation import ExperimentRecord, RunRecord, SimulationRecord
+from vctune.model.units import Units
 from vctune.report.style import BLUE, GREY, ORANGE, RED, STYLE, canvas
 
 HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
-UNITS = {"mass": "kg", "damping": "N s/m", "stiffness": "N/m"}
 
 
 def simulation_figure(simulation: SimulationRecord) -> Figure:
     """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
     with rc_context(STYLE):
-        count = len(simulation.experiments)
+        count, units = len(simulation.experiments), simulation.units
         figure = canvas(8, 3.1 * count, top=0.35, gaps=(0.06, 0.4))
         rows = figure.subplots(count, 2, squeeze=False, sharey="row", sharex="row")
         for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
-            _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE)
-            _draw(right, experiment, experiment.design, "b) this design", BLUE)
-            left.set_ylabel("force of the hand, N")
+            _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE, units)
+            _draw(right, experiment, experiment.design, "b) this design", BLUE, units)
+            left.set_ylabel(f"{units.force_name} of the hand, {units.force}")
     return figure
 
 
-def _draw(axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str) -> None:
+def _draw(
+    axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str, units: Units
+) -> None:
     axes.set_title(f"{experiment.name}: {title}")
-    axes.set_xlabel({"position": "position, m", "velocity": "velocity, m/s"}[experiment.axis])
+    axes.set_xlabel(
+        {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}[experiment.axis]
+    )
     if run is None:
         axes.text(0.5, 0.5, "no baseline in the file", transform=axes.transAxes, ha="center", color=GREY)
         return
@@ -59,7 +63,7 @@ def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
 def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     """Return the rows of the table under `HEADINGS`, as texts."""
     return [
-        (experiment.name, controller, *_cells(run))
+        (experiment.name, controller, *_cells(run, simulation.units))
         for experiment in simulation.experiments
         for run, controller in (
             (experiment.baseline, "regular PID"),
@@ -69,23 +73,23 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     ]
 
 
-def _cells(run: RunRecord) -> tuple[str, ...]:
+def _cells(run: RunRecord, units: Units) -> tuple[str, ...]:
     stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
     measured = run.metrics
     if measured is None:
         return (f"diverged from {run.diverged_s:.4g} s on", "", "", "", "", "", stable)
     fits = {name: (fit.value, fit.asked) for name, fit in measured.fits.items() if fit.value is not None}
-    felt = ", ".join(f"{value:.5g} {UNITS[name]}" for name, (value, _) in fits.items())
+    felt = ", ".join(f"{value:.5g} {units.of(name)}" for name, (value, _) in fits.items())
     off = ", ".join(f"{100 * (value / asked - 1):+.3g} %" for value, asked in fits.values() if asked)
     saturated = f", {measured.saturated:.1%} saturated" if measured.saturated else ""
     return (
         felt,
         off,
-        *map(_newtons, (measured.non_overlap, measured.residual, measured.ripple)),
-        _newtons(measured.peak_motor) + saturated,
+        *(_force(value, units) for value in (measured.non_overlap, measured.residual, measured.ripple)),
+        _force(measured.peak_motor, units) + saturated,
         stable,
     )
 
 
-def _newtons(value: float | None) -> str:
-    return "" if value is None else f"{value:.3g} N"
+def _force(value: float | None, units: Units) -> str:
+    return "" if value is None else f"{value:.3g} {units.force}"

@@ -16,6 +16,7 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.phases import sensor_miss
 from vctune.design.prepared import pose
 from vctune.document.record import BoxRecord, DesignRecord, OptimalityRecord
+from vctune.model.keys import KEYS, labelled
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Band, Problem
 from vctune.model.quantities import AnyCoupling, Coupling, Gains, series_coupling
@@ -46,7 +47,6 @@ from vctune.report.style import (
     time_text,
 )
 from vctune.report.summary import doubt
-from vctune.report.units import UNITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def figures(design: Design) -> dict[str, Figure]:
             **({"nyquist": _nyquist(design)} if design.gains.closed or not renders_force else {}),
         }
         if design.record.optimality is not None:
-            drawn["optimality"] = _optimality(design.record.optimality, renders_force=renders_force)
+            drawn["optimality"] = _optimality(design.record.optimality, design.problem)
         for figure in drawn.values():
             if words := doubt(design.record, design.problem):
                 stamp(figure, words)
@@ -95,7 +95,7 @@ def _llewellyn(design: Design) -> Figure:
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     upper.semilogy(curves.hz, curves.coupling, color=BLUE, label="Re Z_c")
     upper.semilogy(curves.hz, curves.required, "--", color=ORANGE, label="required R")
-    upper.set_ylabel(UNITS.damping)
+    upper.set_ylabel(problem.units.damping)
     lower.plot(curves.hz, curves.ratio, color=BLUE, label="ratio Re Z_c / R")
     if problem.device.operator is not None:
         bare = llewellyn(replace(problem, device=problem.device.bare), design.gains, coupling)
@@ -224,7 +224,7 @@ def _impedance(design: Design) -> Figure:
     axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
     _promised(axes, design)
-    axes.set_ylabel(f"|impedance at the handle|, {UNITS.damping}")
+    axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
     decades(axes)
     legend_above(axes, 3)
     return figure
@@ -248,7 +248,7 @@ def _promised(axes: Axes, design: Design) -> None:
     shade(axes, problem.transparency.band, BLUE, "transparency band")
 
 
-def _optimality(found: OptimalityRecord, *, renders_force: bool) -> Figure:
+def _optimality(found: OptimalityRecord, problem: Problem) -> Figure:
     """Draw the bound and the best design as boxes are searched, and the boxes that are still open, by their gains."""
     boxes, bound, error = (
         [np.nan if (value := getattr(row, key)) is None else value for row in found.history]
@@ -261,15 +261,16 @@ def _optimality(found: OptimalityRecord, *, renders_force: bool) -> Figure:
     axes.set(xlabel="boxes searched", ylabel=found.of, yscale="log")
     legend_above(axes, 1)
     for panel in others:
-        _draw_boxes(panel, found.open, renders_force=renders_force)
+        _draw_boxes(panel, found.open, problem)
         panel.set_title(f"{len(found.open)} of {found.history[-1].open} open boxes")
     return figure
 
 
-def _draw_boxes(axes: Axes, boxes: list[BoxRecord], *, renders_force: bool) -> None:
-    row, label = (2, "b_c/k_c, s") if renders_force else (1, "K_p, N/m")
+def _draw_boxes(axes: Axes, boxes: list[BoxRecord], problem: Problem) -> None:
+    units = problem.units
+    row, label = (2, "b_c/k_c, s") if problem.device.renders_force else (1, labelled(KEYS[1], units))
     for box in boxes:
         (x, y), (x_end, y_end) = ((edge[0], edge[row]) for edge in (box.low, box.high))
         axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))
     axes.autoscale_view()
-    axes.set(xlabel="K_v, N s/m", ylabel=label)
+    axes.set(xlabel=labelled(KEYS[0], units), ylabel=label)

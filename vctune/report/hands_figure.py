@@ -21,6 +21,7 @@ from vctune.model.frequency import hertz
 from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
+from vctune.model.units import UNITS
 from vctune.report.style import (
     BLUE,
     GREY,
@@ -34,7 +35,6 @@ from vctune.report.style import (
     frequency_axis,
     legend_above,
 )
-from vctune.report.units import UNITS
 
 CURVES = 40
 """Angles per decade of the curves. Half shows corners, twice is twice as long a file."""
@@ -70,7 +70,7 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
 
 
 def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
-    device = problem.device
+    device, units = problem.device, problem.units
     where = loops_in_hands(device, hands, per_decade=CURVES)
     some = where.theta > 0
     hz = where.theta[some] / (2 * pi * device.sample_time)
@@ -88,7 +88,7 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
             shown.append(worst.hand)
             one = loops_in_hands(device, Hands(worst.hand, worst.hand), per_decade=CURVES).required(gains)[0, some]
             axes.semilogy(hz, scale * _positive(one), linewidth=0.9, color=(RED, INK, GREY)[len(shown) - 1],
-                          linestyle=("--", ":", "-.")[len(shown) - 1], label=str(worst.hand))  # fmt: skip
+                          linestyle=("--", ":", "-.")[len(shown) - 1], label=worst.hand.in_words(units))  # fmt: skip
     axes.set_ylabel(_unit(device))
     for each in (axes, lower):
         frequency_axis(each, hz[0], hz[-1])
@@ -100,7 +100,7 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
 
 def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> None:
     """Draw the greatest R/Re Z_c over angle and damping, as a share."""
-    device, shares = problem.device, np.linspace(0.0, 1.0, PLACES) ** 2
+    device, units, shares = problem.device, problem.units, np.linspace(0.0, 1.0, PLACES) ** 2
     low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
     mass, stiffness = (low[k] + (high[k] - low[k]) * shares for k in (0, 2))
     damping = low[1] + (high[1] - low[1]) * np.array(DAMPINGS)
@@ -112,7 +112,7 @@ def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gain
     need = (required.lost / required.size / np.maximum(Z_c, 1e-300)).max(axis=(1, 3)).T
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
     figure.colorbar(drawn, ax=axes, label=f"R of {_name(device)}, %")
-    axes.set(xlabel=f"mass of the hand, {UNITS.mass}", ylabel=f"stiffness, {UNITS.stiffness}")
+    axes.set(xlabel=f"{units.mass_name} of the hand, {units.mass}", ylabel=f"stiffness, {units.stiffness}")
 
 
 def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Figure:
@@ -160,7 +160,8 @@ def _name(device: Device) -> str:
 
 
 def _unit(device: Device) -> str:
-    return UNITS.mobility if device.renders_force else UNITS.damping
+    units = UNITS[device.units]
+    return units.mobility if device.renders_force else units.damping
 
 
 def _positive(required: Floats) -> Floats:

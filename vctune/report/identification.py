@@ -32,9 +32,10 @@ def identification_files(found: Identified, record: IdentificationRecord, folder
 
 
 def _page(record: IdentificationRecord, drawn: dict[str, str]) -> str:
-    readings = IDENTIFICATION_READINGS
+    readings, put = IDENTIFICATION_READINGS, record.units.translated
     shown = [
-        {"title": readings[name][0], "reading": readings[name][1], "svg": inline(text)} for name, text in drawn.items()
+        {"title": put(readings[name][0]), "reading": put(readings[name][1]), "svg": inline(text)}
+        for name, text in drawn.items()
     ]
     embedded = json.dumps(record.to_json(), indent=1, allow_nan=False).replace("<", "\\u003c")
     return (

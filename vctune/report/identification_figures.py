@@ -15,6 +15,7 @@ from vctune.identification.identify import Identified, RecordStudy
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.periodic_study import PeriodicStudy, behind_force
 from vctune.identification.unmodelled import covered
+from vctune.model.units import Units
 from vctune.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
 
 WINDOW = 2.0
@@ -36,15 +37,15 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
     repeated = [study for study in found.records if study.periodic is not None]
     with rc_context(STYLE):
         if moved:
-            figures["time-fit"] = _time_fit(moved, "N m" if record.rotary else "N")
+            figures["time-fit"] = _time_fit(moved, record.units)
         if repeated:
-            figures["response"] = _response(found, repeated, "rad/(N m)" if record.rotary else "m/N")
-        figures["residual-spectrum"] = _residual_spectra(found.records)
+            figures["response"] = _response(found, repeated, record.units)
+        figures["residual-spectrum"] = _residual_spectra(found.records, record.units)
         figures["numbers"] = _numbers(record)
     return figures
 
 
-def _time_fit(studies: list[RecordStudy], unit: str) -> Figure:
+def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
     figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
@@ -54,16 +55,16 @@ def _time_fit(studies: list[RecordStudy], unit: str) -> Figure:
         worst = fit.time[int(np.argmax(np.abs(left)))]
         shown = np.abs(fit.time - worst) < WINDOW / 2
         close.plot(fit.time[shown], fit.measured[shown], color=BLUE, label=f"recorded, {study.recording.name}")
-        close.plot(fit.time[shown], fit.fitted[shown], "--", color=ORANGE, label="mass and friction")
-        close.set_ylabel(f"force, {unit}")
+        close.plot(fit.time[shown], fit.fitted[shown], "--", color=ORANGE, label=units.translated("mass and friction"))
+        close.set_ylabel(f"{units.force_name}, {units.force}")
         legend_above(close, 2)
         every = max(1, left.size // MOST_POINTS)
         whole.plot(fit.time[::every], left[::every], color=GREY, linewidth=0.8)
-        whole.set(ylabel=f"residual, {unit}", xlabel="time, s")
+        whole.set(ylabel=f"residual, {units.force}", xlabel="time, s")
     return figure
 
 
-def _response(found: Identified, studies: list[RecordStudy], unit: str) -> Figure:
+def _response(found: Identified, studies: list[RecordStudy], units: Units) -> Figure:
     figure = canvas(9, 8.5, top=0.35, gaps=(0.0, 0.12))
     size, phase, repeat = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1])
     colours = (BLUE, GREEN, ORANGE, GREY)
@@ -79,7 +80,7 @@ def _response(found: Identified, studies: list[RecordStudy], unit: str) -> Figur
     allowed = covered(device, bounds, found.unmodelled, omega, held=first.measured.input == "command")
     size.fill_between(hertz, allowed[0], allowed[1], color=GREY, alpha=0.25, label="box and unmodelled")
     phase.fill_between(hertz, allowed[2], allowed[3], color=GREY, alpha=0.25)
-    size.set_ylabel(f"position / force, {unit}")
+    size.set_ylabel(f"position / {units.force_name}, {units.compliance}")
     decades(size)
     phase.set_ylabel("phase, degrees")
     repeat.set(ylabel="coherence", ylim=(0, 1.05))
@@ -104,7 +105,7 @@ def _degrees(response: np.ndarray) -> Floats:
     return np.degrees(np.unwrap(np.angle(-response))) - 180.0
 
 
-def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
+def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
     figure = canvas(9, 3.4, top=0.35)
     axes = figure.subplots()
     ends = []
@@ -115,7 +116,7 @@ def _residual_spectra(studies: tuple[RecordStudy, ...]) -> Figure:
         )
         axes.plot(hertz, noise, "--", color=colour, linewidth=1.0, label="noise")
         ends += [float(hertz[0]), float(hertz[-1])]
-    axes.set_ylabel("residual, share of the force")
+    axes.set_ylabel(f"residual, share of the {units.force_name}")
     decades(axes)
     frequency_axis(axes, min(ends), max(ends))
     legend_above(axes, 4)

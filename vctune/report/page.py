@@ -49,8 +49,9 @@ def page(
     places : of the axes in which tried curves are drawn (`vctune.report.sliders.overlays`)
     simulation : of this design, if there is one
     """
+    translated = problem.units.translated
     shown = [
-        {"name": name, "title": READINGS[name][0], "reading": READINGS[name][1], "svg": inline(text)}
+        {"name": name, "title": READINGS[name][0], "reading": translated(READINGS[name][1]), "svg": inline(text)}
         for name, text in drawn.items()
     ]
     seen, tried = summary(record, problem), None
@@ -75,6 +76,7 @@ def page(
         sliders=_embedded(tried) if tried is not None else None,
         measured=measured_rows(simulation) if simulation else [],
         headings=HEADINGS,
+        translated=translated,
     )
 
 

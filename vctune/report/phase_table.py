@@ -40,16 +40,19 @@ def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
     problem : its device and transparency band
     gains : of the design
     """
-    device, edge = problem.device, problem.transparency.band.max
+    device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name
     cross = crossover(device, gains)
     columns: list[tuple[str, Phases]] = []
     if cross is not None:
         columns = [(f"loop, {_hz(cross)}", loop_phases(device, gains, cross))]
-        columns += [(f"force path, {_hz(cross)}", force_phases(device, gains, cross))]
+        columns += [(f"{push} path, {_hz(cross)}", force_phases(device, gains, cross))]
     if gains.closed:
-        columns += [(f"force path, {_hz(edge)}", force_phases(device, gains, edge))]
+        columns += [(f"{push} path, {_hz(edge)}", force_phases(device, gains, edge))]
     parts = [part for part in PARTS if any(part in phases.shares for _, phases in columns)]
-    rows = [(part, *(_degrees(phases.shares.get(part)) for _, phases in columns)) for part in parts]
+    rows = [
+        (problem.units.translated(part), *(_degrees(phases.shares.get(part)) for _, phases in columns))
+        for part in parts
+    ]
     rows += [("together", *(_degrees(phases.total) for _, phases in columns))] if columns else []
     return PhaseTable(("", *(heading for heading, _ in columns)), rows, _remark(problem))
 
@@ -60,9 +63,9 @@ def _remark(problem: Problem) -> str:
     miss = sensor_miss(problem.device, band.min * (band.max / band.min) ** share)
     if miss is None:
         return ""
-    mean = float(np.sqrt(np.mean(miss[:-1] ** 2)))
+    mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
     return (
-        f"The force sensor misses |1 - F_s| = {mean:.2g} of the hand's force in the mean over the transparency band, "
+        f"The {push} sensor misses |1 - F_s| = {mean:.2g} of the hand's {push} in the mean over the transparency band, "
         f"{miss[-1]:.2g} at its upper edge. No gain has a part in that, and the error does not count it."
     )
 

@@ -18,9 +18,10 @@ from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.prepared import prepare
 from vctune.design.variables import point
-from vctune.model.keys import SYMBOLS, UNITS
+from vctune.model.keys import labelled
 from vctune.model.problem import Problem
 from vctune.model.quantities import Gains
+from vctune.model.units import Units
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
@@ -49,7 +50,8 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
     """
     plane = region.plane
     with rc_context(STYLE):
-        figure, axes = _frame(plane, "interrupted: some of what is undecided was not looked at" * region.interrupted)
+        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        figure, axes = _frame(plane, problem.units, interrupted)
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
         _marked(axes, plane, designs, "*", PAPER, "optimum")
@@ -65,7 +67,7 @@ def lost_figure(again: Recheck) -> Figure:
     """Return what is still proved of a baseline's feasible cells and gain sets, and what has lost its proof."""
     plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
     with rc_context(STYLE):
-        figure, axes = _frame(plane)
+        figure, axes = _frame(plane, again.units)
         _fill(axes, plane, again.region.squares[:, kept], GOOD, "proved again")
         _fill(axes, plane, again.region.squares[:, ~kept], BAD, "lost")
         for holds, mark, colour, label in (
@@ -78,7 +80,7 @@ def lost_figure(again: Recheck) -> Figure:
     return figure
 
 
-def _frame(plane: Plane, title: str = "") -> tuple[Figure, Axes]:
+def _frame(plane: Plane, units: Units, title: str = "") -> tuple[Figure, Axes]:
     figure = canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
     axes = figure.subplots()
     axes.set_title(title, loc="left")
@@ -87,15 +89,12 @@ def _frame(plane: Plane, title: str = "") -> tuple[Figure, Axes]:
         values, at = _marks(plane, place)
         low = -STRIP if plane.has_line(place) else 0.0
         keywords: Any = {
-            "xy"[place] + part: value for part, value in (("lim", (low, 1)), ("label", _label(plane.keys[axis])))
+            "xy"[place] + part: value
+            for part, value in (("lim", (low, 1)), ("label", labelled(plane.keys[axis], units)))
         }
         axes.set(**keywords)
         (axes.set_xticks, axes.set_yticks)[place](at, [_number(value) for value in values])
     return figure, axes
-
-
-def _label(key: str) -> str:
-    return f"{SYMBOLS[key]}, {UNITS[key]}"
 
 
 def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:

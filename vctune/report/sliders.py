@@ -15,7 +15,6 @@ from vctune.document.record import DesignRecord
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import AnyCoupling, Gains, Hand, Hands, SpringDamper
 from vctune.report.constants import frequency_model, in_hands, sampled_loop
-from vctune.report.units import UNITS
 
 REACH = 10.0
 """By what factor a slider goes up and down from the shipped value."""
@@ -54,7 +53,7 @@ def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: Desig
         "band_hz": [band[0], None if band[1] == inf else band[1]] if problem.passive else None,
         "operator_damping": 0.0 if operator is None else operator.damping,
         "transparency_hz": list(transparency.band.hz),
-        "hands": ["any passive hand" if hand is None else str(hand) for hand in hands],
+        "hands": ["any passive hand" if hand is None else hand.in_words(problem.units) for hand in hands],
         "constants": {
             "model": frequency_model(problem, record),
             "sampled": sampled_loop(problem.device, record),
@@ -105,23 +104,23 @@ def _axes(figure: Figure, number: int, curve: str) -> dict[str, Any]:
 
 def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
     """Return the sliders: what each is called, its unit, shipped value and ends; those that are 0 begin there."""
-    bounds, device, damping = problem.bounds, problem.device, coupling.damping
+    bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
     if isinstance(coupling, SpringDamper):
         stiffness, T = coupling.stiffness, device.sample_time
         named = [
-            ("gains.velocity", "K_v", UNITS.damping, gains.velocity, bounds.velocity, device.mass / device.loop_lag),
-            ("coupling.damping", "b_c", UNITS.damping, damping, bounds.damping, stiffness * T),
-            ("coupling.stiffness", "k_c", UNITS.stiffness, stiffness, bounds.stiffness, 1.0),
+            ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, device.mass / device.loop_lag),
+            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, stiffness * T),
+            ("coupling.stiffness", "k_c", units.stiffness, stiffness, bounds.stiffness, 1.0),
         ]
     else:
         corner = (device.damping + gains.velocity) / device.loop_lag
         named = [
-            ("gains.velocity", "K_v", UNITS.damping, gains.velocity, bounds.velocity, 1.0),
-            ("gains.position", "K_p", UNITS.stiffness, gains.position, bounds.position, corner),
-            ("coupling.damping", "b_c", UNITS.damping, damping, bounds.damping, 1.0),
-            ("coupling.mass", "m_c", UNITS.mass, coupling.mass, bounds.mass, 1.0),
-            ("coupling.drag", "b_0", UNITS.damping, coupling.drag, bounds.drag, damping),
+            ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, 1.0),
+            ("gains.position", "K_p", units.stiffness, gains.position, bounds.position, corner),
+            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, 1.0),
+            ("coupling.mass", "m_c", units.mass, coupling.mass, bounds.mass, 1.0),
+            ("coupling.drag", "b_0", units.damping, coupling.drag, bounds.drag, damping),
         ]
     return [
         {"key": key, "symbol": symbol, "unit": unit, "value": value, "top": REACH * value if value > 0 else most,

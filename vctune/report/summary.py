@@ -11,7 +11,7 @@ from vctune.document.part import text
 from vctune.document.record import CertificateRecord, DesignRecord, SpringRecord, TransparencyRecord
 from vctune.model.problem import Problem
 from vctune.model.quantities import Coupling, Gains
-from vctune.report.units import UNITS
+from vctune.model.units import Units
 
 LITTLE_USE = 0.75
 """Share of the error without a loop from which on a design is of little use: what takes away less than a quarter of it
@@ -120,16 +120,16 @@ def _verdict(record: DesignRecord, problem: Problem) -> tuple[Kind, str, str]:
         reason = record.reason or ("no design meets the demands" if kind == "bad" else "no design was found")
         return kind, record.status, f"{reason[0].upper()}{reason[1:]}."
     if record.status == "violated":
-        return "bad", "violated", f"Not for use: {_failed(proof, 'refuted')}."
+        return "bad", "violated", f"Not for use: {_failed(proof, 'refuted', record.units)}."
     if record.status == "undecided":
-        return "doubtful", "undecided", f"Not proved, so not for use: {_failed(proof, 'undecided')}."
+        return "doubtful", "undecided", f"Not proved, so not for use: {_failed(proof, 'undecided', record.units)}."
     return _certified(record, transparency, problem)
 
 
 def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: Problem) -> tuple[Kind, str, str]:
     proved, useless = f"Proved {record.promise}", "certified, of little use"
     if isinstance(record.coupling, SpringRecord):
-        wall = f"a wall may be as stiff as {text(record.coupling.stiffness, 4)} {UNITS.stiffness}"
+        wall = f"a wall may be as stiff as {text(record.coupling.stiffness, 4)} {problem.units.stiffness}"
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
         return "good", "certified", f"{proved}; {wall}, {moved}, {_mean(problem)}."
     off = (
@@ -144,19 +144,19 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
     return "good", "certified", f"{proved}; {off}."
 
 
-def _failed(proof: CertificateRecord, verdict: str) -> str:
+def _failed(proof: CertificateRecord, verdict: str, units: Units) -> str:
     """Return the first claim with a verdict and where it fails; the certificate's own verdict where no claim has it."""
     claim = next((claim for claim in proof.claims if claim.verdict == verdict), None)
     if claim is None:
         return f"the certificate is {proof.verdict}"
     where = f" at {text(claim.witness_hz, 4)} Hz" if claim.witness_hz is not None else ""
-    hand = f" in the hand of {claim.witness_hand}" if claim.witness_hand is not None else ""
+    hand = f" in the hand of {claim.witness_hand.in_words(units)}" if claim.witness_hand is not None else ""
     safe = " (a ratio of 1 is proved, the safety factor is missed)" if proof.proved_ratio == 1 else ""
     return f"“{claim.claim}” is {verdict}{where}{hand}{safe}"
 
 
 def _reference(problem: Problem) -> str:
-    return f"{problem.transparency.reference_impedance:.4g} {UNITS.damping}"
+    return f"{problem.transparency.reference_impedance:.4g} {problem.units.damping}"
 
 
 def _mean(problem: Problem) -> str:

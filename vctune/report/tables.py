@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import asdict, astuple, fields
 from math import inf
 from typing import NamedTuple
 
@@ -10,28 +10,27 @@ from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
 from vctune.document.part import text
 from vctune.document.record import CertificateRecord, DesignRecord, InnerLoopRecord
+from vctune.document.units import unit_of
 from vctune.model.frequency import hertz
 from vctune.model.problem import Band, Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.quantities import AnyCoupling, Device, Gains, Hand
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.report.style import time_text
-from vctune.report.units import UNITS
 
 LABELS = {
-    "mass": ("mass m", UNITS.mass),
-    "damping": ("damping b", UNITS.damping),
-    "sample_time": ("sample time T", "s"),
-    "delay": ("delay", "s"),
-    "velocity.filter_hz": ("velocity estimate: low-pass", "Hz"),
-    "actuator.bandwidth_hz": ("actuator: bandwidth", "Hz"),
-    "force_sensor.bandwidth_hz": ("force sensor: bandwidth", "Hz"),
-    "force_sensor.delay": ("force sensor: delay", "s"),
-    "structure.handle_mass": ("structure: mass of the handle", UNITS.mass),
-    "structure.frequency_hz": ("structure: resonance", "Hz"),
-    "structure.damping_ratio": ("structure: damping ratio", ""),
+    "mass": "mass m",
+    "damping": "damping b",
+    "sample_time": "sample time T",
+    "delay": "delay",
+    "velocity.filter_hz": "velocity estimate: low-pass",
+    "actuator.bandwidth_hz": "actuator: bandwidth",
+    "force_sensor.bandwidth_hz": "force sensor: bandwidth",
+    "force_sensor.delay": "force sensor: delay",
+    "structure.handle_mass": "structure: mass of the handle",
+    "structure.frequency_hz": "structure: resonance",
+    "structure.damping_ratio": "structure: damping ratio",
 }
-"""What the numbers of a device are called, and their units; seconds are shown as what suits them."""
-HAND = (("mass", UNITS.mass), ("damping", UNITS.damping), ("stiffness", UNITS.stiffness))
+"""What the numbers of a device are called; seconds are shown as what suits them."""
 
 
 class Line(NamedTuple):
@@ -67,16 +66,18 @@ def asked(problem: Problem) -> dict[str, list[Line]]:
 
 
 def _device(problem: Problem) -> list[Line]:
-    device, uncertain = problem.device, problem.uncertainty
+    device, uncertain, units = problem.device, problem.uncertainty, problem.units
     widths = dict(uncertain.half_widths) if uncertain is not None else {}
     lines = []
     for key, number in device.numbers().items():
-        label, unit = LABELS[key]
-        value, unit = time_text(number, 4) if unit == "s" else (text(float(number)), unit)
-        lines.append(Line(label, value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else ""))
+        unit = unit_of(tuple(key.split(".")), units)
+        value, unit = time_text(number, 4) if unit == units.time else (text(float(number)), unit)
+        lines.append(
+            Line(units.translated(LABELS[key]), value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else "")
+        )
     estimate = device.velocity
     known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
-    display = [Line("display", "impedance", "", "motion in, force out")] if device.renders_force else []
+    display = [Line("display", "impedance", "", f"motion in, {units.force_name} out")] if device.renders_force else []
     lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
@@ -103,23 +104,24 @@ def _demands(problem: Problem) -> list[Line]:
         Line(
             "transparency band", _band(wanted.band), "Hz", {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
         ),
-        Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", UNITS.damping),
+        Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", problem.units.damping),
         Line("weights", weights, "", "admittance, tracking, coupling"),
     ]
 
 
 def _hands(problem: Problem) -> list[Line]:
-    lines, met, least = [], problem.hands_met, problem.device.operator
+    lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
     if met is not None:
-        for (name, unit), low, high in zip(HAND, astuple(met.low), astuple(met.high), strict=True):
+        for field, low, high in zip(fields(Hand), astuple(met.low), astuple(met.high), strict=True):
+            name, unit = units.translated(field.name), units.of(field.name)
             lines.append(Line(name, f"{low:g} to {high:g}", unit, "every hand of the box, at every frequency"))
     if problem.any_hand:
         lines.append(Line("any passive hand", "", "", "at every frequency"))
     if problem.passive:
         lines.append(Line("any passive hand", "", "", "on the stability band"))
         if least is not None:
-            for (name, unit), number in zip(HAND, (least.mass, least.damping), strict=False):
-                lines.append(Line(f"that has at least the {name}", f"{number:g}", unit))
+            for name, number in asdict(least).items():
+                lines.append(Line(f"that has at least the {units.translated(name)}", f"{number:g}", units.of(name)))
     return lines
 
 
@@ -152,7 +154,8 @@ def _found(
     """Return what was found of a claim and what was asked."""
     factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
     if claim in IN_HANDS and hands is not None:
-        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hands.worst_hand}", factor
+        hand = hands.worst_hand.in_words(problem.units)
+        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
     if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
         return _least_in_any_hand(proof, problem, design), factor
     if claim == Claim.SENSITIVITY:
@@ -196,8 +199,11 @@ def assumptions(problem: Problem) -> list[str]:
     """Return what a certificate of a problem assumes (model/README.md, section 11)."""
     device, uncertain = problem.device, problem.uncertainty
     within = "with exactly the numbers above" if uncertain is None else "with any numbers of the box above"
+    moves = {"linear": "moves along one axis and is linear", "rotary": "turns about one axis and is linear"}[
+        device.units
+    ]
     lines = [
-        f"The device moves along one axis and is linear, {within}: no dry friction, no backlash, no saturated motor.",
+        f"The device {moves}, {within}: no dry friction, no backlash, no saturated motor.",
         f"The loop dynamics are those stated and nothing else: {_stated(device)}. What is not stated is ideal.",
     ]
     if uncertain is not None and uncertain.unmodelled:
@@ -226,7 +232,7 @@ def assumptions(problem: Problem) -> list[str]:
         if problem.hands_met is not None or problem.any_hand
         else "The environment is passive as it runs in the firmware; a mass that is stepped explicitly is not."
     )
-    return lines
+    return [problem.units.translated(line) for line in lines]
 
 
 def _stated(device: Device) -> str:
@@ -246,12 +252,12 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     problem : its device
     gains, coupling : the design
     """
-    here, bare = feel(problem.device, gains, coupling), feel(problem.device, *NO_LOOP)
+    here, bare, units = feel(problem.device, gains, coupling), feel(problem.device, *NO_LOOP), problem.units
     lines = [
         FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
         for name, unit, ours, theirs in (
-            ("mass", UNITS.mass, here.mass, bare.mass),
-            ("damping", UNITS.damping, here.damping, bare.damping),
+            (units.mass_name, units.mass, here.mass, bare.mass),
+            ("damping", units.damping, here.damping, bare.damping),
         )
         for k, hz in enumerate(FREE_HZ)
     ]
@@ -260,12 +266,15 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         (here.stiffness, bare.stiffness, f"{WALL_HZ:g} Hz"),
     )
     lines += [
-        FeelLine(f"stiffest wall felt, {where}", _number(ours), _number(theirs), UNITS.stiffness)
+        FeelLine(f"stiffest wall felt, {where}", _number(ours), _number(theirs), units.stiffness)
         for ours, theirs, where in walls
     ]
-    force = f"force for a steady {SPEED:g} {UNITS.speed}"
-    lines.append(FeelLine(force, _number(here.force), _number(bare.force), UNITS.force))
-    late = [("loop latency", here.loop_latency), (f"force-path latency at {WALL_HZ:g} Hz", here.force_latency)]
+    force = f"{units.force_name} for a steady {SPEED:g} {units.speed}"
+    lines.append(FeelLine(force, _number(here.force), _number(bare.force), units.force))
+    late = [
+        ("loop latency", here.loop_latency),
+        (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
+    ]
     if problem.device.renders_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]

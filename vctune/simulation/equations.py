@@ -9,17 +9,29 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from vctune.model.units import Units
 from vctune.simulation.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
 
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a name stands for: the symbol that formulas have for it, its unit ("1" for none) and its meaning."""
+    """What a name stands for.
+
+    Attributes
+    ----------
+    name, symbol : in code and in formulas
+    of : which quantity it is (`vctune.model.units`); "" for a mere number
+    meaning : on a linear device
+    """
 
     name: str
     symbol: str
-    unit: str
+    of: str
     meaning: str
+
+    def unit(self, units: Units) -> str:
+        """Return its unit, "1" for none."""
+        return units.of(self.of) or "1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,50 +76,50 @@ class Parts:
 
 
 INPUTS = (
-    Quantity("measured_position", "x", "m", "position of the motor, as the encoder has it"),
-    Quantity("measured_velocity", "v", "m/s", "velocity of the motor, where it is measured"),
-    Quantity("measured_force", "f_s", "N", "force of the hand, as the sensor has it just before the command acts"),
+    Quantity("measured_position", "x", "position", "position of the motor, as the encoder has it"),
+    Quantity("measured_velocity", "v", "speed", "velocity of the motor, where it is measured"),
+    Quantity("measured_force", "f_s", "force", "force of the hand, as the sensor has it just before the command acts"),
 )
 COEFFICIENTS = {
     name: Quantity(name, *told)
     for name, told in {
-        "sample_time": ("T", "s", "sample time"),
-        "half_sample_time": ("T/2", "s", "half the sample time"),
-        "velocity_gain": ("K_v", "N s/m", "velocity gain"),
-        "position_gain": ("K_p", "N/m", "position gain"),
-        "integral_gain": ("K_i", "N/(m s)", "gain of the integrated position error"),
-        "coupling_step": ("b_c/(1 + a)", "N s/m", "force of the coupling per step of v_e, a = T b_c/(2 m_c)"),
-        "coupling_decay": ("(1 - a)/(1 + a)", "1", "what a sample leaves of the coupling's force"),
-        "coupling_stiffness": ("k_c", "N/m", "stiffness of the coupling"),
-        "coupling_damping": ("b_c", "N s/m", "damping of the coupling"),
-        "resistance": ("R_v", "N s/m", "force per v_e, of all but the environment"),
-        "virtual_inertance": ("M_0/T", "N s/m", "of the virtual mass"),
-        "smoothing": ("a_f", "1", "of the velocity's low-pass, 1 - exp(-2 pi f T)"),
-        "resolution": ("q", "m", "of the encoder"),
-        "limit": ("u_max", "N", "greatest force"),
-        "position_reach": ("u_max/K_p", "m", "position error whose force is the limit"),
-        "integral_reach": ("u_max/K_i", "m s", "integrated position error whose force is the limit"),
-        "inertance": ("M/T", "N s/m", "of the environment's mass; twice that by the trapezoidal rule"),
-        "inertia_carry": ("c", "1", "0 by backward Euler, 1 by the trapezoidal rule"),
-        "stiffness": ("k", "N/m", "of the environment's spring"),
-        "zero": ("x_0", "m", "where the spring is without force"),
-        "slope": ("b + k h", "N s/m", "of damper and spring per v_e; h is T, by the trapezoidal rule T/2"),
-        "least_contact": ("f_min", "N", "least force of spring and damper: 0 at a wall, else none"),
+        "sample_time": ("T", "time", "sample time"),
+        "half_sample_time": ("T/2", "time", "half the sample time"),
+        "velocity_gain": ("K_v", "damping", "velocity gain"),
+        "position_gain": ("K_p", "stiffness", "position gain"),
+        "integral_gain": ("K_i", "integral_gain", "gain of the integrated position error"),
+        "coupling_step": ("b_c/(1 + a)", "damping", "force of the coupling per step of v_e, a = T b_c/(2 m_c)"),
+        "coupling_decay": ("(1 - a)/(1 + a)", "", "what a sample leaves of the coupling's force"),
+        "coupling_stiffness": ("k_c", "stiffness", "stiffness of the coupling"),
+        "coupling_damping": ("b_c", "damping", "damping of the coupling"),
+        "resistance": ("R_v", "damping", "force per v_e, of all but the environment"),
+        "virtual_inertance": ("M_0/T", "damping", "of the virtual mass"),
+        "smoothing": ("a_f", "", "of the velocity's low-pass, 1 - exp(-2 pi f T)"),
+        "resolution": ("q", "position", "of the encoder"),
+        "limit": ("u_max", "force", "greatest force"),
+        "position_reach": ("u_max/K_p", "position", "position error whose force is the limit"),
+        "integral_reach": ("u_max/K_i", "position_integral", "integrated position error whose force is the limit"),
+        "inertance": ("M/T", "damping", "of the environment's mass; twice that by the trapezoidal rule"),
+        "inertia_carry": ("c", "", "0 by backward Euler, 1 by the trapezoidal rule"),
+        "stiffness": ("k", "stiffness", "of the environment's spring"),
+        "zero": ("x_0", "position", "where the spring is without force"),
+        "slope": ("b + k h", "damping", "of damper and spring per v_e; h is T, by the trapezoidal rule T/2"),
+        "least_contact": ("f_min", "force", "least force of spring and damper: 0 at a wall, else none"),
     }.items()
 }
 STATE = {
     name: Quantity(name, *told)
     for name, told in {
-        "reference": ("x_e", "m", "position of the environment"),
-        "desired": ("v_e", "m/s", "velocity of the environment"),
-        "coupling": ("f_c", "N", "force of the coupling's damper and mass"),
-        "integral": ("i", "m s", "integrated position error"),
-        "measured": ("x", "m", "position of the motor"),
-        "filtered": ("v_1", "m/s", "velocity behind the first low-pass"),
-        "twice_filtered": ("v_2", "m/s", "velocity behind the second low-pass"),
-        "smoothed": ("w_1", "m/s", "v_e behind the first low-pass"),
-        "twice_smoothed": ("w_2", "m/s", "v_e behind the second low-pass"),
-        "inertia": ("f_m", "N", "force of the environment's mass"),
+        "reference": ("x_e", "position", "position of the environment"),
+        "desired": ("v_e", "speed", "velocity of the environment"),
+        "coupling": ("f_c", "force", "force of the coupling's damper and mass"),
+        "integral": ("i", "position_integral", "integrated position error"),
+        "measured": ("x", "position", "position of the motor"),
+        "filtered": ("v_1", "speed", "velocity behind the first low-pass"),
+        "twice_filtered": ("v_2", "speed", "velocity behind the second low-pass"),
+        "smoothed": ("w_1", "speed", "v_e behind the first low-pass"),
+        "twice_smoothed": ("w_2", "speed", "v_e behind the second low-pass"),
+        "inertia": ("f_m", "force", "force of the environment's mass"),
     }.items()
 }
 """What a firmware can have to remember."""
@@ -128,8 +140,8 @@ def remembered(parts: Parts) -> tuple[str, ...]:
     return tuple(name for name in STATE if needed.get(name, True))
 
 
-def _new(name: str, symbol: str, unit: str, meaning: str, right: Term) -> Equation:
-    return Equation(Quantity(name, symbol, unit, meaning), right)
+def _new(name: str, symbol: str, of: str, meaning: str, right: Term) -> Equation:
+    return Equation(Quantity(name, symbol, of, meaning), right)
 
 
 def _kept(name: str, right: Term) -> Equation:
@@ -153,12 +165,12 @@ def estimate(parts: Parts) -> Iterator[Equation]:
     velocity: Term = _now("measured_velocity")
     if parts.difference:
         velocity = (_now("measured") - _was("measured")) / _now("sample_time")
-    yield _new("raw_velocity", "v'", "m/s", "velocity before the low-passes", velocity)
+    yield _new("raw_velocity", "v'", "speed", "velocity before the low-passes", velocity)
     source = "raw_velocity"
     for name in ("filtered", "twice_filtered")[: parts.low_passes]:
         yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
         source = name
-    yield _new("velocity", "v_hat", "m/s", "velocity that the law acts on", _now(source))
+    yield _new("velocity", "v_hat", "speed", "velocity that the law acts on", _now(source))
 
 
 def drive(parts: Parts) -> Iterator[Equation]:
@@ -174,13 +186,13 @@ def drive(parts: Parts) -> Iterator[Equation]:
         force = force + _now("coupling_step") * _was("desired") - _now("coupling_decay") * _was("coupling")
     if parts.virtual:
         force = force + _now("virtual_inertance") * _was("desired")
-    yield _new("drive", "f", "N", "force that is left to drive v_e", force)
+    yield _new("drive", "f", "force", "force that is left to drive v_e", force)
     yield _middle()
 
 
 def _middle() -> Equation:
     middle = _was("reference") + _now("half_sample_time") * _was("desired")
-    return _new("middle", "x_m", "m", "x_e without the share of the new v_e", middle)
+    return _new("middle", "x_m", "position", "x_e without the share of the new v_e", middle)
 
 
 def _pulled(parts: Parts) -> Iterator[Equation]:
@@ -192,14 +204,14 @@ def _pulled(parts: Parts) -> Iterator[Equation]:
     apart: Expression = _now("velocity")
     for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
         carried = _was(name) - _now("smoothing") * _was(name)
-        yield _new(f"{name}_carried", f"{STATE[name].symbol}'", "m/s", "what a sample leaves of it", carried)
+        yield _new(f"{name}_carried", f"{STATE[name].symbol}'", "speed", "what a sample leaves of it", carried)
     if parts.low_passes == 1:
         apart = apart - _now("smoothed_carried")
     elif parts.low_passes == 2:
         apart = apart - _now("twice_smoothed_carried") - _now("smoothing") * _now("smoothed_carried")
-    yield _new("apart", "d", "m/s", "velocity of the handle from the tool, without the share of the new v_e", apart)
+    yield _new("apart", "d", "speed", "velocity of the handle from the tool, without the share of the new v_e", apart)
     force = _now("coupling_stiffness") * (_now("measured") - _now("middle")) + _now("coupling_damping") * _now("apart")
-    yield _new("drive", "f", "N", "force of the coupling, without the share of the new v_e", force)
+    yield _new("drive", "f", "force", "force of the coupling, without the share of the new v_e", force)
 
 
 def environment(parts: Parts) -> Iterator[Equation]:
@@ -215,13 +227,13 @@ def environment(parts: Parts) -> Iterator[Equation]:
         pushed = pushed + _now("inertance") * _was("desired")
         if parts.trapezoid:
             pushed = pushed + _now("inertia_carry") * _was("inertia")
-    yield _new("pushed", "f_p", "N", "drive with what the mass brings along", pushed)
-    yield _new("total", "r", "N s/m", "force per v_e without spring and damper", total)
-    yield _new("free", "v_f", "m/s", "v_e without spring and damper", _now("pushed") / _now("total"))
+    yield _new("pushed", "f_p", "force", "drive with what the mass brings along", pushed)
+    yield _new("total", "r", "damping", "force per v_e without spring and damper", total)
+    yield _new("free", "v_f", "speed", "v_e without spring and damper", _now("pushed") / _now("total"))
     contact: Term = 0.0
     if parts.contact:
         offset = _now("stiffness") * (_now("middle") - _now("zero"))
-        yield _new("offset", "f_0", "N", "force of the spring without a step", offset)
+        yield _new("offset", "f_0", "force", "force of the spring without a step", offset)
         met: Term = (_now("pushed") - _now("offset")) / (_now("total") + _now("slope"))
         if parts.wall:
             met = choice(_now("offset") + _now("slope") * _now("free"), _now("least_contact"), met, _now("free"))
@@ -235,7 +247,7 @@ def environment(parts: Parts) -> Iterator[Equation]:
         inertia = _now("inertance") * (_now("desired") - _was("desired"))
         yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia") if parts.trapezoid else inertia)
         contact = contact + _now("inertia")
-    yield _new("environment_force", "f_e", "N", "force of the environment", contact)
+    yield _new("environment_force", "f_e", "force", "force of the environment", contact)
 
 
 def law(parts: Parts) -> Iterator[Equation]:
@@ -254,28 +266,28 @@ def law(parts: Parts) -> Iterator[Equation]:
         step = _now("coupling_step") * (_now("desired") - _was("desired"))
         yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
     reference = _now("middle") + _now("half_sample_time") * _now("desired")
-    yield _new("led", "x_e'", "m", "x_e, unless the limit acts", reference)
-    yield _new("error", "e", "m", "position error", _now("led") - _now("measured"))
+    yield _new("led", "x_e'", "position", "x_e, unless the limit acts", reference)
+    yield _new("error", "e", "position", "position error", _now("led") - _now("measured"))
     force = _now("velocity_gain") * (_now("desired") - _now("velocity")) + _now("position_gain") * _now("error")
     if parts.integral:
         integral = _was("integral") + _now("sample_time") * _now("error")
-        yield _new("summed", "i'", "m s", "integrated position error, unless the limit acts", integral)
+        yield _new("summed", "i'", "position_integral", "integrated position error, unless the limit acts", integral)
         force = force + _now("integral_gain") * _now("summed")
-    yield _new("asked", "u'", "N", "force before it is limited", force)
+    yield _new("asked", "u'", "force", "force before it is limited", force)
     if not parts.limit:
         yield _kept("reference", _now("led"))
         if parts.integral:
             yield _kept("integral", _now("summed"))
-        yield _new("command", "u", "N", "force that the motor is commanded", _now("asked"))
+        yield _new("command", "u", "force", "force that the motor is commanded", _now("asked"))
         return
-    yield _new("size", "|u'|", "N", "its size", maximum(-_now("asked"), _now("asked")))
+    yield _new("size", "|u'|", "force", "its size", maximum(-_now("asked"), _now("asked")))
     slip = choice(_now("size"), _now("limit"), _now("error") - _within("position_reach", _now("error")), 0.0)
-    yield _new("slip", "d", "m", "by how much x_e goes back to the handle where the limit acts", slip)
+    yield _new("slip", "d", "position", "by how much x_e goes back to the handle where the limit acts", slip)
     yield _kept("reference", _now("led") - _now("slip"))
     if parts.integral:
         held = _within("integral_reach", _now("summed"))
         yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
-    yield _new("command", "u", "N", "force that the motor is commanded", _within("limit", _now("asked")))
+    yield _new("command", "u", "force", "force that the motor is commanded", _within("limit", _now("asked")))
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
@@ -286,13 +298,13 @@ def _rendered(parts: Parts) -> Iterator[Equation]:
         source = name
     yield _kept("reference", _now("middle") + _now("half_sample_time") * _now("desired"))
     met = _now("drive") - _now("resistance") * _now("desired")
-    yield _new("coupled", "f_c", "N", "force of the coupling", met)
+    yield _new("coupled", "f_c", "force", "force of the coupling", met)
     asked = -_now("coupled") - _now("velocity_gain") * _now("velocity")
-    yield _new("asked", "u'", "N", "force before it is limited", asked)
+    yield _new("asked", "u'", "force", "force before it is limited", asked)
     yield _new(
         "command",
         "u",
-        "N",
+        "force",
         "force that the motor is commanded",
         _within("limit", _now("asked")) if parts.limit else _now("asked"),
     )

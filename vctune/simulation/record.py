@@ -10,7 +10,7 @@ import numpy as np
 
 from vctune.document.digest import experiments_digest
 from vctune.document.reading import ProblemFile
-from vctune.document.record import GainsRecord, coupling_record
+from vctune.document.record import GainsRecord, coupling_record, stated_units
 from vctune.document.simulation import (
     DifferenceRecord,
     EnvironmentRecord,
@@ -55,6 +55,7 @@ def simulation_record(
             name=file.problem.name,
             sha256=file.sha256,
             experiments_sha256=experiments_digest(file.problem.experiments),
+            **stated_units(file.problem.device),
         ),
         gains=GainsRecord(**asdict(gains)),
         coupling=coupling_record(coupling),

@@ -19,6 +19,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.units import Units
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region
 from vctune.study.region_json import Design
@@ -33,11 +34,13 @@ class Recheck:
     region : the cells that the baseline had proved feasible, divided further where they are not as a whole
     designs : the gain sets that the baseline lists
     certified : which of them still are
+    units : of the problem
     """
 
     region: Region
     designs: list[Design]
     certified: list[bool]
+    units: Units
 
     @property
     def lost(self) -> bool:
@@ -67,7 +70,7 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T)
     designs: list[tuple[Gains, AnyCoupling]] = [listed.design for listed in baseline.designs]
     certified = [judgement.status is Status.CERTIFIED for judgement in judge_all(problem, designs)] if designs else []
-    return Recheck(rechecked, designs, certified)
+    return Recheck(rechecked, designs, certified, problem.units)
 
 
 @dataclass(frozen=True, slots=True)

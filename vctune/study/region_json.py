@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.design.record import versions
 from vctune.document.reading import ProblemFile
-from vctune.document.record import ProblemRecord
+from vctune.document.record import ProblemRecord, stated_units
 from vctune.document.region import (
     AxesRecord,
     DemandsRecord,
@@ -39,7 +39,9 @@ def region_record(file: ProblemFile, region: Region, designs: list[Design]) -> R
     damping = [None if np.isnan(b_c) else b_c for b_c in region.damping.tolist()]
     cells = zip(region.squares.T.tolist(), region.kinds.tolist(), damping, strict=True)
     return RegionDocument(
-        problem=ProblemRecord(name=file.problem.name, sha256=file.sha256, text=file.text),
+        problem=ProblemRecord(
+            name=file.problem.name, sha256=file.sha256, text=file.text, **stated_units(file.problem.device)
+        ),
         demands=DemandsRecord(
             safety_factor=stability.safety_factor, max_sensitivity=stability.max_sensitivity, **_of_hands(file.problem)
         ),

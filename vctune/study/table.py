@@ -20,6 +20,7 @@ from vctune.document.study import Study
 from vctune.document.units import heading, unit_of
 from vctune.markup import html_table
 from vctune.model.keys import KEYS, SPRING_KEYS
+from vctune.model.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
 
@@ -36,12 +37,14 @@ class Table:
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
     numbers : error, terms, design and ratio (`vctune.document.rows.NumbersRecord`), nan where there is none
+    system : of units, the problem's
     """
 
     axes: dict[str, Floats]
     status: list[str]
     reason: list[str]
     numbers: dict[str, Floats]
+    system: UnitSystem = "linear"
 
     @property
     def certified(self) -> NDArray[np.bool_]:
@@ -55,10 +58,12 @@ class Table:
     @property
     def units(self) -> dict[str, str]:
         """The unit of each column that has one."""
-        of_axes = {key: unit_of(number_keys()[key]) for key in self.axes}
+        units = UNITS[self.system]
+        of_axes = {key: unit_of(number_keys()[key], units) for key in self.axes}
+        of_numbers = {name: units.of(quantity) for name, quantity in NUMBERS.items()}
         return {
             name: unit
-            for name, unit in {**of_axes, **NUMBERS}.items()
+            for name, unit in {**of_axes, **of_numbers}.items()
             if unit and (name in of_axes or name in self.numbers)
         }
 
@@ -87,6 +92,7 @@ class Table:
             [self.status[i] for i in chosen],
             [self.reason[i] for i in chosen],
             {name: column[chosen] for name, column in self.numbers.items()},
+            self.system,
         )
 
 
@@ -113,7 +119,8 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
         reason.append(row["reason"] or "")
         for name, column in numbers.items():
             column[i] = nan if row[name] is None else row[name]
-    return Table({axis.key: values[:, k] for k, axis in enumerate(study.axes)}, status, reason, numbers)
+    axes, system = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"].get("units")
+    return Table(axes, status, reason, numbers, system or "linear")
 
 
 def _columns(study: Study) -> list[str]:

@@ -1,0 +1,107 @@
+"""What the numbers of a device are called and what they are in, by how its handle moves: the only place that says so.
+
+The formulas hold word for word for both: of a rotary device a mass is a moment of inertia, a force a torque, a position
+an angle.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from types import MappingProxyType
+from typing import Literal
+
+UnitSystem = Literal["linear", "rotary"]
+"""Of a handle: along a line, or about an axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """The unit of each quantity, by its name, and two words.
+
+    Attributes
+    ----------
+    mass_name, force_name : what mass and force are called
+    mass, damping, stiffness, integral_gain, mobility, compliance : of what moves, of impedances and of one over them
+    force, position, position_integral, speed : of signals
+    time, frequency : of anything
+    """
+
+    mass_name: str
+    force_name: str
+    mass: str
+    damping: str
+    stiffness: str
+    integral_gain: str
+    mobility: str
+    compliance: str
+    force: str
+    position: str
+    position_integral: str
+    speed: str
+    time: str = "s"
+    frequency: str = "Hz"
+
+    def of(self, quantity: str) -> str:
+        """Return the unit of a quantity by its name; "" for a number without one, whose quantity is ""."""
+        unit: str = getattr(self, quantity) if quantity else ""
+        return unit
+
+    def translated(self, text: str) -> str:
+        """Return a text about a linear device as it is of this one: its words, and units that stand alone.
+
+        Parameters
+        ----------
+        text : of ours, not of a user
+        """
+        if self == LINEAR:
+            return text
+        return UNIT.sub(lambda found: SAME[found[0]], WORD.sub(self._called, text))
+
+    def _called(self, found: re.Match[str]) -> str:
+        article, word, plural = found[1] or "", found[2], found[3] or ""
+        called = self.mass_name if word.lower() == "mass" else self.force_name
+        vowel = called[0] in "aeiou"
+        article = article.replace("a ", "an ").replace("A ", "An ") if vowel and article in ("a ", "A ") else article
+        return article + (called.capitalize() if word[0].isupper() else called) + ("s" if plural else "")
+
+
+LINEAR = Units(
+    mass_name="mass",
+    force_name="force",
+    mass="kg",
+    damping="N s/m",
+    stiffness="N/m",
+    integral_gain="N/(m s)",
+    mobility="m/(N s)",
+    compliance="m/N",
+    force="N",
+    position="m",
+    position_integral="m s",
+    speed="m/s",
+)
+ROTARY = Units(
+    mass_name="inertia",
+    force_name="torque",
+    mass="kg m2",
+    damping="N m s/rad",
+    stiffness="N m/rad",
+    integral_gain="N m/(rad s)",
+    mobility="rad/(N m s)",
+    compliance="rad/(N m)",
+    force="N m",
+    position="rad",
+    position_integral="rad s",
+    speed="rad/s",
+)
+QUANTITIES = tuple(
+    each.name for each in fields(Units) if each.name not in ("mass_name", "force_name", "time", "frequency")
+)
+"""Those whose units depend on the motion."""
+UNITS: Mapping[UnitSystem, Units] = MappingProxyType({"linear": LINEAR, "rotary": ROTARY})
+WORD = re.compile(r"(?<![.\w])([Aa] )?(mass|force)(es|s)?\b(?! /)", re.IGNORECASE)
+"""What is called otherwise, with its article; keys of a file keep their names, and names in equations theirs."""
+SAME = {LINEAR.of(quantity): ROTARY.of(quantity) for quantity in QUANTITIES}
+UNIT = re.compile(rf"(?:(?<=, )|^)({'|'.join(map(re.escape, sorted(SAME, key=len, reverse=True)))})(?=[.;,]|$)")
+"""A unit as descriptions have it: alone, or between a comma and the end of what it belongs to."""
