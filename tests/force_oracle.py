@@ -89,56 +89,80 @@ def disc(device: Device, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class Oracle:
-    """What a problem asks of the couplings of one K_v, on `THETA`.
+    """What a problem asks of the couplings of one K_v.
 
     Attributes
     ----------
-    required : R/s^2, the greatest of all hands
+    theta : angles
+    required : R/s^2 there, the greatest of all hands
     stable : whether the loop of K_v alone is, in every hand, with |S| below its limit
     """
 
+    theta: np.ndarray
     required: np.ndarray
     stable: bool
 
 
+def hands_of(problem: Problem) -> list[tuple[float, float, float]]:
+    """Return some hands of the box, its corners among them."""
+    low, high = problem.hands.low, problem.hands.high
+    ends = [(low.mass, high.mass), (low.damping, high.damping), (low.stiffness, high.stiffness)]
+    return list(product(*(np.unique(a + (b - a) * np.array([0, 0.01, 0.1, 0.4, 1])) for a, b in ends)))
+
+
+def angles(problem: Problem, devices: list[Device]) -> np.ndarray:
+    """Return `THETA`, and more where a device rings in a hand."""
+    found = [THETA]
+    for device, (M, B, K) in product(devices, hands_of(problem) if problem.hands_met is not None else ()):
+        if K > 0:
+            mass = device.mass + M
+            ring = np.sqrt(K / mass)
+            width = np.arctan((device.damping + B) / (2 * mass * ring))  # relative, at most a radian
+            around = ring * np.exp(width * np.linspace(-3, 3, 25)) * device.sample_time
+            found.append(around[(around > THETA[0]) & (around < pi)])
+    return np.unique(np.concatenate(found))
+
+
 def winding(curve: np.ndarray) -> float:
-    """Return how often a curve over `THETA`, with its mirror image, goes around 0."""
+    """Return how often a curve up to Nyquist, with its mirror image, goes around 0."""
     return float(np.round(np.unwrap(np.angle(curve))[[0, -1]] @ [-1, 1] / pi))
 
 
 def demanded(problem: Problem, devices: list[Device], K_v: float) -> Oracle:
     """Return what all devices ask of a coupling with a K_v."""
-    s2, required, stable = np.sin(THETA / 2) ** 2, np.full(THETA.size, -np.inf), True
+    theta, stable = angles(problem, devices), True
+    s2, required = np.sin(theta / 2) ** 2, np.full(theta.size, -np.inf)
     for device in devices:
-        F = low_pass(device, THETA)
-        free = 1 + K_v * F * answer(device, (0.0, 0.0, 0.0), THETA)
+        F = low_pass(device, theta)
+        free = 1 + K_v * F * answer(device, (0.0, 0.0, 0.0), theta)
         stable &= winding(free) == 0 and bool((np.abs(1 / free) <= problem.stability.max_sensitivity).all())
         if problem.any_hand:
-            c, r = disc(device, THETA)
+            c, r = disc(device, theta)
             # what 1 + K_v F G and G/(1 + K_v F G) come to in the disc
             size = np.abs(1 + K_v * F * c) ** 2 - (K_v * np.abs(F) * r) ** 2
-            stable &= bool((np.abs(1 + K_v * F * c) > K_v * np.abs(F) * r).all())
+            stable &= bool((size > 0).all())
             far = (c * (1 + K_v * F * c).conj() - (K_v * F).conj() * r**2) / size
             required = np.maximum(required, -(far.real - r / size) / s2)
         if problem.hands_met is not None:
-            low, high = problem.hands.low, problem.hands.high
-            ends = [(low.mass, high.mass), (low.damping, high.damping), (low.stiffness, high.stiffness)]
-            for hand in product(*(np.unique(a + (b - a) * np.array([0, 0.01, 0.1, 0.4, 1])) for a, b in ends)):
-                G = answer(device, hand, THETA)
+            for hand in hands_of(problem):
+                G = answer(device, hand, theta)
                 stable &= winding(1 + K_v * F * G) == 0
                 required = np.maximum(required, -(G / (1 + K_v * F * G)).real / s2)
-    return Oracle(required, stable)
+    return Oracle(theta, required, stable)
 
 
-def admissible(problem: Problem, devices: list[Device], oracle: Oracle, b_c: np.ndarray, k_c: np.ndarray) -> np.ndarray:
+def offered(device: Device, theta: np.ndarray, b_c: np.ndarray, k_c: np.ndarray) -> np.ndarray:
+    """Return Re(1/Z_c)/s^2 of couplings, arrays of shape (n,), at angles."""
+    Z_c = b_c[:, None] * low_pass(device, theta) + k_c[:, None] * device.sample_time / (1 - np.exp(-1j * theta))
+    return (1 / Z_c).real / np.sin(theta / 2) ** 2
+
+
+def admissible(problem: Problem, devices: list[Device], asked: Oracle, b_c: np.ndarray, k_c: np.ndarray) -> np.ndarray:
     """Return which couplings, arrays of shape (n,), meet the demand of their K_v on every device."""
-    T, good = problem.device.sample_time, np.full(b_c.shape, oracle.stable)
+    least = np.maximum(asked.required, problem.stability.safety_factor * asked.required)
+    good = np.full(b_c.shape, asked.stable)
     for device in devices:
-        z = np.exp(1j * THETA)
-        Z_c = b_c[:, None] * low_pass(device, THETA) + k_c[:, None] * T / (1 - 1 / z)
-        offered = (1 / Z_c).real / np.sin(THETA / 2) ** 2
-        least = np.maximum(oracle.required, problem.stability.safety_factor * oracle.required)
-        good &= (offered >= least).all(axis=1)
+        good &= (offered(device, asked.theta, b_c, k_c) >= least).all(axis=1)
     return good
 
 

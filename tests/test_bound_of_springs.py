@@ -204,13 +204,10 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
 
 def greatest_stiffness(problem: Problem, devices, asked: oracle.Oracle, tau: np.ndarray) -> np.ndarray:
     """Return the greatest k_c of each b_c/k_c on the oracle's angles; 0 where there is none."""
-    most = np.full(tau.shape, inf)
+    most, needed = np.full(tau.shape, inf), problem.stability.safety_factor * np.maximum(asked.required, 0)
     for device in devices:
-        z = np.exp(1j * oracle.THETA)
-        unit = tau[:, None] * oracle.low_pass(device, oracle.THETA) + problem.device.sample_time / (1 - 1 / z)
-        offered = (1 / unit).real / np.sin(oracle.THETA / 2) ** 2
-        needed = problem.stability.safety_factor * np.maximum(asked.required, 0)
-        limit = np.where(needed > 0, offered / np.where(needed > 0, needed, 1), inf)
+        unit = oracle.offered(device, asked.theta, tau, np.ones_like(tau))
+        limit = np.where(needed > 0, unit / np.where(needed > 0, needed, 1), inf)
         most = np.minimum(most, np.maximum(limit.min(axis=1), 0))
     return most
 

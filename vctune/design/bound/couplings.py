@@ -190,18 +190,18 @@ class SpringOffer:
     Attributes
     ----------
     stiff, damped : 1/k_c and 1/b_c that offer 1, over boxes of tau
-    stiffest : tau of the least 1/k_c, s, shape (places,)
+    best_time_constant : tau of the least 1/k_c, s, shape (places,)
     """
 
     stiff: LeastQuotient
     damped: LeastQuotient
-    stiffest: Floats
+    best_time_constant: Floats
 
     def least_elements(self, boxes: DesignBoxes) -> tuple[Floats, Floats]:
         """Return the least 1/k_c and 1/b_c that offer 1; inf where nothing is offered."""
         low, high = boxes.low[TAU_C], boxes.high[TAU_C]
         of_tau = DesignBoxes(np.stack((low, 0 * low)), np.stack((high, 0 * high)))
-        nearest = np.clip(self.stiffest, low[:, None], high[:, None])
+        nearest = np.clip(self.best_time_constant, low[:, None], high[:, None])
         offered = self.stiff.below.greatest(of_tau) > 0
         with np.errstate(all="ignore"):
             found = (
