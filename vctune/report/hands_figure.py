@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from math import pi
-from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -52,17 +51,6 @@ WORST = 3
 """Hands that have a curve of their own: of the lowest minima, not two of one hand."""
 
 
-class Legend(NamedTuple):
-    """Columns of the legend of the curves, and the margin above them that it takes, inches."""
-
-    columns: int
-    top: float
-
-
-LEGEND = {"linear": Legend(2, 0.8), "rotary": Legend(1, 1.15)}
-"""By the units, in which a hand is longer to say."""
-
-
 def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoupling) -> Figure:
     """Draw Re Z_c against the R of the worst hands, and a map over mass and stiffness of what share of it they need.
 
@@ -72,10 +60,11 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     hands : to be met
     gains, coupling : the design
     """
-    above = LEGEND[problem.device.units].top
+    columns, above = {"linear": (2, 0.8), "rotary": (1, 1.15)}[problem.device.units]  # whose units are longer
     figure = canvas(WIDTH, 6.4 + above, left=0.85, top=above, gaps=(0, 0.5))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
     _curves(curves, ratio, problem, hands, gains, coupling)
+    legend_above(curves, columns)
     _map(figure, plane, problem, hands, gains, coupling)
     return figure
 
@@ -105,7 +94,6 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
         frequency_axis(each, hz[0], hz[-1])
     axes.set_xlabel("")
     decades(axes)
-    legend_above(axes, LEGEND[device.units].columns)
     legend_above(lower, 2)
 
 
