@@ -21,7 +21,7 @@ from vctune.document import toml
 from vctune.document.schemas import SCHEMAS
 from vctune.document.units import QUANTITIES, unit_of
 from vctune.exit_codes import ExitCode
-from vctune.model.units import LINEAR
+from vctune.model.units import LINEAR, ROTARY
 
 GOOD, POOR = (for_passive_hands(DEVICE + FIXED.format(damping)) for damping in (160.0, 80.0))
 EXPERIMENT = '[[experiment]]\nname = "spring"\nenvironment = { stiffness = 200.0 }\noperator = { cycles = 1 }\n'
@@ -147,13 +147,17 @@ def test_every_schema_is_printed(tmp_path):
 
 
 def test_units_are_those_of_the_key_reference():
-    """Of every number that a file may have, the unit is the one that the description of its key has."""
+    """Of every number that a file may have, the unit is the one that its description has, of a rotary device too."""
     shown, every = set(), {LINEAR.of(quantity) for quantity in QUANTITIES}
     known = "|".join(map(re.escape, sorted(every, key=len, reverse=True)))
     said = re.compile(rf"(?:^|, )({known})(?=[.,;])")
+    known = "|".join(re.escape(ROTARY.of(quantity)) for quantity in QUANTITIES)
+    turned = re.compile(rf"(?:^|, )({known})(?=[.,;])")
     for path, description in described(SCHEMAS["problem"](), SCHEMAS["problem"](), ()):
         unit = unit_of(path, LINEAR)
         assert re.findall(said, description.partition(" Default")[0]) == ([unit] if unit else []), (path, description)
+        of_rotary = [unit_of(path, ROTARY)] if unit else []
+        assert re.findall(turned, ROTARY.translated(description).partition(" Default")[0]) == of_rotary, path
         shown |= {unit} if unit else set()
     assert shown == every
 

@@ -69,6 +69,10 @@ def test_a_rotary_device_says_so_in_its_file(log, tmp_path):
     assert 'units = "rotary"' in found.text and not re.search(r"\bkg\b(?! m2)|N s/m", found.text)
     problem = found.file.problem
     assert problem.device.units == "rotary"
+    against = written(tmp_path, turned | {"command_Nm": -turned["command_Nm"]}, "against.csv")
+    assert re.search(
+        r"the inertia comes out as -[\d.]+ kg m2: command_Nm pushes", refused(against, tmp_path / "log.toml")
+    )
     share = problem.device.mass / USUAL_MASS
     assert problem.experiments[0].operator.stiffness == pytest.approx(1000.0 * share, rel=1e-2)
 

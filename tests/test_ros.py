@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import replace
 from math import log, pi, sqrt
@@ -267,3 +268,15 @@ def random_arm(rng, arm):
         assert radius(late, axis, coefficient, tuple(float(number.split()[0]) for number in hand)) > 1
         return "grows"
     return "open"
+
+
+def test_a_rotary_device_is_told_in_its_units(arm):
+    """An explicit step that is not passive, about an axis: named in kg m2, and the axis is no surprise."""
+    hands = "mass = { min = 0, max = 0.1 }\ndamping = { min = 0, max = 1.0 }\nstiffness = { min = 0, max = 100.0 }\n"
+    turning = ARM.replace("[device]\n", '[device]\nunits = "rotary"\n') + f"[operator]\n{hands}"
+    (arm / "arm.toml").write_text(turning)
+    changed(arm, selected_axes="[false, false, false, false, false, true]", mass=six(0.001), damping_ratio=six(20.0))
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED, done.stderr
+    assert re.search(r"a damping of [\d.]+ N m s/rad needs an inertia of more than D T = [\d.]+ kg m2", done.stdout)
+    assert "[ros-rotation]" not in done.stdout

@@ -17,10 +17,8 @@ from vctune.design.record import claim_records, design_record
 from vctune.design.theorems import impossible
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, problem_file
-from vctune.document.schemas import SCHEMAS
 from vctune.document.statement import statement
 from vctune.document.toml_text import toml_text
-from vctune.document.units import unit_of
 from vctune.firmware.fmu import DIMENSIONS
 from vctune.model.problem import HUMAN_HANDS
 from vctune.model.quantities import Hand
@@ -297,27 +295,6 @@ def test_the_inertia_is_called_mass(called, key):
 def test_a_handle_as_heavy_as_the_device_is_refused_in_its_unit():
     heavy = "[device.structure]\nhandle_mass = 0.5\nfrequency_hz = 100.0\ndamping_ratio = 0.1\n" + HANDS
     assert "0.5 kg m2 is not less than device.mass = 0.4 kg m2" in refused(stated(DEVICE, heavy, "rotary"))
-
-
-def test_descriptions_of_keys_are_told_of_a_rotary_device():
-    """The unit in the description of each number's key becomes the other's, and nothing else that looks like one."""
-    for path, description in described(SCHEMAS["problem"](), SCHEMAS["problem"](), ()):
-        here, there = unit_of(path, LINEAR), unit_of(path, ROTARY)
-        told = ROTARY.translated(description)
-        assert LINEAR.translated(description) == description
-        if here != there:
-            assert re.search(rf"(?:^|, ){re.escape(there)}(?=[.,;])", told), (path, told)
-        assert re.search(rf"(?:^|, )(?:{'|'.join(map(re.escape, BACK.values()))})(?=[.,;])", told) is None, (path, told)
-
-
-def described(schema, table, path):
-    for name, entry in table["properties"].items():
-        form = entry.get("items", entry)
-        inner = schema["$defs"][form["$ref"].rpartition("/")[2]] if "$ref" in form else {}
-        if "properties" in inner:
-            yield from described(schema, inner, (*path, name))
-        elif entry.get("type") not in ("string", "boolean", "integer"):
-            yield (*path, name), entry["description"]
 
 
 @pytest.mark.parametrize(

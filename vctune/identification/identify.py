@@ -178,12 +178,12 @@ def _with_known(
 
 def _check_delay(bounds: Sequence[Bounded], recording: Recording, T: float) -> None:
     delay = next(each for each in bounds if each.key == "delay")
-    latest = max(each.value for each in delay.estimates)
+    latest, name = max(each.value for each in delay.estimates), recording.units.force_name
     widest = 4 * max(each.sigma for each in delay.estimates)
     if latest + widest < -0.5 * T:
         message = (
-            f"the position is {-latest:.3g} s ahead of the force: the columns were not sampled together; shift the "
-            "force's column, or log both in the same interrupt"
+            f"the position is {-latest:.3g} s ahead of the {name}: the columns were not sampled together; shift the "
+            f"{name}'s column, or log both in the same interrupt"
         )
         raise InputError.of(recording.source, "log-unexplained", message)
 

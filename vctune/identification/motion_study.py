@@ -168,23 +168,24 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, kno
     mass, left = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
-    faults = []
+    faults, units = [], recording.units
+    found = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
     other = _swapped(signals, known_delays) if left > SUSPICIOUS else None
     swapped = other is not None and other < 0.3 * left
     if left > UNEXPLAINED or swapped:
-        hint = "; is a force missing (a hand's), or is one of another axis?"
+        hint = f"; is {units.translated('a force')} missing (a hand's), or is one of another axis?"
         hint = ": are the two columns swapped?" if swapped else hint
-        message = f"{left:.0%} of {pushed} is explained by no mass and friction of {headers['position']}{hint}"
+        message = (
+            f"{left:.0%} of {pushed} is explained by no {units.mass_name} and friction of {headers['position']}{hint}"
+        )
         faults.append(Mistake("log-unexplained", pushed, message))
     elif mass <= 0:
-        message = (
-            f"the mass comes out as {mass:.3g} kg: {pushed} pushes against the motion; turn one sign by scale = -1"
-        )
+        message = f"{found}: {pushed} pushes against the motion; turn one sign by scale = -1"
         faults.append(Mistake("log-unexplained", pushed, message))
     elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
         message = (
-            f"the mass comes out as {mass:.3g} kg, which is no haptic device: is {headers['position']} or {pushed} off "
-            "by 1000? write its unit or scale"
+            f"{found}, which is no haptic device: is {headers['position']} or {pushed} off by 1000? write its unit or "
+            "scale"
         )
         faults.append(Mistake("log-unexplained", pushed, message))
     if faults:

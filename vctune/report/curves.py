@@ -142,8 +142,8 @@ def handle_impedance(
         spring = damper * sqrt(wanted.band.min * wanted.band.max)
     environments: dict[str, Complex | None] = {
         "free": 0 * s,
-        f"{damper:.4g} {units.damping}": damper + 0 * s,
-        f"{spring:.4g} {units.stiffness}": spring / s,
+        f"{damper:.3g} {units.damping}": damper + 0 * s,
+        f"{spring:.3g} {units.stiffness}": spring / s,
         "rigid": None,
     }
     felt = {}

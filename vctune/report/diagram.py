@@ -22,6 +22,8 @@ HAND = 0.43
 """Place of the hand."""
 WIDTH, HEIGHT, TALL, LINE = 1.26, 0.82, 1.1, 0.195
 """Of a box, of one in the top row, and of a line of text in it."""
+FITS = 21 / WIDTH
+"""Letters of a line that an inch of a box has room for; a longer line is in smaller ones."""
 POSITION_AT = 4.58
 """Where the position goes past the velocity estimate."""
 
@@ -174,7 +176,7 @@ def _box(
         bold = number < title.count("\n") + 1
         axes.text(
             x, top - LINE * number, row, ha="center", va="center_baseline",
-            fontsize=9 if bold else 8.5, fontweight="bold" if bold else "normal",
+            fontsize=9 if bold else 8.5 * min(1.0, FITS * width / len(row)), fontweight="bold" if bold else "normal",
         )  # fmt: skip
 
 

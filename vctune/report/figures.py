@@ -213,7 +213,8 @@ def _draw_part(axes: Axes, curves: Transparency, part: str, name: str, line: str
 def _impedance(design: Design) -> Figure:
     problem = design.problem
     hz, felt = handle_impedance(problem, design.gains, design.coupling)
-    figure = canvas(WIDTH, 4.9, left=0.85, top=0.85)
+    columns, height, above = {"linear": (3, 4.9, 0.85), "rotary": (2, 5.25, 1.2)}[problem.device.units]
+    figure = canvas(WIDTH, height, left=0.85, top=above)  # the units of a rotary device are longer
     axes = figure.subplots()
     for number, (name, (impedance, ideal)) in enumerate(felt.items()):
         colour, every, dashes = (BLUE, GREEN, ORANGE, RED)[number], (0.025 * number, 0.1), ("", "--", "-.", "")[number]
@@ -226,7 +227,7 @@ def _impedance(design: Design) -> Figure:
     _promised(axes, design)
     axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
     decades(axes)
-    legend_above(axes, 3)
+    legend_above(axes, columns)
     return figure
 
 

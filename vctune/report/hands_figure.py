@@ -45,6 +45,8 @@ LOWEST, MAPPED = 1e-3, 24
 """Least angle and angles per decade of the map. Half as many are 2 % off at the steepest place, twice as many 0.1 %."""
 LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
+POWERS = (-3, 5)
+"""Powers of ten from which on, and up to which, an axis of the map is in plain decimals."""
 WORST = 3
 """Hands that have a curve of their own: of the lowest minima, not two of one hand."""
 
@@ -62,9 +64,11 @@ def hands_figure(problem: Problem, hands: Hands, gains: Gains, coupling: AnyCoup
     -------
     Figure
     """
-    figure = canvas(WIDTH, 7.2, left=0.85, top=0.8, gaps=(0, 0.5))
+    columns, above = {"linear": (2, 0.8), "rotary": (1, 1.15)}[problem.device.units]  # whose units are longer
+    figure = canvas(WIDTH, 6.4 + above, left=0.85, top=above, gaps=(0, 0.5))
     curves, ratio, plane = figure.subplots(3, 1, height_ratios=(5, 4, 4))
     _curves(curves, ratio, problem, hands, gains, coupling)
+    legend_above(curves, columns)
     _map(figure, plane, problem, hands, gains, coupling)
     return figure
 
@@ -94,7 +98,6 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
         frequency_axis(each, hz[0], hz[-1])
     axes.set_xlabel("")
     decades(axes)
-    legend_above(axes, 2)
     legend_above(lower, 2)
 
 
@@ -113,6 +116,7 @@ def _map(figure: Figure, axes: Axes, problem: Problem, hands: Hands, gains: Gain
     drawn = axes.contourf(mass, stiffness, 100 * np.clip(need, 0.0, 1.2), levels=LEVELS, cmap="cividis")
     figure.colorbar(drawn, ax=axes, label=f"R of {_name(device)}, %")
     axes.set(xlabel=f"{units.mass_name} of the hand, {units.mass}", ylabel=f"stiffness, {units.stiffness}")
+    axes.ticklabel_format(style="sci", scilimits=POWERS)
 
 
 def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Figure:
