@@ -87,7 +87,13 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
 
 
 def vectors_text(made: list[Replay], units: Units) -> str:
-    """Return the text of vectors.csv: every number in the shortest decimals that read as itself."""
+    """Return the text of vectors.csv: every number in the shortest decimals that read as itself.
+
+    Parameters
+    ----------
+    made : the vectors
+    units : of the device, which the columns name
+    """
     measured = {
         "position": units.position,
         "velocity": units.speed,

@@ -41,7 +41,13 @@ page."""
 
 
 def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
-    """Return the constants of the frequency model, and the weights of the error's quadrature."""
+    """Return the constants of the frequency model, and the weights of the error's quadrature.
+
+    Parameters
+    ----------
+    problem : of the design
+    record : of the design, whose bands are shown
+    """
     wanted, axis = problem.transparency.band, frequencies(problem)
     nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
     places = [2 * pi * axis[:: max(1, axis.size // SHOWN)], [wanted.min, wanted.max]]
@@ -102,7 +108,13 @@ def _complex(pair: Pair) -> Complex:
 
 
 def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any]:
-    """Return the parts of the sampled loop's return difference."""
+    """Return the parts of the sampled loop's return difference.
+
+    Parameters
+    ----------
+    device : let go
+    record : of the design, whose frequencies are shown
+    """
     theta, loop = np.geomspace(1e-5 * pi, pi, ANGLES), record.inner_loop
     even = int(PER_SAMPLE * (4 + device.delay / device.sample_time))
     theta = np.union1d(theta, np.linspace(0.0, pi, even + 1)[1:])
@@ -120,7 +132,14 @@ def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any]:
 
 
 def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict[str, Any]:
-    """Return the parts of the loop in some hands, at angles up to Nyquist and at the worst frequencies, rad/s."""
+    """Return the parts of the loop in some hands, at angles up to Nyquist and at the worst frequencies.
+
+    Parameters
+    ----------
+    device : of the design
+    met : the hands; None for any passive one
+    worst : frequencies of the least ratios, rad/s
+    """
     theta = np.geomspace(LOWEST, pi, IN_HAND)
     theta = np.unique(np.concatenate([[0.0], theta, [min(each * device.sample_time, pi) for each in worst]]))
     delays = delays_of(device)
