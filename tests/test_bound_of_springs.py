@@ -262,6 +262,7 @@ IMPOSSIBLE = {
     },
     "hands": {"stability": {"criterion": "hands"}, "coupling": {"stiffness": {"min": 5e4, "max": 1e6}}},
     "injected too much": {"gains": {"velocity": {"min": 2.5 * 0.1 / T, "max": 10 * 0.1 / T}}},
+    "injected too much, fixed": {"gains": {"velocity": 2.5 * 0.1 / T}, "stability": {"criterion": "hands"}},
     "injected too much in hands": {
         "gains": {"velocity": {"min": 2.5 * 0.1 / T, "max": 10 * 0.1 / T}}, "stability": {"criterion": "hands"},
     },

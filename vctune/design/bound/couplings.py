@@ -19,7 +19,7 @@ from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient
 from vctune.model.impedance_display import spring_forms
 from vctune.model.problem import Problem, Range
 from vctune.model.quantities import Device
-from vctune.proof.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 
 
@@ -35,7 +35,7 @@ class LeastCoupling:
 
     first: Floats
     second: Floats
-    none: np.ndarray
+    none: Flags
 
 
 class Offer(Protocol):

@@ -173,6 +173,8 @@ def bound(
     if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
     search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
+    if all(axis.low == axis.high for axis in axes[:TAU_C]):  # gains that are fixed are never halved
+        nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))
     rounds, ready, single = 0, perf_counter(), all(axis.low == axis.high for axis in axes)
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
