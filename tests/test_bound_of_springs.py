@@ -23,6 +23,7 @@ from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.problem import Problem
+from vctune.model.units import LINEAR
 
 GAP = 0.03
 ORACLE = 2e-3
@@ -309,6 +310,6 @@ def test_the_gap_of_what_is_shipped_closes(name, problems):
     bounded = vctune.bound(problems / f"{name}.toml", gap=0.01)
     assert bounded.proved and bounded.record.optimality.gap <= 0.01
     assert bounded.record.optimality.terms == ["coupling"]
-    rows = [row.label for row in bounded.record.optimality.rows()]
+    rows = [row.label for row in bounded.record.optimality.rows(LINEAR)]
     assert rows == ["error of coupling", "lower bound", "gap"]
     assert bounded.record.optimality.history[-1].error == pytest.approx(bounded.judgement.transparency.coupling)
