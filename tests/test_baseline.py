@@ -150,6 +150,7 @@ def test_strict_fails_for_another_version_of_the_problem(baseline, tmp_path):
         assert code == expected and ("::error" in out) == (expected is ExitCode.FAILED)
 
 
+@pytest.mark.slow
 def test_a_plane_too_coarse_for_a_feasible_cell_may_hold_a_design(tmp_path, monkeypatch):
     """The exit code tells what is known of the problem: a design, a proof that there is none, or neither."""
     from vctune.design import solve as solving

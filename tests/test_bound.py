@@ -301,6 +301,7 @@ def test_two_hundred_barely_feasible_problems_are_never_emptied(slack):
     assert sum(never_empty(problem, slack) for problem in random_problems(90, seed=5)) >= 67
 
 
+@pytest.mark.slow
 def test_a_search_that_goes_on_never_goes_back(problems, tmp_path):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement
@@ -334,6 +335,7 @@ def test_a_less_strict_search_is_not_resumed(problems):
     assert not again.proved and len(again.resume.nodes)
 
 
+@pytest.mark.slow
 def test_threads_and_the_time_limit_change_no_bound(problems):
     problem = read_problem(problems / "friction-wheel.toml").problem
     best = solve(problem).judgement

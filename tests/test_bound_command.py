@@ -55,6 +55,7 @@ def test_a_gap_is_proved_and_shown(folder):
     assert not (folder / "o/friction-wheel/bound.npz").exists()
 
 
+@pytest.mark.slow
 def test_what_is_left_is_kept_and_gone_on_with(folder):
     design = folder / "o/friction-wheel/design.json"
     command = ("bound", "problem.toml", str(design), "--time-limit")

@@ -68,6 +68,7 @@ def steps(repository, path, *, install):
     return done
 
 
+@pytest.mark.slow
 def test_the_workflow_is_valid(repository):
     arguments = ("--builtin-schema", "vendor.github-workflows", ".github/workflows/gains.yml")
     done = module("check_jsonschema", *arguments, cwd=repository)

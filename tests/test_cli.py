@@ -243,6 +243,7 @@ def test_designs_of_other_problems_are_not_overwritten(tmp_path):
         assert run("solve", "n.toml", cwd=tmp_path).returncode == code
 
 
+@pytest.mark.slow
 def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
     run("solve", device, cwd=tmp_path)
     before = (tmp_path / "results/device/gains.toml").read_text()

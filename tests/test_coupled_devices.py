@@ -137,6 +137,7 @@ def test_refuted_means_a_lossless_pair_that_makes_the_loop_grow(share):
         assert pole.real > 0 and abs(pole - s) < 10 * GROWTH * abs(s), (number, design)
 
 
+@pytest.mark.slow
 def test_certified_means_no_environment_turns_the_handle_s_resistance_negative():
     """Random passive environments, and at some frequencies the worst of all."""
     for number in range(CERTIFIED):

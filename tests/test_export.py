@@ -90,7 +90,7 @@ def made(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("precision", ["double", "single"])
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", [pytest.param(name, marks=has(command[0])) for name, command in COMPILERS.items()])
 def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
     for parts in PARTS:

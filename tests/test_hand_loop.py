@@ -257,6 +257,7 @@ def test_at_0_hz_the_worst_hand_is_a_spring_with_its_mass():
             assert worst[1] > 0 > worst[2]
 
 
+@pytest.mark.slow
 def test_next_to_0_with_every_part():
     """What vctune says at 0 is the oracle's limit; without an integrator or a spring, next to it."""
     for device, gains, hand, _ in cases(range(1, len(COMBINATIONS), 3), 66):

@@ -271,6 +271,7 @@ def test_a_bound_for_both_criteria_is_proved():
 NO_DRAG = WHEEL.replace("[stab", "drag = 0.0\n[stab").replace("min = 0.5", "min = 0.0")
 
 
+@pytest.mark.slow
 def test_without_drag_there_is_no_design_in_hands_without_damping(monkeypatch):
     changes = repairing.parameter_changes
 

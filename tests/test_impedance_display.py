@@ -381,6 +381,10 @@ def test_a_device_without_damping_is_refused_in_any_passive_hand():
     solved = solve(problem)
     assert solved.status is Status.INFEASIBLE
     assert "device.damping is 0" in solved.reason
+
+
+@pytest.mark.slow
+def test_a_device_without_damping_is_not_refused_in_hands():
     held = solve(arm(display(damping=0.0), criterion="hands"))
     assert held.status in (Status.CERTIFIED, Status.UNDECIDED)
 

@@ -309,7 +309,7 @@ def test_series_of_balls_have_the_slopes_of_the_oracles(kind):
 
 
 @np.errstate(all="ignore")
-@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+@pytest.mark.parametrize("kind", [pytest.param("far apart", marks=pytest.mark.slow), "ordinary"])
 def test_every_formula_is_the_same_in_every_arithmetic(kind):
     """Balls of 600 bits stand for the truth: in them, in balls of 128, in enclosures, and near them in doubles."""
     formulas = FORMULAS | SAMPLED

@@ -60,7 +60,7 @@ def turns(case: Case, omega: float) -> bool:
     return any((below > 0) != (above > 0) for below, above in zip(*pairs, strict=True))
 
 
-@pytest.mark.parametrize(("kind", "count"), [("far apart", 120), ("ordinary", 80)])
+@pytest.mark.parametrize(("kind", "count"), [pytest.param("far apart", 120, marks=pytest.mark.slow), ("ordinary", 80)])
 def test_model_agrees_with_the_definitions(kind, count):
     """R, |G_hh| and |1 - G_he|; far above a low-pass R loses what that takes away, which is bounded too."""
     worst = {"R": (0.0, ""), "R/attenuation": (0.0, ""), "G_hh": (0.0, ""), "tracking": (0.0, "")}

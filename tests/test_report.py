@@ -73,6 +73,7 @@ def test_report_of_every_verdict(records, tmp_path, name):
     assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
 
 
+@pytest.mark.slow
 def test_the_same_design_gives_the_same_bytes(records, tmp_path):
     for folder in ("a", "b"):
         made(json.loads(json.dumps(records["certified"])), tmp_path / folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple
+from functools import cache
 from itertools import product
 
 import numpy as np
@@ -57,8 +58,8 @@ def browser():
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory):
-    """The report of each case."""
-    return {name: made(recorded(text), tmp_path_factory.mktemp("report")) for name, text in CASES.items()}
+    """Return a case's report, made when it is first asked for."""
+    return cache(lambda name: made(recorded(CASES[name]), tmp_path_factory.mktemp("report")))
 
 
 @pytest.fixture(
@@ -67,7 +68,7 @@ def paths(tmp_path_factory):
 )
 def tried(request, browser, paths):
     """The problem, the shipped numbers and tried ones, and what the page makes of them."""
-    page = opened(browser, paths[request.param])
+    page = opened(browser, paths(request.param))
     shipped = page.evaluate("vctune.shipped")
     factors = np.random.default_rng(1).uniform(-1, 1, (TRIED, len(shipped)))
     points = [shipped, *(np.array(shipped) * 10.0**factors).tolist()]
@@ -176,7 +177,7 @@ def test_what_is_felt_of_an_impedance_display_is_the_figures(tried):
 
 
 def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):
-    page = opened(browser, paths["every hand, held"])
+    page = opened(browser, paths("every hand, held"))
     mark, error = page.locator(".mark-of"), page.locator("#try table tr").nth(1)
     curves = "[...document.querySelectorAll('.tried path')].map((each) => each.getAttribute('d'))"
     said, shown = mark.inner_text(), error.inner_text()
@@ -194,7 +195,7 @@ def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):
 
 def test_tried_curves_lie_where_the_shipped_ones_are_drawn(browser, paths):
     """A thousandth beside the shipped gains the script draws within a point of Matplotlib's curve."""
-    page = opened(browser, paths["any hand, peak"])
+    page = opened(browser, paths("any hand, peak"))
     page.locator("#try input").first.press("ArrowRight")
     found = page.evaluate(
         """() => [...document.querySelectorAll('#figure-transparency .tried path')].map((path) => {
@@ -210,7 +211,7 @@ def test_tried_curves_lie_where_the_shipped_ones_are_drawn(browser, paths):
 
 
 def test_without_scripts_the_page_is_whole_and_the_sliders_are_not_there(browser, paths):
-    page = opened(browser, paths["every hand, held"], java_script_enabled=False)
+    page = opened(browser, paths("every hand, held"), java_script_enabled=False)
     assert not page.locator("#try").is_visible()
     assert page.locator(".figure > svg").count() == 6
     assert all(each.is_visible() for each in page.locator(".figure > svg").all())

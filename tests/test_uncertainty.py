@@ -427,6 +427,7 @@ def test_a_study_may_sweep_over_it(files):
     assert by_mass[1.5]["status"] not in ("certified", "failed")
 
 
+@pytest.mark.slow
 def test_bands_to_the_ends_of_the_axis():
     """Hold "lag" on [0, inf] with free drag: every device, and in the hand of an operator."""
     text = (
