@@ -27,6 +27,7 @@ from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
 from vctune.proof.interval import Outcome, Verdict
+from vctune.proof.jets import ENCLOSURES
 from vctune.proof.sampled_loop import in_rad_per_s
 from vctune.proof.taylor_functions import TAYLOR
 from vctune.proof.winding import turned_angle
@@ -70,10 +71,13 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     uncertain = box.modelled.uncertain if box is not None else ()
     ends = _ends(demands.hands, box, uncertain)
 
-    def margins(delays: Delays) -> list[Margin]:
-        return [hands_margin(demands, uncertain, delays, TAYLOR)]
+    # of an impedance display slopes end sooner
+    ops, test = (ENCLOSURES, positive) if design.device.renders_force else (TAYLOR, positive_by_polynomials)
 
-    found = _proved_over(design, demands, uncertain, HAND, ends, margins, positive_by_polynomials)
+    def margins(delays: Delays) -> list[Margin]:
+        return [hands_margin(demands, uncertain, delays, ops)]
+
+    found = _proved_over(design, demands, uncertain, HAND, ends, margins, test)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
