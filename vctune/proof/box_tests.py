@@ -30,6 +30,14 @@ FROM_ZERO = 0.1
 """As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
 boxes."""
 
+FEW = 128
+"""Boxes that take about as long as one. Half and twice it: as long for random devices in hands; four times: a third
+more."""
+
+NEAR_ZERO = 1e-3
+"""Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
+takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+
 Margin = Callable[[Number, Values], Number]
 """What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
 Curve = Callable[[Number, Values], Pair]
@@ -74,13 +82,18 @@ def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, be
     return partial(_kind_by_kind, test)
 
 
-def positive_by_polynomials(margin: Margin, fixed: Values) -> Test:
+def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
     """Return the test that a margin is positive, which knows how the rows of a box act together.
+
+    Many boxes that it leaves open are told to be at a face of the whole: at which end of a row a margin is least slopes
+    know, and polynomials, whose rest has none, do not.
 
     Parameters
     ----------
     margin : of a frequency and of values, over `vctune.proof.taylor`
     fixed : the values that are not among a box's rows
+    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    by_slopes : the test of the same margin by slopes
     """
 
     def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
@@ -98,10 +111,17 @@ def positive_by_polynomials(margin: Margin, fixed: Values) -> Test:
         if fails.any():
             there = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
             fails[fails] = of(there, there.varied()).enclosed().negative()
-        known = np.isfinite(least.bound)
-        relative = width / (np.abs(boxes.low) + np.abs(boxes.high))
-        cost = np.where(width > 0, np.where(known, cost, relative), 0.0)
-        return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=np.zeros_like(cost))
+        known, side = np.isfinite(least.bound), np.zeros_like(width)
+        left = np.flatnonzero(~proved & ~fails)
+        if left.size > FEW:
+            sloping = by_slopes(boxes.subset(left))
+            proved[left], fails[left], side[:, left] = sloping.proved, sloping.fails, sloping.side
+            point[:, left] = np.where(sloping.fails, sloping.point, point[:, left])
+        sizes = np.abs(boxes.low) + np.abs(boxes.high)
+        sizes[1:] += NEAR_ZERO * spans
+        relative = width / sizes
+        cost = np.where((width > 0) & (side == 0), np.where(known, cost, relative), 0.0)
+        return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side)
 
     return test
 

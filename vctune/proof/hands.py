@@ -21,7 +21,7 @@ from vctune.model.sampled import SNAP
 from vctune.proof.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.array_claims import Demands, any_hand_margins, hands_margin
 from vctune.proof.array_intervals import Floats, decimal
-from vctune.proof.box_tests import Margin, positive, positive_by_polynomials
+from vctune.proof.box_tests import FEW, positive, positive_by_polynomials
 from vctune.proof.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
@@ -37,9 +37,6 @@ STEP = 1.4
 MAX_BOXES = 400_000
 """Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
-FEW = 128
-"""Boxes that are halved again before they are looked at: as many take about as long as one. Half and twice it: as long
-for random devices; four times: a third more."""
 MAX_HALVINGS = 120
 """How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
 
@@ -71,13 +68,11 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     uncertain = box.modelled.uncertain if box is not None else ()
     ends = _ends(demands.hands, box, uncertain)
 
-    # of an impedance display slopes end sooner
-    ops, test = (ENCLOSURES, positive) if design.device.renders_force else (TAYLOR, positive_by_polynomials)
+    def tests(part: _Part, fixed: Values) -> list[Test]:
+        slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
+        return [positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))]
 
-    def margins(delays: Delays) -> list[Margin]:
-        return [hands_margin(demands, uncertain, delays, ops)]
-
-    found = _proved_over(design, demands, uncertain, HAND, ends, margins, test)
+    found = _proved_over(design, demands, uncertain, HAND, ends, tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -100,11 +95,11 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
     if design.device.least_damping == 0:
         return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
 
-    def margins(delays: Delays) -> list[Margin]:
-        margin, size = any_hand_margins(demands, uncertain, delays)
-        return [margin, size] if design.gains.velocity > 0 else [margin]
+    def tests(part: _Part, fixed: Values) -> list[Test]:
+        margin, size = any_hand_margins(demands, uncertain, part.delays)
+        return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), margins, positive)
+    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), tests)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -128,8 +123,7 @@ def _proved_over(
     uncertain: tuple[str, ...],
     hand_rows: tuple[str, ...],
     ends: tuple[Floats, Floats],
-    margins: Callable[[Delays], list[Margin]],
-    test_of: Callable[[Margin, Values], Test],
+    tests: Callable[[_Part, Values], list[Test]],
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's positive over all of them.
 
@@ -137,16 +131,16 @@ def _proved_over(
     ----------
     uncertain, hand_rows : numbers of device and hand that are rows of the boxes
     ends : their least and greatest, the hand's first
-    margins : of devices whose delays have these whole samples
+    tests : of a part of the boxes, and of the values that are no rows
     """
     names = hand_rows + tuple(f"device.{key}" for key in uncertain)
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     fixed = dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
     boxes, point = 0, None
     for part in _parts(design.device, names, *ends):
-        for margin in margins(part.delays):
+        for test in tests(part, fixed):
             found = prove(
-                part.within(test_of(margin, fixed), names),
+                part.within(test, names),
                 over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
                 1,
                 halved=[True] * (1 + len(names)),

@@ -129,7 +129,7 @@ class Taylor:
         left_out, shares = third / 6 * reach**3, off.sizes.linear + off.sizes.quad + off.rest[:-1]
         total = shares.sum(axis=0)
         rest[:-1] += shares * (left_out / np.maximum(total, TINY))
-        rest[-1] += np.where(total > 0, 0.0, left_out)
+        rest[-1] += np.where(total > TINY, 0.0, left_out)
         rest[-1] += error * (1 + reach + reach**2)
         rest[-1] += HIGHER_ERROR * (np.abs(first) * reach + np.abs(second) * reach**2)
         return Taylor(self.rows, found.poly, rest * SWOLLEN)
