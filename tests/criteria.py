@@ -19,7 +19,8 @@ import numpy as np
 from vctune.api.solving import solve
 from vctune.document.building import problem as stated
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand
+from vctune.model.hand_loop import loop_in_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.quantities import Hand
 
 ROOT = Path(__file__).parents[1]

@@ -192,8 +192,13 @@ def random_hands(rng: np.random.Generator, device: Device) -> Hands:
 
 
 def stable(real: Real, gains: Gains, hands: Hands) -> bool | None:
-    """Return whether the loop is stable in the box's corners and middle; None if that is too close to tell."""
+    """Return whether the loop is stable in the box's corners and middle; None if that is too close to tell.
+
+    Without an integrator and a hand's stiffness the position is free: a hundredth of the stiffest stands for none.
+    """
     box = box_of(hands)
+    if gains.position == 0:
+        box[2, 0] = max(box[2, 0], 0.01 * box[2, 1])
     some = [Held(*numbers) for numbers in (*product(*box), box.mean(axis=1))]
     radius = max(spectral_radius(real, gains, hand, DOUBLES) for hand in some)
     return None if abs(radius - 1) < NEAR_THE_CIRCLE else radius < 1
@@ -206,22 +211,26 @@ def inside_of(hands: Hands, hand: Hand) -> int:
     return int(np.sum((numbers > box[:, 0] + INSIDE * width) & (numbers < box[:, 1] - INSIDE * width)))
 
 
-def in_hands(rng: np.random.Generator, *, inside: bool) -> InHands:
+def in_hands(rng: np.random.Generator, *, inside: bool, integrator: bool = True) -> InHands:
     """Return a random design with a least ratio of 1 over a box of hands.
 
     Parameters
     ----------
     rng : source of all that is random
     inside : whether the worst hand is to be away from the ends of a range
+    integrator : whether K_p > 0; without it the hands may have no stiffness
     """
     while True:
         device = replace(ordinary(rng, held=0.0), hold="zoh")
         gains, coupling = ordinary_gains(device, rng)
         hands = random_hands(rng, device)
+        if not integrator:
+            gains = replace(gains, position=0.0)
+            hands = replace(hands, low=replace(hands.low, stiffness=0.0))
         if coupling.drag == 0 and hands.low.damping == 0:  # a soft enough spring is then too much for any coupling
             coupling = replace(coupling, drag=coupling.damping * decades(rng, -4, -0.5))
         real = real_of(device)
-        if gains.position == 0 or not stable(real, gains, hands):
+        if (gains.position == 0) == integrator or not stable(real, gains, hands):
             continue
         quick = least_ratios_in_hands(device, hands, gains, coupling)[0]
         if not 0 < quick.ratio < inf or (inside and not inside_of(hands, quick.hand)):

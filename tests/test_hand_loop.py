@@ -22,7 +22,8 @@ from sampled_device_oracle import coupling_at, pulses, seen_at
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.coupling import sampled_resistance
-from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import LoopInHand, loop_in_hand, required_in_hand, required_in_limp_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.quantities import HAND, Actuator, Coupling, Device, ForceSensor, Gains, Hand, Structure
 from vctune.proof.arb_balls import BALLS, ball, box, device_ball, gains_ball
 from vctune.proof.array_intervals import Enclosure, between, decimal
@@ -143,6 +144,33 @@ def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
         G_x, G_v, _ = pulses(real_of(device), OracleHand(*astuple(hand)), z)
         true = complex(1 + gains.velocity * G_v + gains.position * G_x)
         assert delta[k] == pytest.approx(true, rel=1e-9, abs=1e-9 * (1 + gains.velocity * abs(complex(G_v)))), device
+
+
+@pytest.mark.parametrize("numbers", [SOME, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
+def test_without_an_integrator_both_forms_differ_by_rho(numbers):
+    """Next to rest, and as exactly anywhere else, of every combination of parts."""
+    for device, gains, hand, rng in cases(numbers, 62):
+        held = replace(hand, stiffness=float(10 ** rng.uniform(-6, 4)))
+        theta, K_v = float(10 ** rng.uniform(-4, 0.49)), gains.velocity
+        plant = plant_in_hand(device, held, delays_of(device), FLOATS)
+        known = required_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
+        spring, turned = held.stiffness * device.sample_time**2 / device.mass, 2 * np.sin(theta / 2)
+        rho = spring + turned
+        found = required_in_limp_hand(plant, K_v, theta, spring / rho, FLOATS)
+        size = abs(found.size) + abs(found.lost) / K_v
+        assert abs(found.size - known.size / rho**2) < 1e-6 * size, (device, held, theta)
+        assert abs(found.lost - known.lost / rho**2) < 1e-6 * size * K_v, (device, held, theta)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-3, 0.5, 1.0])
+def test_without_an_integrator_at_rest_the_limit_is_that_of_a_spring_and_a_damper(share):
+    b, B, K_v, T, m = 2.0, 3.0, 40.0, 1e-3, 0.4
+    device = Device(mass=m, damping=b, sample_time=T)
+    plant = plant_in_hand(device, Hand(0.2, B, 0.0), delays_of(device), FLOATS)
+    found = required_in_limp_hand(plant, K_v, 0.0, share, FLOATS)
+    K, omega = share * m / T**2, (1 - share) / T
+    seen = K_v * (K**2 + omega**2 * B * (b + B + K_v)) / (K**2 + (omega * (b + B + K_v)) ** 2)
+    assert -found.lost / found.size == pytest.approx(seen, rel=1e-12)
 
 
 def test_angles_and_hands_are_arrays():

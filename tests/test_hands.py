@@ -19,6 +19,7 @@ from vctune.design.judge import Status, judge
 from vctune.design.record import design_record
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
+from vctune.model.quantities import Hands
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 
@@ -97,15 +98,37 @@ def test_a_box_of_devices_is_met_in_every_hand(uncertain):
         assert least_ratios_in_hands(device, found.problem.hands, K, C)[0].ratio >= 1.05 * (1 - 1e-9)
 
 
-def test_without_an_integrator_nothing_is_claimed_next_to_no_stiffness():
+def test_without_an_integrator_only_hands_that_all_have_no_stiffness_are_left_open():
     problem = parse_problem(
         HANDS + "[gains]\nvelocity = 100.0\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 5.0\n",
         "x",
         "x",
     )
-    assert solve(problem).judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.UNDECIDED
-    stiff = replace(problem, hands=replace(problem.hands, low=replace(problem.hands.low, stiffness=100.0)))
-    assert solve(stiff).judgement.certificate.outcomes[Claim.HANDS].verdict is Verdict.PROVED
+    hands = problem.hands
+    for low, high, verdict in (
+        (0.0, hands.high.stiffness, Verdict.PROVED),
+        (100.0, hands.high.stiffness, Verdict.PROVED),
+        (0.0, 0.0, Verdict.UNDECIDED),
+    ):
+        some = Hands(replace(hands.low, stiffness=low), replace(hands.high, stiffness=high))
+        found = solve(replace(problem, hands=some)).judgement.certificate.outcomes[Claim.HANDS]
+        assert found.verdict is verdict, (low, high)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["velocity-only", "late", "slow"])
+def test_extremes_are_certified_in_every_hand_without_an_integrator(name):
+    """Their best designs have none; `slow`'s worst hands ring above Nyquist, and only the proof meets them."""
+    text = (ROOT / f"problems/extremes/{name}.toml").read_text().replace('"passive"', '"both"')
+    found = solve(parse_problem(text, name, name))
+    assert found.status is Status.CERTIFIED
+    assert found.judgement.gains.position == 0
+    problem, rng = found.problem, np.random.default_rng(7)
+    high = np.array(astuple(problem.hands.high))
+    for _ in range(20):
+        hands = Hands(problem.hands.low, type(problem.hands.low)(*map(float, high * rng.uniform(0.05, 1, 3))))
+        law = found.judgement.gains, found.judgement.coupling
+        assert least_ratios_in_hands(problem.device, hands, *law)[0].ratio >= 1.05 * (1 - 1e-9)
 
 
 def test_a_mechanism_without_a_loop_is_stable_in_every_hand():

@@ -29,8 +29,9 @@ from vctune.design.variables import ranges
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.limits import lags
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.quantities import Coupling, Gains, Hand, Hands
 from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_claims import Demands, claims_of

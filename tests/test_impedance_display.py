@@ -27,8 +27,9 @@ from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.impedance_display import any_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import HUMAN_HANDS
 from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, SpringDamper, Structure, VelocityEstimate
 from vctune.proof.certificate import certify

@@ -35,7 +35,7 @@ from vctune.proof.interval import Outcome, Verdict
 FACTOR = 1.05
 SIDES = (1e-3, -1e-3, 1e-5, -1e-5)
 """By how much the least ratio is above or below the factor."""
-FEW, MANY = (1, 2), 200
+FEW, MANY, MANY_LIMP = (1, 2), 200, 60
 LEFT_OPEN = 0.03
 """Share of the proofs that may be given up: of flexible devices whose resonance with the hand crosses a wide box."""
 SECONDS = 5.0
@@ -65,16 +65,16 @@ class Judged:
 
 
 @cache
-def drawn(number: int) -> InHands:
+def drawn(number: int, *, integrator: bool = True) -> InHands:
     """Return the number-th design, of a least ratio of 1; of a third of them the worst hand is inside the box."""
-    return in_hands(np.random.default_rng((51, number)), inside=number % 3 == 0)
+    return in_hands(np.random.default_rng((51, number)), inside=number % 3 == 0, integrator=integrator)
 
 
 @cache
-def judged(number: int, factor: float = FACTOR) -> Judged:
+def judged(number: int, factor: float = FACTOR, *, integrator: bool = True) -> Judged:
     """Return the number-th design, next to a factor, and what is proved of it."""
     side = SIDES[number % 4]
-    case = drawn(number).scaled(factor * (1 + side))
+    case = drawn(number, integrator=integrator).scaled(factor * (1 + side))
     demands = Demands(case.design.device, (1.0, 10.0), factor, 100.0, passive=False, hands=case.hands)
     begin = time.process_time()
     outcome = prove_hands(case.design, demands)
@@ -121,6 +121,29 @@ def test_no_verdict_of_many_is_wrong(capsys):
     assert len(open_) < LEFT_OPEN * MANY
     assert median(seconds) < SECONDS
     assert sum(found.case.inside > 0 for found in every) > MANY / 4
+
+
+@pytest.mark.parametrize("number", FEW)
+def test_nor_without_an_integrator_in_hands_without_stiffness(number):
+    """There F vanishes with the angle and the stiffness together."""
+    found = judged(number, integrator=False)
+    check(number, found)
+    assert found.outcome.verdict is found.expected
+
+
+@pytest.mark.slow
+def test_nor_of_many_without_an_integrator(capsys):
+    every = [judged(number, integrator=False) for number in range(MANY_LIMP)]
+    for number, found in enumerate(every):
+        check(number, found)
+    open_ = [number for number, found in enumerate(every) if found.outcome.verdict is Verdict.UNDECIDED]
+    seconds = [found.seconds for found in every]
+    with capsys.disabled():
+        sys.stdout.write(
+            f"\n{MANY_LIMP} loops without an integrator: undecided {open_}; processor time median "
+            f"{median(seconds):.2f} s, greatest {max(seconds):.1f} s\n"
+        )
+    assert len(open_) < LEFT_OPEN * MANY_LIMP
 
 
 @pytest.mark.slow

@@ -17,8 +17,9 @@ from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_h
 from vctune.analysis.margins import unstable_poles
 from vctune.document.reading import parse_problem
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.impedance_display import any_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.quantities import Coupling, Gains, Hand, SpringDamper
 
 pytestmark = needs_chromium

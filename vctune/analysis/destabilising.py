@@ -21,8 +21,9 @@ import numpy as np
 
 from vctune.model.arithmetic import FLOATS, Number
 from vctune.model.coupling import coupling_impedance
-from vctune.model.hand_loop import PlantInHand, delays_of, loop_in_hand, plant_in_hand
+from vctune.model.hand_loop import loop_in_hand
 from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.plant_in_hand import PlantInHand, delays_of, plant_in_hand
 from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, SpringDamper, series_coupling
 
 LEAST = 1e-7

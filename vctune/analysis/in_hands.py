@@ -13,8 +13,9 @@ import numpy as np
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import AnyLoopInHand, delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand
 from vctune.model.impedance_display import AnyHand, any_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
 
@@ -220,6 +221,23 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
     found = _closer(device, hands, gains, coupling, theta, starts)
     return sorted(found, key=lambda each: each.ratio)
+
+
+def least_ratio_near(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand
+) -> RatioInHand:
+    """Return the local minimum of Re Z_c / R that is found from one frequency and hand.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    gains, coupling : a design, plain numbers
+    omega : rad/s
+    hand : of the box
+    """
+    theta, start = np.array([omega * device.sample_time]), np.array(astuple(hand))[:, None]
+    return _closer(device, hands, gains, coupling, theta, start)[0]
 
 
 def lossless_hands(device: Device) -> Hands:

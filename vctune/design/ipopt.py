@@ -29,9 +29,10 @@ from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, Work
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.impedance_display import Required, any_hand, firmware_filter
 from vctune.model.pair import Pair
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains
 from vctune.model.transparency import TERMS, log_quadrature

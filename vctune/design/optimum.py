@@ -9,6 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
+from vctune.analysis.in_hands import least_ratio_near
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.judge import Judgement, Status, judge_posed
 from vctune.design.prepared import Posed, Prepared, prepare
@@ -39,6 +40,9 @@ grid. One would bet on the scan's order, more cost time before the search of eve
 NEARLY = 0.1
 """A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
 refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
+NEW_HANDS = 12
+"""How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
+of the box alone. Half gives up a device sampled at 20 Hz, twice finds nothing more."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
 the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
@@ -210,13 +214,17 @@ def _best_proved(
 
 
 def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
-    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits."""
+    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
+
+    A hand that asks for more by more than what was sharpened is one that only the proof has met: it has to be known,
+    not the demands sharpened.
+    """
     polished: Polished | None = optimum
-    tightening, witnesses = TIGHTENING, WorkingSet()
-    for again in range(PROOF_ROUNDS):
-        if polished is None:
+    tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
+    for _ in range(PROOF_ROUNDS + NEW_HANDS):
+        if polished is None or sharpened == PROOF_ROUNDS:
             return
-        digits = DIGITS + MORE_DIGITS * again
+        digits = DIGITS + MORE_DIGITS * sharpened
         values = rounded(prepared.problem, prepared.units.to_si(polished.values), digits)
         judgement = judge_posed(prepared.given, *design_of(values))
         yield polished, judgement
@@ -231,10 +239,29 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
         ):
             if claim in certificate.outcomes:
                 _collect(known, certificate.outcomes[claim], prepared)
-        tightening *= SHARPENING
+        if not _new_hand(prepared, judgement, witnesses, tightening):
+            sharpened += 1
+            tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)
         polished = polish(prepared.scaled, optimum.start, scanned, tightening=tightening, witnesses=witnesses)
+
+
+def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
+    """Add the worst hand near the one that a proof refused, if it asks for more than what was sharpened."""
+    problem, outcomes = prepared.problem, judgement.certificate.outcomes
+    met = [outcomes[claim] for claim in (Claim.HANDS, Claim.FORCE_HANDS) if claim in outcomes]
+    found = False
+    for outcome in met:
+        if problem.hands_met is None or outcome.hand is None or not outcome.witness:
+            continue
+        device = outcome.device or problem.device
+        law = judgement.gains, judgement.coupling
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand)
+        if worst.ratio < problem.stability.safety_factor * (1 - tightening):
+            _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
+            found = True
+    return found
 
 
 def _undecided(judgement: Judgement) -> bool:

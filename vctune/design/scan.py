@@ -117,8 +117,6 @@ def _faces(problem: Problem) -> list[bool]:
         and not held
         and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
     )
-    if problem.hands_met is not None and position.max > 0:
-        return [True]  # without an integrator nothing is proved next to omega = 0 in a hand without stiffness
     faces = [False] if position.min == 0 else []
     return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
 

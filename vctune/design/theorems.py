@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
-from vctune.design.infeasible import OPENINGS, Infeasibility
+from vctune.design.infeasible import Infeasibility
 from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
@@ -52,26 +52,21 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
 
-    The loss in a structure's spring may ease it. Without an integrator it is not so, but next to omega = 0 nothing is
-    proved in a hand without stiffness.
+    The loss in a structure's spring may ease it, and without an integrator it is not so.
     """
     device, bounds = problem.device, problem.bounds
-    if bounds.position.max == 0 < bounds.velocity.max and hands.low.stiffness == 0:
-        cause = f"{OPENINGS[False]}: with K_p = 0 nothing is proved in a hand without stiffness"
-        return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.min", proved=False)
     limp = hands.low == Hand(0.0, 0.0, 0.0) and hands.high.stiffness > 0
     lossy = device.structure is None and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
-    if not limp or not lossy or bounds.drag.max > 0 or bounds.position.max == 0:
+    if not limp or not lossy or bounds.drag.max > 0 or bounds.position.min == 0:
         return None
-    proved = bounds.position.min > 0
     units = UNITS[device.units]
     cause = (
         f"in hands without {units.mass_name} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
         f"at 0 Hz, but Re Z_c is the drag, 0 {units.damping}"
     )
-    if not proved:
-        cause = f"{OPENINGS[False]}: with K_p > 0, {cause}; with K_p = 0 nothing is proved in a hand without stiffness"
-    return Infeasibility(cause, "allow some coupling.drag, or raise operator.damping.min", proved)
+    return Infeasibility(
+        cause, "allow some coupling.drag or gains.position = 0, or raise operator.damping.min", proved=True
+    )
 
 
 def _vanishing_response(problem: Problem) -> tuple[str, str] | None:

@@ -1,14 +1,7 @@
 """The sampled loop with a hand at the handle, and what the environment meets of it (model/README.md, section 14).
 
-Device and hand are one mechanism E x' = A x + b u, dimensionless with T = 1, in which the masses are in E alone,
-damping and stiffness of the hand in A. Held and sampled exactly, with theta = omega T, s = sin(theta/2) and
-c = cos(theta/2),
-
-    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
-
-where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
-itself with 2 j tan(theta/2) in the place of s, so that its low frequencies hardly depend on the mass. Of x the position
-x_1, the velocity estimate and the sensed force f make the return difference and what the environment meets,
+Of the states of device and hand (`plant_in_hand`) the position x_1, the velocity estimate and the sensed force f make
+the return difference and what the environment meets,
 
     Delta = 1 + K_v G_v + K_p G_x,   Z_seen = -G_f (K_v + (T/2) K_p (1 + z^-1)/d)/Delta,
 
@@ -20,275 +13,19 @@ even + j s odd that stay regular at theta = 0, and affine in the gains with cons
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import sampled_resistance
-from vctune.model.device_response import mechanism
-from vctune.model.filters import smoothing
 from vctune.model.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
-from vctune.model.matrices import (
-    Matrix,
-    Vector,
-    add,
-    added,
-    applied,
-    half_coth,
-    minors,
-    nothing,
-    scaled,
-    times,
-)
-from vctune.model.pair import EvenOdd
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, SpringDamper
-from vctune.model.sampled import split_delay
-from vctune.model.state_space import stepped
+from vctune.model.matrices import Vector, nothing
+from vctune.model.pair import EvenOdd, Pair, re_conj_product
+from vctune.model.plant_in_hand import PlantInHand, equations, numerators
+from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper
 
-
-@dataclass(frozen=True, slots=True)
-class Delays:
-    """The whole samples of two delays, and whether a part of a sample remains.
-
-    Attributes
-    ----------
-    loop : N, of the device's delay
-    loop_fractional : whether there is an older force in a sample
-    felt : the same of the sum with the force sensor's delay
-    felt_fractional : whether there is an older force in what is felt
-    """
-
-    loop: Number
-    loop_fractional: bool
-    felt: Number
-    felt_fractional: bool
-
-
-def delays_of(device: Device) -> Delays:
-    """Return the delays of a device whose numbers are plain."""
-    loop, left = split_delay(device.delay, device.sample_time)
-    late = device.force_sensor.delay if device.force_sensor is not None else 0.0
-    felt, felt_left = split_delay(device.delay + late, device.sample_time)
-    return Delays(loop, left > 0, felt, felt_left > 0)
-
-
-class Mechanism(NamedTuple):
-    """E x' = A x + b u of a device in a hand, dimensionless.
-
-    Attributes
-    ----------
-    names : of the states
-    inertia : diagonal of E, by state; 1 where it is not named
-    sensed : what else is in E, of the handle's acceleration, by the row of the sensor's filter
-    rates : rows of A
-    push : b
-    felt : what is sensed of x, by state
-    felt_inertia : what is sensed of the handle's acceleration; None with a filter
-    handle : state that is the handle's velocity
-    """
-
-    names: list[str]
-    inertia: dict[str, Number]
-    sensed: dict[str, Number]
-    rates: Matrix
-    push: Vector
-    felt: dict[str, Number]
-    felt_inertia: Number | None
-    handle: str
-
-
-@dataclass(frozen=True, slots=True)
-class PlantInHand:
-    """A device in a hand over a sample; in the equation of this module.
-
-    Attributes
-    ----------
-    rates, step : A and Q
-    push, older, felt_older : b, b_1 of the loop, and b_1 of what is felt, whose delay is longer; None where it is 0
-    felt : what is sensed of the states, -G_f is with the handle's inertia
-    felt_inertia : row of what is sensed of d x, and what of d b_1 u; None with a filter
-    delays : whole samples
-    sample_time, mass : T and m, of the units
-    difference : whether the velocity is that of the position
-    low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    renders_force : whether it is an impedance display, whose environment meets the position
-    """
-
-    rates: Matrix
-    step: Matrix
-    push: Vector
-    older: Vector | None
-    felt_older: Vector | None
-    felt: Vector
-    felt_inertia: tuple[Vector, Vector] | None
-    delays: Delays
-    sample_time: Number
-    mass: Number
-    difference: bool = False
-    low_pass: Number | None = None
-    order: int = 0
-    renders_force: bool = False
-
-    @property
-    def poles(self) -> int:
-        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
-        return len(self.push) + (0 if self.renders_force else self.order)
-
-
-def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> PlantInHand:
-    """Sample a device in a hand exactly.
-
-    Parameters
-    ----------
-    device : its least operator is not counted
-    hand : what holds the handle
-    delays : whole samples of the device's and the sensor's delay
-    ops : arithmetic of the device's and the hand's numbers
-
-    Returns
-    -------
-    PlantInHand
-        Its numbers of the shape of the device's and the hand's.
-    """
-    T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
-    parts = _mechanism(device, hand, ops)
-    at = {name: index for index, name in enumerate(parts.names)}
-    over = _over_inertia(parts, at)
-    rounded = half_coth(over, ops)
-    step = _times_inertia(rounded, parts, at)
-
-    def older(delay: Number, whole: Number, *, fractional: bool) -> Vector | None:
-        if not fractional:
-            return None
-        n = len(parts.names)
-        rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
-        _, _, left = stepped(rows, (delay - whole * T) / T, ops)
-        return applied(added(rounded, scaled(over, -0.5)), left[:-1])
-
-    before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)
-    if sensor is not None and not ops.is_zero(sensor.delay):
-        felt_before = older(device.delay + sensor.delay, delays.felt, fractional=delays.felt_fractional)
-    felt_inertia = None
-    if parts.felt_inertia is not None:
-        row = at[parts.handle]
-        moved = tuple(
-            times(add(q, times(a, 0.5)), parts.felt_inertia) for q, a in zip(step[row], parts.rates[row], strict=True)
-        )
-        left = () if felt_before is None else (times(felt_before[row], parts.felt_inertia),)
-        felt_inertia = moved, left
-    low_pass, order = None, 0
-    if estimate is not None and estimate.filter_hz is not None:
-        (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
-    return PlantInHand(
-        rates=parts.rates,
-        step=step,
-        push=parts.push,
-        older=before,
-        felt_older=felt_before,
-        felt=tuple(parts.felt.get(name, 0) for name in parts.names),
-        felt_inertia=felt_inertia,
-        delays=delays,
-        sample_time=T,
-        mass=device.mass,
-        difference=estimate is not None and estimate.source == "difference",
-        low_pass=low_pass,
-        order=order,
-        renders_force=device.renders_force,
-    )
-
-
-def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
-    """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
-    T, m, sensor, actuator = device.sample_time, device.mass, device.force_sensor, device.actuator
-    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
-    carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
-    own = device.damping * T / m
-    names = ["position", "velocity"]
-    names += ["bend", "handle"] if device.structure is not None else []
-    names += ["force", "rate"][: actuator.order] if actuator is not None else []
-    filtered = sensor is not None and sensor.bandwidth_hz is not None
-    names += ["felt", "felt rate"][: sensor.order] if sensor is not None and filtered else []
-    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
-    rows["position"]["velocity"] = one
-    motor = rows["velocity"]
-    if device.structure is None:
-        handle, inertia = "velocity", {"velocity": 1 + carried}
-        felt = {"position": grip, "velocity": held}
-        motor["position"], motor["velocity"] = -grip, -(own + held)
-    else:
-        parts = mechanism(device, device.structure, ops)
-        handle, inertia = "handle", {"velocity": parts.motor / m, "handle": parts.handle / m + carried}
-        spring, loss = parts.stiffness * (T * T) / m, parts.viscosity * T / m
-        felt = {"position": grip, "bend": -grip, "handle": held}
-        motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
-        rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
-        rows["handle"] = {"position": -grip, "velocity": loss, "bend": spring + grip, "handle": -(loss + held)}
-    push = dict.fromkeys(names, 0)
-    if actuator is None:
-        push["velocity"] = one
-    else:
-        motor["force"] = one
-        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
-        push[("force", "rate")[actuator.order - 1]] = corner
-    sensed: dict[str, Number] = {}
-    if sensor is not None and filtered:
-        corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
-        driven = ("felt", "felt rate")[sensor.order - 1]
-        rows[driven] |= {name: -share for name, share in felt.items()}
-        sensed[driven], felt = carried, {"felt": -corner}  # filtered force over the corner: no square of it is in A/E
-    return Mechanism(
-        names=names,
-        inertia=inertia,
-        sensed=sensed,
-        rates=tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()),
-        push=tuple(push.values()),
-        felt=felt,
-        felt_inertia=None if filtered else carried / inertia[handle],
-        handle=handle,
-    )
-
-
-def filter_rows(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
-) -> Number:
-    """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
-
-    Of order 2 its states are y and y + y'/a, 2 a^2 = w^2. A fast one's f(A/E) is about half its rates', with y and y'
-    next to 0 on the diagonal, where it is eliminated.
-    """
-    corner, (out, rate) = 2 * ops.pi * samples, states
-    if order == 1:
-        rows[out][out] = -corner
-        return corner
-    a = ops.sqrt(corner * corner / 2)
-    rows[out][out], rows[out][rate] = -a, a
-    rows[rate][out], rows[rate][rate] = -a, -a
-    return 2 * a
-
-
-def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:
-    """Return A/E."""
-    rows = [list(row) for row in parts.rates]
-    handle = at[parts.handle]
-    for row in rows:
-        for name, sensed in parts.sensed.items():
-            row[handle] = add(row[handle], times(-sensed, row[at[name]]))
-        for name, inertia in parts.inertia.items():
-            entry = row[at[name]]
-            row[at[name]] = entry if nothing(entry) else entry / inertia
-    return tuple(map(tuple, rows))
-
-
-def _times_inertia(matrix: Matrix, parts: Mechanism, at: dict[str, int]) -> Matrix:
-    """Return a matrix times E."""
-    rows = [list(row) for row in matrix]
-    handle = at[parts.handle]
-    for row in rows:
-        for name, inertia in parts.inertia.items():
-            row[at[name]] = times(row[at[name]], inertia)
-        for name, sensed in parts.sensed.items():
-            row[handle] = add(row[handle], times(sensed, row[at[name]]))
-    return tuple(map(tuple, rows))
+OfParts = Callable[[Number, Number], Any]
+"""Makes a complex number even + j s odd of its parts."""
 
 
 class LoopInHand(NamedTuple):
@@ -333,53 +70,134 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     LoopInHand or ForceInHand
         Each part of the shape of theta.
     """
-    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
-    square = sin * sin
-    d = EvenOdd(2 * square, 2 * cos, square)
+    at, T = _circle(theta, ops), plant.sample_time
+    d = EvenOdd(2 * at.square, 2 * at.cos, at.square)
 
-    def late(whole: Number) -> EvenOdd:
-        """Return e^{-j (N + 1/2) theta}."""
-        if isinstance(whole, int) and whole == 0:
-            return EvenOdd(cos, -1, square)
-        steps = whole + 0.5
-        return EvenOdd(ops.cos(theta * steps), -2 * steps * (ops.sinc(theta * steps) / ops.sinc(theta / 2)), square)
+    def number(even: Number, odd: Number) -> EvenOdd:
+        return EvenOdd(even, odd, at.square)
 
     def states(older: Vector | None) -> dict[int, EvenOdd]:
-        return numerators(equations(plant.rates, plant.step, plant.push, older, cos, square))
+        return numerators(equations(plant.rates, plant.step, plant.push, older, at.cos, at.square))
 
-    def of_states(shares: Vector, states: dict[int, EvenOdd]) -> EvenOdd:
-        first, *others = (states[j].scaled(x) for j, x in enumerate(shares) if j in states and not nothing(x))
-        return sum(others, start=first)
-
-    n, delays, T = len(plant.push), plant.delays, plant.sample_time
-    found = states(plant.older)
     if plant.renders_force:
-        return _force_in_hand(plant, found[n], found[0] * late(delays.loop), cos, square)
-    felt_states = found if plant.felt_older is plant.older else states(plant.felt_older)
-    turned, felt_turned = late(delays.loop), late(delays.felt)
-    open_loop, position = found[n], found[0] * turned
-    velocity = position * d if plant.difference else found[1] * turned
-    felt = of_states(plant.felt, felt_states)
-    if plant.felt_inertia is not None:
-        moved, left = plant.felt_inertia
-        carried = of_states(moved, felt_states)
-        for share in left:
-            carried = carried + open_loop.scaled(share) * EvenOdd(cos, -1, square)
-        felt = felt + carried * d
-    felt = felt * felt_turned
-    if plant.low_pass is not None:
-        a, once = plant.low_pass, EvenOdd(plant.low_pass * cos, 2 - plant.low_pass, square)
-        for _ in range(plant.order):
-            velocity = velocity * EvenOdd(a * cos, a, square)
-            open_loop, position, felt = open_loop * once, position * once, felt * once
+        found = states(plant.older)
+        position = found[0] * at.late(plant.delays.loop, number)
+        return _force_in_hand(plant, found[len(plant.push)], position, at.cos, at.square)
+    open_loop, velocity, position, felt = _answers(plant, at, number, states, d, plant.felt[0])
     unit = T / plant.mass
     return LoopInHand(
         open=open_loop,
         velocity=velocity.scaled(unit),
         position=position.scaled(unit * T),
-        seen_velocity=felt * EvenOdd(0, 2, square),
-        seen_position=felt.scaled(T * cos),
+        seen_velocity=felt * EvenOdd(0, 2, at.square),
+        seen_position=felt.scaled(T * at.cos),
     )
+
+
+def required_in_limp_hand(
+    plant: PlantInHand, velocity: Number, theta: Number, share: Number, ops: Arithmetic
+) -> Required:
+    """Return what `required_in_hand` does over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    There F and the sensed force vanish with rho, 2 s = (1 - share) rho and K T^2/m = share rho. With rho x_1 in the
+    place of the position x_1 they are divided by it: its column of the equations is, in which 2 s and K are factors.
+
+    Parameters
+    ----------
+    plant : at one or several hands
+    velocity : K_v, N s/m
+    theta : omega T, rad, in [0, pi]
+    share : between 0, a hand without stiffness, and 1, no frequency; need not be that of theta and the hand
+    ops : arithmetic of all of these
+    """
+    at, turned = _circle(theta, ops), 1 - share
+
+    def number(even: Number, odd: Number) -> Pair:
+        return Pair(even, at.sin * odd)
+
+    def states(older: Vector | None) -> dict[int, Pair]:
+        exact = equations(plant.rates, plant.step, plant.push, older, at.cos, at.square)
+        rows = [[None if entry is None else number(entry.even, entry.odd) for entry in row] for row in exact]
+        for row, rates, step in zip(rows, plant.rates, plant.step, strict=True):
+            # the hand's spring acts as -K x_1 wherever it does
+            row[0] = Pair(0 if nothing(rates[0]) else at.cos * share, turned * step[0])
+        return numerators(rows)
+
+    moved = Pair(turned * at.sin, turned * at.cos)  # d/rho
+    open_loop, speed, _, felt = _answers(plant, at, number, states, moved, 0 if nothing(plant.felt[0]) else share)
+    F = open_loop + speed.scaled(velocity * plant.sample_time / plant.mass)
+    return Required(-(velocity * re_conj_product(felt, F)), F.abs2())
+
+
+class _Circle(NamedTuple):
+    """z = e^{j theta}, with s = sin(theta/2), c = cos(theta/2) and s^2."""
+
+    theta: Number
+    sin: Number
+    cos: Number
+    square: Number
+    ops: Arithmetic
+
+    def late(self, whole: Number, number: OfParts) -> Any:
+        """Return e^{-j (N + 1/2) theta}."""
+        if isinstance(whole, int) and whole == 0:
+            return number(self.cos, -1)
+        steps, ops = whole + 0.5, self.ops
+        sine = -2 * steps * (ops.sinc(self.theta * steps) / ops.sinc(self.theta / 2))
+        return number(ops.cos(self.theta * steps), sine)
+
+
+def _circle(theta: Number, ops: Arithmetic) -> _Circle:
+    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
+    return _Circle(theta, sin, cos, sin * sin, ops)
+
+
+def _answers(
+    plant: PlantInHand,
+    at: _Circle,
+    number: OfParts,
+    states: Callable[[Vector | None], dict[int, Any]],
+    moved: Any,
+    grip: Number,
+) -> tuple[Any, Any, Any, Any]:
+    """Return the determinant, and what velocity estimate, position and sensed force are times it.
+
+    Parameters
+    ----------
+    number : makes complex numbers even + j s odd
+    states : what the states are times the determinant, and it, of b_1
+    moved : d times the position's unit
+    grip : what is felt of a position of that unit
+    """
+
+    def of_states(shares: Vector, first: Any) -> Any:
+        others = (
+            felt_states[j].scaled(x) for j, x in enumerate(shares) if j > 0 and j in felt_states and not nothing(x)
+        )
+        return sum(others, start=first)
+
+    delays, back = plant.delays, number(at.cos, -1)
+    found = states(plant.older)
+    felt_states = found if plant.felt_older is plant.older else states(plant.felt_older)
+    turned = at.late(delays.loop, number)
+    open_loop, position = found[len(plant.push)], found[0] * turned
+    velocity = position * moved if plant.difference else found[1] * turned
+    felt = of_states(plant.felt, felt_states[0].scaled(grip))
+    if plant.felt_inertia is not None:
+        shares, left = plant.felt_inertia
+        felt = felt + felt_states[0].scaled(shares[0]) * moved
+        carried = of_states(shares, number(0, 0))
+        for share in left:
+            carried = carried + open_loop.scaled(share) * back
+        felt = felt + carried * number(2 * at.square, 2 * at.cos)
+    felt = felt * at.late(delays.felt, number)
+    if plant.low_pass is not None:
+        a = plant.low_pass
+        passed, once = number(a * at.cos, a), number(a * at.cos, 2 - a)
+        for _ in range(plant.order):
+            velocity = velocity * passed
+            open_loop, position, felt = open_loop * once, position * once, felt * once
+    return open_loop, velocity, position, felt
 
 
 def _force_in_hand(
@@ -396,38 +214,6 @@ def _force_in_hand(
         for _ in range(plant.order):
             velocity = velocity * passed
     return ForceInHand(open_loop, velocity.scaled(unit), met.scaled(unit))
-
-
-def equations(
-    rates: Matrix, step: Matrix, push: Vector, older: Vector | None, cos: Number, square: Number
-) -> list[list[EvenOdd | None]]:
-    """Return the rows of (2 j s Q - c A) x = b - d b_1, the right hand side as their last column; None for 0.
-
-    Parameters
-    ----------
-    rates, step, push, older : A, Q, b and b_1, None for 0
-    cos, square : c and s^2
-    """
-    d = EvenOdd(2 * square, 2 * cos, square)
-
-    def entry(a: Number, q: Number) -> EvenOdd | None:
-        if nothing(a) and nothing(q):
-            return None
-        return EvenOdd(0 if nothing(a) else -(cos * a), 0 if nothing(q) else 2 * q, square)
-
-    pushed = [None if nothing(x) else EvenOdd(x, 0, square) for x in push]
-    if older is not None:
-        pushed = [
-            b if nothing(x) else d.scaled(-x) if b is None else b + d.scaled(-x)
-            for b, x in zip(pushed, older, strict=True)
-        ]
-    return [[*map(entry, a, q), b] for a, q, b in zip(rates, step, pushed, strict=True)]
-
-
-def numerators(rows: list[list[EvenOdd | None]]) -> dict[int, EvenOdd]:
-    """Return the determinant of n equations, which is that of n, and what each of the n unknowns is times it."""
-    n = len(rows)
-    return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}
 
 
 def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:

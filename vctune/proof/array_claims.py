@@ -13,11 +13,12 @@ import numpy as np
 
 from vctune.model.arithmetic import ArrayArithmetic, Number
 from vctune.model.device_response import DeviceResponse, device_response
-from vctune.model.hand_loop import Delays, PlantInHand, delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
+from vctune.model.plant_in_hand import Delays, PlantInHand, delays_of, plant_in_hand
 from vctune.model.quantities import HAND, Device, Hand, Hands
 from vctune.model.sampled import sampled_plant, split_delay
 from vctune.proof.array_intervals import Enclosure, decimal
@@ -34,6 +35,7 @@ from vctune.proof.claims import (
     hand_curve,
     hand_margin,
     high_margin,
+    limp_hand_margin,
     loop_gain_margin,
     low_margin,
     model_curve,
@@ -44,6 +46,11 @@ from vctune.proof.claims import (
 )
 from vctune.proof.jets import ENCLOSURES as OPS
 from vctune.proof.sharing import shared
+
+SHARE = "share of the hand's stiffness"
+"""In what F vanishes with, for K_p = 0 next to theta = 0 and a hand without stiffness."""
+AT_REST = (0, 1 + HAND.index("operator.stiffness"))
+"""Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,6 +202,27 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, o
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
     return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+
+def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+    """Return the margin that must be positive for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    It is of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : whole samples, the same for all of them
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margin(theta: Number, v: Values) -> Number:
+        design = Design(device(v), gains_of(v), coupling_of(v))
+        return limp_hand_margin(in_hand(v), design, theta, v[SHARE], factor, OPS)
+
+    return margin
 
 
 def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:

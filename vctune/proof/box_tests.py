@@ -221,13 +221,44 @@ def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
         return np.asarray(in_chunks(least, boxes))
 
 
+def next_to_zero(rows: Sequence[int], sufficient: Margin, fixed: Values, test: Test) -> Test:
+    """Return a test that has another margin where some rows begin at 0 together.
+
+    Parameters
+    ----------
+    rows : which ones
+    sufficient : a margin that proves as much there, the more so the narrower these rows are; where it is negative, or
+        least, says nothing of the claim's
+    fixed : the values that are not among a box's rows
+    test : of the other boxes
+    """
+    both = list(rows)
+
+    def there(boxes: Boxes) -> Decided:
+        found = _by_slopes(lambda x: sufficient(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
+        decided = _without_failures(found.decided)
+        decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
+        return replace(decided, side=np.zeros_like(decided.side))
+
+    def by_place(boxes: Boxes) -> Decided:
+        at = (boxes.low[both] == 0).all(axis=0)
+        return _by_kind([(at, there), (~at, test)], boxes)
+
+    return by_place
+
+
 def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
     """Test boxes from frequency 0, those that are wide in frequency, and the others."""
     zero = boxes.low[0] == 0
     wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
-    kinds = [kind for kind in (zero, wide, ~(zero | wide)) if kind.any()]
-    if len(kinds) == 1:
-        return test(boxes)
+    return _by_kind([(kind, test) for kind in (zero, wide, ~(zero | wide))], boxes)
+
+
+def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
+    """Test each box by the one test that is for its kind."""
+    present = [(kind, test) for kind, test in tests if kind.any()]
+    if len(present) == 1:
+        return present[0][1](boxes)
     n = len(boxes)
     found = Decided(
         proved=np.zeros(n, bool),
@@ -237,7 +268,7 @@ def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
         known=np.zeros(n, bool),
         side=np.zeros_like(boxes.low),
     )
-    for kind in kinds:
+    for kind, test in present:
         decided = test(boxes.subset(kind))
         for name in Decided.__slots__:
             getattr(found, name)[..., kind] = getattr(decided, name)
@@ -274,10 +305,11 @@ def _without_failures(decided: Decided) -> Decided:
 
 @dataclass(frozen=True, slots=True)
 class _Bounded:
-    """A lower bound of a margin over each box, and what it decides."""
+    """A lower bound of a margin over each box, what it decides, and what the margin varies by with each row."""
 
     least: Floats
     decided: Decided
+    reach: Floats
 
 
 def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
@@ -313,7 +345,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     cost = np.where(known, np.where(fails, reach, loose), width)
     cost = np.where(np.array(varied)[:, None], cost, 0.0)
     proved = np.asarray(bound > 0)
-    return _Bounded(bound, Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side))
+    return _Bounded(bound, Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side), reach)
 
 
 def _lowest(mid: Floats, rad: Floats) -> Floats:

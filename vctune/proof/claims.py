@@ -9,12 +9,13 @@ from vctune.model.affine import loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device_response import DeviceResponse, device_response
-from vctune.model.hand_loop import PlantInHand, loop_in_hand, required_in_hand, room
+from vctune.model.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
 from vctune.model.impedance_display import any_hand
 from vctune.model.let_go import Plant, return_difference
 from vctune.model.llewellyn import llewellyn_demand, moduli
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.plant_in_hand import PlantInHand
 from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 from vctune.model.sampled import difference_slope
 
@@ -199,6 +200,24 @@ def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Numbe
     ops : arithmetic of all of these
     """
     required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
+    return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def limp_hand_margin(
+    plant: PlantInHand, design: Design, theta: Number, share: Number, factor: Number, ops: Arithmetic
+) -> Number:
+    """Return `hand_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic, K_p = 0
+    theta : omega T, rad, in [0, pi]
+    share : of the hand's stiffness in rho, between 0 and 1; where the margin is positive for each of them, it is
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    required = required_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
     return room(design.coupling, design.device, required, factor, theta, ops)
 
 

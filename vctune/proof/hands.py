@@ -14,14 +14,14 @@ import numpy as np
 from flint import arb
 
 from vctune.model.arithmetic import Number
-from vctune.model.hand_loop import Delays, delays_of, plant_in_hand
 from vctune.model.keys import keys_of
+from vctune.model.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
 from vctune.model.sampled import SNAP
 from vctune.proof.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.array_claims import Demands, any_hand_margins, hands_margin
+from vctune.proof.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin
 from vctune.proof.array_intervals import Floats, decimal
-from vctune.proof.box_tests import FEW, positive, positive_by_polynomials
+from vctune.proof.box_tests import FEW, next_to_zero, positive, positive_by_polynomials
 from vctune.proof.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
@@ -59,20 +59,24 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if not design.device.renders_force:
         if not design.gains.closed:
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
-        if design.gains.position == 0 and demands.hands.low.stiffness == 0:
-            return Outcome(Verdict.UNDECIDED, 0)  # F and P both vanish at omega = 0 in a hand without stiffness
+        if design.gains.position == 0 and demands.hands.high.stiffness == 0:
+            return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
     middle = demands.hands.middle
     stable = prove_poles_in(design.device, middle, design.gains)
     if stable.verdict is not Verdict.PROVED:
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
-    ends = _ends(demands.hands, box, uncertain)
+    limp = not design.device.renders_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
+    rows = (*HAND, SHARE) if limp else HAND
 
     def tests(part: _Part, fixed: Values) -> list[Test]:
         slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
-        return [positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))]
+        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        if not limp:
+            return [test]
+        return [next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)]
 
-    found = _proved_over(design, demands, uncertain, HAND, ends, tests)
+    found = _proved_over(design, demands, uncertain, rows, _ends(demands.hands, box, uncertain, limp=limp), tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -172,7 +176,7 @@ def _in_doubt(
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
     count = len(names) - len(uncertain)
-    hand, device = Hand(*within[:count]) if count else None, design.device
+    hand, device = Hand(*within[: len(HAND)]) if count else None, design.device
     if uncertain:
         device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
     theta = min(float(point[0]), pi)
@@ -283,10 +287,14 @@ def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -
     return hand_margin(plant, exact, arb(theta), ball(factor), BALLS)
 
 
-def _ends(hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...]) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, and device."""
+def _ends(
+    hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...], *, limp: bool = False
+) -> tuple[Floats, Floats]:
+    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device."""
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
+    if limp:
+        held = [(*held[0], 0.0), (*held[1], 1.0)]
     low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
     return low, high

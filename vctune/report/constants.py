@@ -19,9 +19,10 @@ from vctune.document.record import DesignRecord
 from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import device_response
-from vctune.model.hand_loop import delays_of, loop_in_hand, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.impedance_display import any_hand, firmware_filter, spring_damper_admittance, spring_forms
 from vctune.model.pair import EvenOdd, Pair
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import Device, Gains, Hand, SpringDamper
 from vctune.model.transparency import log_quadrature

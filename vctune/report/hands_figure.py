@@ -18,7 +18,8 @@ from vctune.analysis.in_hands import (
 )
 from vctune.model.arithmetic import FLOATS
 from vctune.model.frequency import hertz
-from vctune.model.hand_loop import delays_of, loop_in_hand, offered, plant_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
 from vctune.model.units import UNITS

@@ -17,9 +17,10 @@ from vctune.design.bound.coefficients import Coefficients, joined, mapped, quadr
 from vctune.design.bound.couplings import Offer, SeriesOffer, spring_offer
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.affine import Affine
-from vctune.model.hand_loop import LoopInHand, delays_of, loop_in_hand, plant_in_hand
+from vctune.model.hand_loop import LoopInHand, loop_in_hand
 from vctune.model.impedance_display import any_hand
 from vctune.model.pair import EvenOdd, Pair, im_conj_product, re_conj_product
+from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.quantities import Device, Hand
 from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
