@@ -99,9 +99,11 @@ def left_out(solved: Solved) -> list[Note]:
     if solved.polished is None or solved.scanned is None:
         return found
     structure = solved.polished.structure
-    if not structure.integrator and not problem.bounds.position.fixed:
+    gains = solved.judgement.gains if solved.judgement is not None else None
+    idle = not structure.integrator or (gains is not None and gains.position == 0)
+    if idle and not problem.bounds.position.fixed:
         found.append(
-            Note("left-out-integrator", "gains.position: the best basin has K_p = 0, and with it no integrator")
+            Note("left-out-integrator", "gains.position: the best design has K_p = 0, and with it no integrator")
         )
     if structure.capacities[DEMANDS.index("sensitivity")] == 0:
         peak, limit = solved.scanned.peak_sensitivity, problem.stability.max_sensitivity
