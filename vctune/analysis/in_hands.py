@@ -223,6 +223,21 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     return sorted(found, key=lambda each: each.ratio)
 
 
+def ratio_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand) -> float:
+    """Return Re Z_c / R in one hand at one frequency; inf where nothing is required.
+
+    Parameters
+    ----------
+    device : plain numbers
+    gains, coupling : a design, plain numbers
+    omega : rad/s
+    hand : held with
+    """
+    theta = np.array([omega * device.sample_time])
+    found = required_in_hand(loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), theta, FLOATS), gains)
+    return _inverse(float(_need(found.lost / found.size, offered(coupling, device, theta, FLOATS))[0]))
+
+
 def least_ratio_near(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand
 ) -> RatioInHand:

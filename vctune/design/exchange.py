@@ -97,7 +97,10 @@ def polish(
         Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled, in_hand=witnesses.in_hand),
     )
     _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
-    search = _Search(start, cases, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS)
+    held = witnesses.in_hand
+    search = _Search(
+        start, cases, held, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS
+    )
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
         _step(posed, search)
     return search.best
@@ -110,6 +113,7 @@ class _Search:
     Attributes
     ----------
     cases : the devices at which the demands are posed
+    witnesses : points in hands that a proof has refuted
     reference : the last point with sound loops, centre of the box
     warm_start : where IPOPT starts
     radius : half the box's width in log coordinates
@@ -119,6 +123,7 @@ class _Search:
 
     start: Start
     cases: list[Problem]
+    witnesses: list[ConstraintPoint]
     tightening: float
     incumbent: float
     working_set: WorkingSet
@@ -151,7 +156,7 @@ def _step(posed: Posed, search: _Search) -> None:
     search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
     if search.finished:
         return
-    demands = violations(posed, search.cases, values, search.tightening)
+    demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
     search.rounds.append(Round(sum(working_set.sizes()), solution))
     if unstable is not None:
         if not add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains):
@@ -188,7 +193,7 @@ def _examine_start(posed: Posed, search: _Search, error: float) -> None:
         return
     search.start_examined = True
     gains, coupling = search.start.gains, search.start.coupling
-    demands = violations(posed, search.cases, point(gains, coupling), search.tightening)
+    demands = violations(posed, search.cases, point(gains, coupling), search.tightening, search.witnesses)
     more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
     raised = softened(coupling, more)
     at_raised = point(gains, raised)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import log
 
@@ -20,7 +21,7 @@ from vctune.analysis.demands import (
     weighted_square,
 )
 from vctune.analysis.extrema import Floats, Minima, local_minima
-from vctune.analysis.in_hands import least_ratios
+from vctune.analysis.in_hands import least_ratios, ratio_at
 from vctune.design.prepared import Posed
 from vctune.design.variables import Point, design_of
 from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
@@ -55,7 +56,9 @@ class Violations:
     positive: bool = True
 
 
-def violations(posed: Posed, cases: list[Problem], values: Point, tightening: float) -> Violations:
+def violations(
+    posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
+) -> Violations:
     """Find where the demands fail on any device by more than half the tightening, and where the error is greatest.
 
     Parameters
@@ -64,6 +67,7 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     cases : the problem of each device that is looked at, those of `posed` and others
     values : K_v, K_p, b_c, m_c, b_0
     tightening : relative amount by which the demands are sharpened
+    refuted : points in hands, found by a proof, that the search for the least ratio may miss
 
     Returns
     -------
@@ -80,6 +84,7 @@ def violations(posed: Posed, cases: list[Problem], values: Point, tightening: fl
     if posed.hand_cases:
         met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
         parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
+        parts.append(_at_points(refuted, posed.problem.stability.safety_factor, gains, coupling, tightening))
     parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
     if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
         known = posed.problem.uncertainty
@@ -118,12 +123,27 @@ def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: f
 
 def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
     """Find where the ratio fails in the hands of a problem."""
+    worst = least_ratios(problem, gains, coupling)
+    points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
+    return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
+
+
+def _at_points(
+    points: Sequence[ConstraintPoint], factor: float, gains: Gains, coupling: AnyCoupling, tightening: float
+) -> Violations:
+    """Find at which points, those in a hand, the ratio fails."""
+    held = [point for point in points if point.hand is not None]
+    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand) for point in held if point.hand]
+    return _short(held, ratios, factor, tightening)
+
+
+def _short(points: Sequence[ConstraintPoint], ratios: Sequence[float], factor: float, tightening: float) -> Violations:
     tightening = max(tightening, TIGHTENING_IN_HANDS)
-    found, least = Violations(), log(problem.stability.safety_factor) + tightening
-    for worst in least_ratios(problem, gains, coupling):
-        short = least - log(max(worst.ratio, 1e-300))
+    found, least = Violations(), log(factor) + tightening
+    for point, ratio in zip(points, ratios, strict=True):
+        short = least - log(max(ratio, 1e-300))
         if short > tightening / 2:
-            found.in_hand.append(ConstraintPoint(worst.omega, problem.device, worst.hand))
+            found.in_hand.append(point)
         found.greatest = max(found.greatest, short - tightening / 2)
     return found
 
