@@ -82,9 +82,12 @@ def judged(number: int, factor: float = FACTOR, *, integrator: bool = True) -> J
 
 
 def check(number: int, found: Judged) -> None:
-    """Assert that a verdict is the oracles', and that where it is a refusal, 50 digits say so at its witness."""
+    """Assert that a proof is not against the oracles' search, and that where it is a refusal, 50 digits say so.
+
+    A refusal may be right where the search has missed the worst hand.
+    """
     design, outcome = found.case.design, found.outcome
-    assert outcome.verdict in (found.expected, Verdict.UNDECIDED), (number, found)
+    assert outcome.verdict is not Verdict.PROVED or found.expected is Verdict.PROVED, (number, found)
     if outcome.verdict is Verdict.REFUTED:
         assert inside(found.case.hands, outcome.hand)
         assert 0 <= outcome.witness <= pi / design.device.sample_time * (1 + 1e-15)

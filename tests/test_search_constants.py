@@ -107,6 +107,7 @@ CONSTANTS = [
     Constant("ABOVE", (gain_limit,), beside_one),
     Constant("WORTH_POLISHING", (optimum,), beside_one),
     Constant("PROOF_ROUNDS", (optimum,), count),
+    Constant("NEW_HANDS", (optimum,), count),
     Constant("MORE_DIGITS", (optimum,), count),
     Constant("LONG_SHOTS", (optimum,), count),
     Constant("SHARPENING", (optimum,), times),

@@ -37,6 +37,9 @@ STEP = 1.4
 MAX_BOXES = 400_000
 """Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
+NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
+"""How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
+more: none that is seen."""
 MAX_HALVINGS = 120
 """How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
 
@@ -180,9 +183,15 @@ def _in_doubt(
     if uncertain:
         device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
     theta = min(float(point[0]), pi)
-    fails = _margin_at(replace(design, device=device), hand, theta, demands.factor) < 0
+
+    def fails(theta: float) -> bool:
+        return bool(_margin_at(replace(design, device=device), hand, theta, demands.factor) < 0)
+
+    refuted = fails(theta)
+    if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
+        theta = next((near for off in NEAR_ENDS if fails(near := abs(theta - pi * off))), theta)
     outcome = Outcome(
-        Verdict.REFUTED if fails else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
+        Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
     )
     return in_rad_per_s(outcome, device)
 
