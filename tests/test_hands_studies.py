@@ -286,9 +286,28 @@ def test_without_drag_there_is_no_design_in_hands_without_damping(monkeypatch):
     (repair,) = solved.repairs
     assert solved.status == "infeasible" and repair.key == "operator.stiffness.min" and 0 < repair.new < 3000
     assert "coupling.drag" in solved.infeasibility.reason and "operator.damping.min" in solved.infeasibility.reason
-    assert impossible(posed(NO_DRAG.replace("min = 3000.0", "min = 0.0"))) is None  # K_p = 0 needs no drag
+
+
+def test_without_drag_some_hands_leave_nothing_to_prove():
+    without = impossible(posed(NO_DRAG.replace("min = 3000.0", "min = 0.0")))
+    assert not without.proved and "with K_p = 0" in without.reason and "with K_p > 0" in without.reason
+    never = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")
+    assert "with K_p > 0" not in impossible(posed(never)).reason
     for kinder in ("min = 0.1, max = 30.0 }", "min = 0.0, max = 30.0 }\nstiffness = { min = 5.0, max = 10.0 }"):
-        assert impossible(posed(NO_DRAG.replace("min = 0.0, max = 30.0 }", kinder))) is None
+        for text in (NO_DRAG, never):
+            assert impossible(posed(text.replace("min = 0.0, max = 30.0 }", kinder))) is None
+    held = "min = 0.0, max = 30.0 }\nstiffness = { min = 0.0, max = 0.0 }"
+    some = never.replace("drag = 0.0", "drag = 1.0").replace("min = 0.0, max = 30.0 }", held)
+    assert "a pole at 1" in impossible(posed(some)).reason
+
+
+@pytest.mark.slow
+def test_where_any_damping_would_do_a_little_is_proposed():
+    text = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")
+    file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text), text=text)
+    repairs = {repair.key: repair for repair in vctune.solve(file).repairs}
+    assert {"operator.damping.min", "operator.stiffness.min", "coupling.drag"} <= set(repairs)
+    assert 0 < repairs["operator.damping.min"].new < 1e-3
 
 
 def test_no_demand_of_passive_hands_makes_a_problem_in_hands_impossible():

@@ -42,7 +42,7 @@ NEARLY = 0.1
 refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
 NEW_HANDS = 12
 """How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
-of the box alone. Half gives up a device sampled at 20 Hz, twice finds nothing more."""
+of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
 SHARPENING, DECIDABLE = 10.0, 1e-3
 """By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
 the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half

@@ -51,6 +51,8 @@ Progress = Callable[[str], None]
 class Repair:
     """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
+    Of a number that is 0 it may be that any other is enough; then it is a small one.
+
     Attributes
     ----------
     key : dotted key
@@ -263,12 +265,17 @@ class _Search:
     def least(self, low: float, high: float) -> Repair | None:
         """Return the least change that repairs the problem while `SHARE` of it does not, if found in time.
 
+        Where any change of a 0 repairs it, the first that was tried stands for all.
+
         Parameters
         ----------
         low, high : relative changes of which the second seems to suffice
         """
         change, width = self.change, self.test.width
         relative = self._narrowed(low, high)
+        if change.old == 0 and relative <= change.least:  # any above 0 seems to do: the first that was tried
+            new = change.rounded(high, width / 2)
+            return self._repair(new, self.certified(new))
         for _ in range(ROUNDS):
             if self.late():
                 break
@@ -279,9 +286,15 @@ class _Search:
             elif self.certified(partial) is not None:
                 relative = change.relative_change(partial)
             else:
-                error = design.transparency.error
-                return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
+                return self._repair(new, design)
         return None
+
+    def _repair(self, new: float, design: Judgement | None) -> Repair | None:
+        """Return a change that leads to a certified design, None if it leads to none."""
+        if design is None:
+            return None
+        change, error = self.change, design.transparency.error
+        return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
     def _narrowed(self, low: float, high: float) -> float:
         """Return a relative change that seems to suffice, narrowed towards one that does not."""

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
-from vctune.design.infeasible import Infeasibility
+from vctune.design.infeasible import OPENINGS, Infeasibility
 from vctune.model.arithmetic import FLOATS
 from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains, Hand, Hands
+from vctune.model.quantities import Coupling, Device, Gains, Hands
 from vctune.model.units import UNITS
 from vctune.proof.polynomials import is_rational
 
@@ -52,20 +52,29 @@ def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:
 def _in_limp_hands(problem: Problem, hands: Hands) -> Infeasibility | None:
     """In hands of stiffness K alone R at omega = 0 tends to K (b/K_p + tau_s) for K -> 0, and Re Z_c is the drag.
 
-    The loss in a structure's spring may ease it, and without an integrator it is not so.
+    The loss in a structure's spring may ease it. Without an integrator both sides of the demand vanish like omega^2 in
+    hands without damping and stiffness, and a margin that vanishes is not proved.
     """
-    device, bounds = problem.device, problem.bounds
-    limp = hands.low == Hand(0.0, 0.0, 0.0) and hands.high.stiffness > 0
-    lossy = device.structure is None and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
-    if not limp or not lossy or bounds.drag.max > 0 or bounds.position.min == 0:
+    device, bounds, units = problem.device, problem.bounds, problem.units
+    if hands.high.stiffness == 0 == bounds.position.max and bounds.velocity.max > 0:
+        cause = f"{OPENINGS[False]}: with K_p = 0, in hands without stiffness, nothing returns the handle: a pole at 1"
+        return Infeasibility(cause, "allow some gains.position, or raise operator.stiffness.max", proved=False)
+    if bounds.drag.max > 0 or bounds.velocity.max == 0 or hands.low.damping > 0 or hands.low.stiffness > 0:
         return None
-    units = UNITS[device.units]
-    cause = (
+    limp = hands.low.mass == 0 and hands.high.stiffness > 0
+    lossy = device.structure is None and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
+    integrated = (
         f"in hands without {units.mass_name} and damping and of little stiffness K the required R is K (b/K_p + tau_s) "
         f"at 0 Hz, but Re Z_c is the drag, 0 {units.damping}"
     )
+    remedy = "allow some coupling.drag, or raise operator.damping.min"
+    if bounds.position.min > 0:
+        return Infeasibility(integrated, remedy, proved=True) if limp and lossy else None
+    if bounds.position.max > 0 and not (limp and lossy):
+        return None
+    cause = f"{OPENINGS[False]}: with K_p = 0 both R and Re Z_c vanish at 0 Hz in hands without damping and stiffness"
     return Infeasibility(
-        cause, "allow some coupling.drag or gains.position = 0, or raise operator.damping.min", proved=True
+        f"{cause}; with K_p > 0, {integrated}" if bounds.position.max > 0 else cause, remedy, proved=False
     )
 
 
