@@ -16,8 +16,8 @@ from in_time import Loop
 from sampled_device_oracle import Hand as Held
 
 from vctune.analysis.destabilising import GrowingEnvironment, destabilising
+from vctune.design.claim_records import claim_records
 from vctune.design.judge import judge
-from vctune.design.record import claim_records
 from vctune.document.reading import problem_file
 from vctune.model import quantities
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors

@@ -12,8 +12,9 @@ from command import run
 from conftest import ROOT
 
 from vctune import solve
+from vctune.design.claim_records import claim_records
 from vctune.design.judge import judge
-from vctune.design.record import claim_records, design_record
+from vctune.design.record import design_record
 from vctune.design.theorems import impossible
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, problem_file

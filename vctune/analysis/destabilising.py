@@ -36,6 +36,10 @@ FIRST, LAST = 0.125, 1e-4
 poles."""
 FARTHEST = 0.2
 """By how much a pole may move in one step, relative to its angle. Half takes more steps; twice may lead to another."""
+MOST = 64
+"""Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
+GROWTH = 1e-10
+"""Growth in a sample from which on a motion is said to grow, above Newton's rounding. Half and twice: the same."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
 """Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
 derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
@@ -83,32 +87,75 @@ def destabilising(
         Lossless if that grows; None where no growing motion is found, as where the demand is met.
     """
     T, plant = device.sample_time, plant_in_hand(device, hand, delays_of(device), FLOATS)
-    theta = min(max(omega * T, LEAST), pi)
 
     def alone(theta: complex) -> complex:
         if isinstance(coupling, SpringDamper):
             return _met(plant, gains, theta) + _given(coupling, device, theta)
         return _seen(plant, gains, theta) + _coupling(coupling, _warped(theta, T))
 
-    reactance, warped = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, T).real
+    return growing_with(alone, omega * T, T, admittance=isinstance(coupling, SpringDamper))
+
+
+def growing_with(
+    alone: Callable[[complex], complex], theta: float, sample_time: float, *, admittance: bool
+) -> GrowingEnvironment | None:
+    """Return what a loop grows with.
+
+    Parameters
+    ----------
+    alone : Z_c + Z_seen, or of an impedance display 1/Z_c + G_y/(1 + K_v F G_y), analytic in the angle
+    theta : rad, in [0, pi], at which its real part is negative
+    sample_time : s
+    admittance : whether it is the latter
+
+    Returns
+    -------
+    GrowingEnvironment or None
+        Lossless if that grows; None where no growing motion is found.
+    """
+    theta = min(max(theta, LEAST), pi)
+    reactance, at = alone(theta).imag if theta < pi - NYQUIST else 0.0, _warped(theta, sample_time).real
     # a mass m and a spring k, or of an impedance display 1/k and 1/m
-    mass, stiffness = max(0.0, -reactance / warped), max(0.0, reactance * warped)
+    mass, stiffness = max(0.0, -reactance / at), max(0.0, reactance * at)
 
     def unbalance(theta: complex, *, damping: float) -> complex:
-        at = _warped(theta, T)
+        at = _warped(theta, sample_time)
         return alone(theta) + damping + 1j * (mass * at - stiffness / at)
 
+    found = _outwards(unbalance, theta)
+    if found is None:
+        return None
+    damping, growth, turn = found[0], found[1] / sample_time, found[2] / sample_time
+    if admittance:
+        return _dual(mass, stiffness, damping, growth, turn)
+    kind: Literal["spring", "mass"] = "spring" if stiffness > 0 else "mass"
+    return GrowingEnvironment(kind, stiffness or mass, damping, growth, turn)
+
+
+def growing_without(alone: Callable[[complex], complex], theta: float, sample_time: float) -> GrowingEnvironment | None:
+    """Return how a loop grows with nothing rendered; None if it is not found to.
+
+    Parameters
+    ----------
+    alone : -1 - 1/L of the loop, analytic in the angle
+    theta : rad, in (0, pi), at which L is real and less than -1: with some of the gain a pole is there
+    sample_time : s
+    """
+    found = _outwards(lambda theta, *, damping: alone(theta) + damping, theta)
+    if found is None or found[0] > 0:
+        return None
+    return GrowingEnvironment("spring", 0.0, 0.0, found[1] / sample_time, found[2] / sample_time)
+
+
+def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, float, float] | None:
+    """Return the damper that is left, the growth in a sample and the angle of a pole that has left the unit circle."""
     with np.errstate(all="ignore"):
         path = _followed(unbalance, theta, -unbalance(theta, damping=0.0).real)
-    growing = [step for step in path if step[1].imag < 0]
+    growing = [step for step in path if step[1].imag < -GROWTH]
     if not growing:
         return None
     damping, pole = growing[-1] if growing[-1][0] == 0 else min(growing, key=lambda step: step[1].imag)
-    turn = abs((pole.real + pi) % (2 * pi) - pi)
-    if isinstance(coupling, SpringDamper):
-        return _dual(mass, stiffness, damping, -pole.imag / T, turn / T)
-    kind: Literal["spring", "mass"] = "spring" if stiffness > 0 else "mass"
-    return GrowingEnvironment(kind, stiffness or mass, damping, -pole.imag / T, turn / T)
+    return damping, -pole.imag, abs((pole.real + pi) % (2 * pi) - pi)
 
 
 def _dual(compliance: float, mobility: float, damping: float, growth: float, omega: float) -> GrowingEnvironment | None:
@@ -126,7 +173,9 @@ def _followed(unbalance: Callable[..., complex], theta: float, damping: float) -
     Nowhere if there is no such damper, and no further than it can be followed.
     """
     pole, left, share, path = complex(theta), 1.0, FIRST, []
-    while damping > 0 and left > 0 and share > LAST:
+    for _ in range(MOST):
+        if damping <= 0 or left <= 0 or share <= LAST:
+            break
         held = max(left - share, 0.0)
         found = _zero(partial(unbalance, damping=held * damping), pole)
         if found is None or abs(found - pole) > FARTHEST * abs(pole):

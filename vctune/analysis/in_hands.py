@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import product
 from math import inf
 from typing import ClassVar
@@ -30,9 +30,6 @@ SOFT = np.geomspace(1e-12, 1.0, 97)
 most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
-REACH = 100.0
-"""How much heavier than the device a lossless hand is looked for, and how much stiffer than what rings at Nyquist with
-it. Half and twice it find a hand for the same designs."""
 DRIVEN = 1e6
 """1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
 ROUNDS = 22
@@ -255,17 +252,6 @@ def least_ratio_near(
     return _closer(device, hands, gains, coupling, theta, start)[0]
 
 
-def lossless_hands(device: Device) -> Hands:
-    """Return the hands of a mass and a spring, up to `REACH` times those that ring at Nyquist with the device's mass.
-
-    Parameters
-    ----------
-    device : plain numbers
-    """
-    stiffness = device.mass * (np.pi / device.sample_time) ** 2
-    return Hands(Hand(0.0, 0.0, 0.0), Hand(REACH * device.mass, 0.0, REACH * stiffness))
-
-
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
     """Return the local minima of Re(1/Z_c)/R of an impedance display in any passive hand, lowest first.
 
@@ -279,16 +265,24 @@ def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling
     list of RatioInAnyHand
         One to `SEARCHED`; 0 where some hand makes the loop of K_v alone unstable.
     """
-
-    def ratio(theta: Floats) -> Floats:
-        found = _answers(device, theta).required(gains)
-        ratio = offered(coupling, device, theta, FLOATS) * found.size / np.maximum(found.lost, 1e-300)
-        return np.where(found.size > 0, ratio, 0.0)
-
-    first = np.zeros(1)
+    first, ratio = np.zeros(1), partial(ratio_in_any_hand, device, gains, coupling)
     minima = local_minima(ratio, _angles(device, PER_DECADE)[1:])
     theta, value = np.append(first, minima.omega), np.append(ratio(first), minima.value)
     return [RatioInAnyHand(float(value[k]), float(theta[k] / device.sample_time)) for k in np.argsort(value)[:SEARCHED]]
+
+
+def ratio_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling, theta: Floats) -> Floats:
+    """Return Re(1/Z_c)/R of an impedance display in any passive hand; 0 where one makes the loop of K_v unstable.
+
+    Parameters
+    ----------
+    device : of an impedance display, plain numbers
+    gains, coupling : a design, plain numbers
+    theta : omega T, rad
+    """
+    found = _answers(device, theta).required(gains)
+    ratio = offered(coupling, device, theta, FLOATS) * found.size / np.maximum(found.lost, 1e-300)
+    return np.where(found.size > 0, ratio, 0.0)
 
 
 @np.errstate(all="ignore")

@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from vctune.analysis.demands import rollett_factor_at
-from vctune.analysis.destabilising import destabilising
-from vctune.analysis.in_hands import least_ratios_in_hands, lossless_hands
 from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.design.claim_records import claim_records
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
 from vctune.design.repair import CUT_SHORT, LONGEST, Repair
 from vctune.design.result import Solved
 from vctune.design.rounding import near
-from vctune.design.uncertainty import device_record, uncertainty_record
+from vctune.design.uncertainty import uncertainty_record
 from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.document.codes import Note
 from vctune.document.plausibility import doubts
@@ -34,9 +33,7 @@ from vctune.document.record import (
     AnyHandRecord,
     BoxRecord,
     CertificateRecord,
-    ClaimRecord,
     DesignRecord,
-    EnvironmentRecord,
     GainsRecord,
     GlanceRecord,
     HandRecord,
@@ -51,12 +48,11 @@ from vctune.document.record import (
     coupling_record,
     stated_units,
 )
-from vctune.model.frequency import hertz
+from vctune.model.frequency import finite_hertz
 from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Gains
-from vctune.model.units import UNITS
 from vctune.proof.certificate import IN_HANDS, Claim
-from vctune.proof.interval import Outcome, Verdict
+from vctune.proof.interval import Verdict
 from vctune.proof.sampled_loop import spectral_radius
 from vctune.version import __version__
 
@@ -224,11 +220,11 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
-            band_hz=[_hz(band.min), _hz(band.max)] if problem.passive else None,
+            band_hz=[finite_hertz(band.min), finite_hertz(band.max)] if problem.passive else None,
             proved_band_hz=list(proved) if proved else None,
             proved_ratio=certificate.proved_ratio,
             min_ratio=judgement.min_ratio,
-            worst_hz=_hz(worst),
+            worst_hz=finite_hertz(worst),
             rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if somewhere else None,
             boxes=certificate.boxes,
             claims=claim_records(problem, judgement),
@@ -244,60 +240,6 @@ def _display(problem: Problem) -> dict[str, Any]:
     return {"display": problem.device.display} if problem.device.renders_force else {}
 
 
-def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
-    """Return what is said of each claim.
-
-    Parameters
-    ----------
-    problem, judgement : a design, SI units
-    """
-    outcomes = judgement.certificate.outcomes
-    return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
-
-
-def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcome) -> ClaimRecord:
-    also: dict[str, Any] = {}
-    if outcome.device is not None:
-        also["witness_device"] = device_record(outcome.device, problem)
-    if outcome.hand is not None:
-        also["witness_hand"] = HandRecord(**asdict(outcome.hand))
-    if claim in (*IN_HANDS, Claim.ANY_HAND) and outcome.verdict is Verdict.REFUTED:
-        also |= _environment(problem, judgement, outcome)
-    return ClaimRecord(claim=claim.value, verdict=outcome.verdict.value, witness_hz=_hz(outcome.witness), **also)
-
-
-def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
-    """Return what a design grows with, in the hand that refutes it or in the worst; nothing if it is not known to.
-
-    A hand that only misses the safety factor makes nothing grow. Where any passive hand may be met, one of a mass and a
-    spring is looked for.
-    """
-    device, held, places = outcome.device or problem.device, judgement.in_hand, []
-    if outcome.hand is not None and outcome.witness is not None:
-        places.append((outcome.hand, outcome.witness))
-    if outcome.device is None and held is not None:
-        places.append((held.hand, held.omega))
-    if problem.any_hand:
-        wide = lossless_hands(device)
-        found_in = least_ratios_in_hands(device, wide, judgement.gains, judgement.coupling)
-        places += [(each.hand, each.omega) for each in found_in if each.ratio < 1]
-    tried = ((hand, destabilising(device, judgement.gains, judgement.coupling, hand, at)) for hand, at in places)
-    growing = [(hand, found) for hand, found in tried if found is not None]
-    if not growing:
-        return {}
-    hand, found = max(growing, key=lambda pair: pair[1].growth)
-    record = EnvironmentRecord(
-        hand=HandRecord(**asdict(hand)),
-        kind=found.kind,
-        value=found.value,
-        unit=UNITS[device.units].of(found.quantity),
-        damping=found.damping,
-        hz=hertz(found.omega),
-        growth_per_s=found.growth,
-    )
-    return {"environment": record}
-
-
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     """Return what is proved of the hands that are to be met; nothing if there are none."""
     held, hands = judgement.in_hand, problem.hands_met
@@ -311,7 +253,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
             verdict=outcome.verdict.value,
             box={name: [low[name], high[name]] for name in low},
             min_ratio=held.ratio,
-            worst_hz=_hz(held.omega),
+            worst_hz=finite_hertz(held.omega),
             worst_hand=HandRecord(**asdict(held.hand)),
             boxes=outcome.boxes,
             **_display(problem),
@@ -329,7 +271,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
         "any_hand": AnyHandRecord(
             verdict=outcome.verdict.value,
             min_ratio=held.ratio,
-            worst_hz=_hz(held.omega),
+            worst_hz=finite_hertz(held.omega),
             boxes=outcome.boxes,
             **_display(problem),
         )
@@ -341,7 +283,7 @@ def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> 
     if problem.device.operator is None:
         return {}
     bare = judge(replace(problem, device=problem.device.bare), gains, coupling)
-    verdict, worst = bare.certificate.verdict, _hz(bare.worst)
+    verdict, worst = bare.certificate.verdict, finite_hertz(bare.worst)
     return {"without_operator": WithoutOperatorRecord(verdict=verdict.value, min_ratio=bare.min_ratio, worst_hz=worst)}
 
 
@@ -353,7 +295,7 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
         stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
         spectral_radius=spectral_radius(device, gains),
         peak_sensitivity=judgement.peak_sensitivity,
-        peak_sensitivity_hz=_hz(judgement.worst_sensitivity),
+        peak_sensitivity_hz=finite_hertz(judgement.worst_sensitivity),
         gain_margin_db=20 * log10(margins.gain),
         phase_margin_deg=degrees(margins.phase),
         delay_margin_s=margins.delay,
@@ -378,8 +320,3 @@ def optimality_record(found: Optimality) -> OptimalityRecord:
         ],
         open=[BoxRecord(low=nodes.boxes.low[:, i].tolist(), high=nodes.boxes.high[:, i].tolist()) for i in lowest],
     )
-
-
-def _hz(omega: float | None) -> float | None:
-    """Return a frequency in hertz, None where it is infinite."""
-    return None if omega is None or omega == inf else hertz(omega)

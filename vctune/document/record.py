@@ -165,16 +165,29 @@ class DeviceRecord(Part):
         return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
 
 
+class ResonatorRecord(Part):
+    """A mass on a spring of its own."""
+
+    mass: float
+    stiffness: float
+
+
 class HandRecord(Part):
-    """A hand at the handle."""
+    """A hand at the handle, maybe with resonators on it."""
 
     mass: float
     damping: float
     stiffness: float
+    resonators: list[ResonatorRecord] | None = None
 
     def in_words(self, units: Units) -> str:
         """Return its numbers with their units."""
-        return Hand(self.mass, self.damping, self.stiffness).in_words(units)
+        itself = Hand(self.mass, self.damping, self.stiffness).in_words(units)
+        hung = [
+            f"{text(each.mass, 4)} {units.mass} on {text(each.stiffness, 4)} {units.stiffness}"
+            for each in self.resonators or []
+        ]
+        return f"{itself} with resonators of {' and '.join(hung)}" if hung else itself
 
 
 class EnvironmentRecord(Part):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import inf, pi
 
 
 def hertz(omega: float) -> float:
@@ -18,3 +18,13 @@ def hertz(omega: float) -> float:
         Hz, to 12 digits.
     """
     return float(f"{omega / (2 * pi):.12g}")
+
+
+def finite_hertz(omega: float | None) -> float | None:
+    """Return a frequency in hertz, None where it is infinite.
+
+    Parameters
+    ----------
+    omega : rad/s, or None
+    """
+    return None if omega is None or omega == inf else hertz(omega)

@@ -287,24 +287,44 @@ def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
 
 def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
     """Return what the motor answers at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
-    T = device.sample_time
-    omega, turn = at / T, theta + at * (device.delay / T)
-    passed, size = Pair(ops.cos(turn), -ops.sin(turn)), 1
-    if device.actuator is not None:
-        A = actuator_response(device.actuator, omega, ops)
-        passed = passed * Pair(A.re, -(omega * A.lag))
-        size = ops.sqrt(passed.abs2())
-    rho, reactance, g = _circle(device, omega, ops)
+    drive = drive_at(device, theta, at, ops)
+    size = 1 if device.actuator is None else ops.sqrt(drive.abs2())
+    rho, reactance, g = motor_disc(device, at / device.sample_time, ops)
     if g is None:
-        return _Alias(passed.scaled(rho), size * rho)
-    centre = passed * Pair(1 + 2 * g * device.damping, -(2 * g * reactance))
+        return _Alias(drive.scaled(rho), size * rho)
+    centre = drive * Pair(1 + 2 * g * device.damping, -(2 * g * reactance))
     return _Alias(centre.scaled(rho), size * rho)
 
 
-def _circle(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
+def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair:
+    """Return A e^{-j (theta + omega delay)}, from the held force to the motor's at one alias, a sample late.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    theta : omega T, rad
+    at : that of the alias, theta + 2 pi n
+    ops : arithmetic of all of these
+    """
+    turn = theta + at * (device.delay / device.sample_time)
+    delayed = Pair(ops.cos(turn), -ops.sin(turn))
+    if device.actuator is None:
+        return delayed
+    omega = at / device.sample_time
+    A = actuator_response(device.actuator, omega, ops)
+    return delayed * Pair(A.re, -(omega * A.lag))
+
+
+def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
     """Return rho, omega m_1 and g = Re 1/Z_s: the motor's admittance is in the disc of radius rho around C.
 
     C = rho (1 + 2 g (b - j omega m_1)). Of a rigid device they are 1/(2 b), omega m and None.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    omega : rad/s
+    ops : arithmetic of both
     """
     b, reactance = device.damping, omega * device.motor_mass
     if device.structure is None:
@@ -333,7 +353,7 @@ def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First
     """Return the first alias and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
     T, b = device.sample_time, device.damping
     omega, d = theta / T, device.delay / T
-    alias, (rho, reactance, g) = _alias(device, theta, theta, ops), _circle(device, omega, ops)
+    alias, (rho, reactance, g) = _alias(device, theta, theta, ops), motor_disc(device, omega, ops)
     turn = theta * (1 + d)
     if device.actuator is None:
         passed, chord = Pair(ops.cos(turn), -ops.sin(turn)), (1 + d) * ops.sinc(turn / 2)
@@ -367,7 +387,7 @@ def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
     if device.actuator is not None:
         A = actuator_response(device.actuator, omega, ops)
         weight = weight * ops.sqrt(A.re * A.re + (omega * A.lag) * (omega * A.lag))
-    rho, reactance, g = _circle(device, omega, ops)
+    rho, reactance, g = motor_disc(device, omega, ops)
     if g is None:
         return weight * rho, weight * rho
     b = device.damping
