@@ -30,12 +30,15 @@ from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.arithmetic import FLOATS
 from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
-from vctune.model.impedance_display import any_hand
+from vctune.model.impedance_display import any_hand, firmware_filter
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.problem import HUMAN_HANDS
+from vctune.model.problem import HUMAN_HANDS, Uncertainty
 from vctune.model.quantities import Actuator, Device, Gains, Hand, Hands, SpringDamper, Structure, VelocityEstimate
+from vctune.proof.array_claims import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
+from vctune.proof.devices import device_box
+from vctune.proof.hands import prove_hands
 from vctune.proof.interval import Verdict
 from vctune.report.report import report_files
 from vctune.simulation.record import quiet_stiffness
@@ -86,6 +89,17 @@ def test_the_limit_in_any_passive_hand_is_the_published_one(sample_time, late, b
     assert ratio == pytest.approx(1, abs=1e-9)
     assert verdict(device, SpringDamper(b_c, k_c * (1 - 1e-6))) is Verdict.PROVED
     assert verdict(device, SpringDamper(b_c, k_c * (1 + 1e-6))) is Verdict.REFUTED
+
+
+@given(st.floats(1e-4, 3.0), st.sampled_from([1, 2]))
+def test_the_admittance_of_a_coupling_has_no_pole_outside(corner, order):
+    """A low-pass, or two, of the difference lag by no more than it leads."""
+    low_pass = Device(
+        0.1, B, T, velocity=VelocityEstimate("difference", corner / (2 * pi * T), order), display="impedance"
+    )
+    theta = np.linspace(1e-6, pi, 2001)
+    F = firmware_filter(low_pass, theta, FLOATS)
+    assert ((F.re + 1j * F.im) * (1 - np.exp(-1j * theta))).real.min() >= -1e-15
 
 
 def test_half_a_sample_of_delay_costs_more_than_its_size():
@@ -524,6 +538,46 @@ def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
     late = np.sinc(w * T / (2 * np.pi)) * np.exp(-0.5j * w * T)  # of the hold
     wall = 1j * w * 0.1 + B + late * 1000.0 / (1j * w)  # T/(1 - 1/z) of a difference is exactly 1/(j w)
     assert felt.stiffness == pytest.approx(float(np.abs(w * wall)[0]), rel=1e-9)
+
+
+@pytest.mark.parametrize("number", [*range(6), *(pytest.param(n, marks=pytest.mark.slow) for n in range(6, 60))])
+def test_uncertain_mass_and_damping_are_those_of_hands(number):
+    """What is proved of all of a rigid device's masses and dampings holds in random ones, what is refuted does not."""
+    random = np.random.default_rng(number)
+    late = float(random.choice([0.0, 0.6, 1.3])) * T
+    actuator = Actuator(400.0, 1) if number % 3 == 2 else None
+    device = display(
+        mass=float(10 ** random.uniform(-1.5, 0)), delay=late, actuator=actuator,
+        velocity=VelocityEstimate("difference", float(random.uniform(40, 300)), 1),
+    )  # fmt: skip
+    gains, hands = Gains(0.0, 0.0), Hands(Hand(0.0, 0.2, 0.0), Hand(0.3, 8.0, 1500.0))
+    box = device_box(device, Uncertainty((("mass", 0.2), ("damping", 0.3)), "nominal"))
+    coupling = SpringDamper(float(10 ** random.uniform(-2, 0.3)), 100.0)
+    least = min(least_ratios_in_hands(each, hands, gains, coupling)[0].ratio for each in box.devices())
+    k_c = 100.0 * min(least, 30.0) * float(random.choice([0.6, 1.2]))
+    coupling = replace(coupling, stiffness=k_c)
+    found = prove_hands(Design(device, gains, coupling), Demands(device, (0.0, 1.0), 1.0, 2.0, hands=hands), box)
+    assert found.verdict is not Verdict.UNDECIDED
+
+    def margin(device, hand, theta):
+        given = offered(coupling, device, theta, FLOATS) * np.sin(theta / 2) ** 2
+        return given + pulse(mechanics_of(device, hand), device.delay, theta).real
+
+    if found.verdict is Verdict.REFUTED:
+        assert all(box.low.number(k) <= found.device.number(k) <= box.high.number(k) for k in ("mass", "damping"))
+        assert all(
+            getattr(hands.low, k) <= getattr(found.hand, k) <= getattr(hands.high, k)
+            for k in ("mass", "damping", "stiffness")
+        )
+        assert margin(found.device, found.hand, np.array([found.witness * T]))[0] < 1e-12
+        return
+    theta = np.geomspace(1e-3, pi, 60)
+    for _ in range(30):
+        share = random.choice([0.0, 1.0, random.uniform()], size=5)
+        m, b = (box.low.number(k) + s * (box.high.number(k) - box.low.number(k)) for k, s in zip(
+            ("mass", "damping"), share, strict=False))  # fmt: skip
+        hand = Hand(share[2] * 0.3, 0.2 + share[3] * 7.8, share[4] * 1500.0)
+        assert (margin(replace(device, mass=m, damping=b), hand, theta) > -1e-9).all()
 
 
 def test_what_is_refused_in_a_hand_grows_as_is_said():

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
-from math import ceil, floor, pi
+from math import ceil, floor, inf, nextafter, pi
 
 import numpy as np
 from flint import arb
@@ -59,6 +59,10 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         Refuted or undecided with a hand, and with a device of the box.
     """
     assert demands.hands is not None
+    if box is not None and design.device.renders_force and design.device.structure is None:
+        parts = tuple(key for key in ADDED if key in box.uncertain)
+        if parts:
+            return _moved_as_one(design, demands, demands.hands, box, parts)
     if not design.device.renders_force:
         if not design.gains.closed:
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
@@ -82,6 +86,37 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     found = _proved_over(design, demands, uncertain, rows, _ends(demands.hands, box, uncertain, limp=limp), tests)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
+
+
+def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
+    """Prove the same of the least device in wider hands.
+
+    A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one:
+    all sums of both are those of the least of it with a hand of a box that is longer by the device's range.
+    """
+    least = {key: box.low.number(key) for key in parts}
+    range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
+    high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
+    wider = replace(
+        demands, device=demands.device.with_numbers(least), hands=Hands(hands.low, replace(hands.high, **high))
+    )
+    one = replace(design, device=design.device.with_numbers(least))
+    rest = DeviceBox(*(device.with_numbers(least) for device in (box.nominal, box.low, box.high)))
+    found = prove_hands(one, wider, rest)
+    if found.hand is None or found.verdict is Verdict.PROVED:
+        return found
+    # the hand has what it may, the device the rest
+    own = {key: min(getattr(found.hand, key), getattr(hands.high, key)) for key in parts}
+    beyond = {
+        key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
+    }
+    hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
+    theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
+    fails = theta is not None and any(
+        _margin_at(replace(design, device=device), hand, theta, factor) < 0 for factor in {demands.factor, 1.0}
+    )
+    refuted = found.verdict is Verdict.REFUTED and fails
+    return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
 
 
 def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
@@ -240,6 +275,8 @@ class _Part:
         return tested
 
 
+ADDED = ("mass", "damping")
+"""What a rigid device and a hand have together where only motion is measured."""
 DELAY_ROWS = tuple(f"device.{key}" for key in DELAYS)
 
 
