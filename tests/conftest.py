@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Before NumPy is imported: two threads on one core wait for each other a hundred times as long as they work."""
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=False)
 settings.load_profile("reproducible")
 
@@ -25,6 +30,11 @@ def for_passive_hands(text: str) -> str:
     if "criterion" in text:
         return text
     return text.replace(table, asked) if table in text else text + asked
+
+
+def mostly_slow(cases: Iterable[Any], fast: Collection[Any]) -> list[Any]:
+    """Return the cases of a test, all but a few of them slow."""
+    return [case if case in fast else pytest.param(case, marks=pytest.mark.slow) for case in cases]
 
 
 @pytest.fixture(scope="session")

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 
 import pytest
+from conftest import mostly_slow
 from sizes import nlp_size, step_size
 
 from vctune.bench.problems import DOCUMENTS, posed
@@ -97,7 +98,7 @@ NLPS = {
 }
 
 
-@pytest.mark.parametrize("part", NLPS)
+@pytest.mark.parametrize("part", mostly_slow(NLPS, ["operator", "uncertainty", "worst error", "tracking term"]))
 def test_what_a_problem_lacks_is_not_in_its_nlp(part):
     document, by_hand = NLPS[part]()
     found = nlp_size(structure(document))

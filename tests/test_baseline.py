@@ -373,8 +373,10 @@ from vctune.cli import run; run()
 
 @pytest.mark.parametrize(
     ("numbers", "code"),
-    [((signal.SIGTERM,), ExitCode.UNDECIDED), ((signal.SIGINT, signal.SIGINT), ExitCode.INTERRUPTED)],
-    ids=["once", "twice"],
+    [
+        pytest.param((signal.SIGTERM,), ExitCode.UNDECIDED, id="once", marks=pytest.mark.slow),
+        pytest.param((signal.SIGINT, signal.SIGINT), ExitCode.INTERRUPTED, id="twice"),
+    ],
 )
 def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, numbers, code):
     command = [sys.executable, "-c", STRUCK.replace("NUMBERS", str([*map(int, numbers)])), "region", "device.toml"]
@@ -388,6 +390,7 @@ def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, n
     assert left == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
 
 
+@pytest.mark.slow
 def test_the_reader_of_the_answer_may_go_away(baseline):
     script = f"{sys.executable} -m vctune region device.toml --resolution 0.125 --out o | true"
     done = subprocess.run(["bash", "-c", script], cwd=baseline, capture_output=True, check=False)

@@ -149,7 +149,7 @@ def least_element(problem: Problem, element: str) -> float:
 
 @pytest.mark.parametrize("norm", ["rms", "peak"])
 @pytest.mark.parametrize("element", ELEMENTS)
-@pytest.mark.parametrize("gap", [1e-2, 1e-4])
+@pytest.mark.parametrize("gap", [1e-2, pytest.param(1e-4, marks=pytest.mark.slow)])
 def test_one_free_coupling_element_meets_its_closed_form(element, norm, gap):
     problem = problem_of(LOOP + ELEMENTS[element] + f'[transparency]\nnorm = "{norm}"\n')
     bounds = problem.bounds
@@ -237,13 +237,23 @@ def infeasible_texts(count: int, seed: int = 7) -> list[tuple[str, str]]:
     return found[:count]
 
 
+LONG = "b_c too small", "delay", "K_p too high"
+"""Causes whose proof takes longest."""
+
+
 def proved_infeasible(text: str) -> None:
     solved = solve(problem_of(text))
     assert solved.status is Status.INFEASIBLE
     assert solved.infeasibility is not None and solved.infeasibility.proved
 
 
-@pytest.mark.parametrize("cause, text", infeasible_texts(10), ids=[cause for cause, _ in infeasible_texts(10)])
+@pytest.mark.parametrize(
+    "cause, text",
+    [
+        pytest.param(cause, text, id=cause, marks=pytest.mark.slow if cause in LONG else ())
+        for cause, text in infeasible_texts(10)
+    ],
+)
 def test_infeasible_problems_are_proved_so(cause, text):
     proved_infeasible(text)
 
@@ -301,6 +311,15 @@ def test_two_hundred_barely_feasible_problems_are_never_emptied(slack):
     assert sum(never_empty(problem, slack) for problem in random_problems(90, seed=5)) >= 67
 
 
+@pytest.fixture(scope="module")
+def wheel(problems):
+    """The friction wheel and its design."""
+    problem = read_problem(problems / "friction-wheel.toml").problem
+    best = solve(problem).judgement
+    assert best is not None
+    return problem, best
+
+
 @pytest.mark.slow
 def test_a_search_that_goes_on_never_goes_back(problems, tmp_path):
     problem = read_problem(problems / "friction-wheel.toml").problem
@@ -322,10 +341,8 @@ def test_a_search_that_goes_on_never_goes_back(problems, tmp_path):
     assert found.bound == pytest.approx(whole.bound, rel=1e-3)
 
 
-def test_a_less_strict_search_is_not_resumed(problems):
-    problem = read_problem(problems / "friction-wheel.toml").problem
-    best = solve(problem).judgement
-    assert best is not None
+def test_a_less_strict_search_is_not_resumed(wheel):
+    problem, best = wheel
     loose = bound(pose(problem), best, hopeless, gap=0.1)
     assert loose.proved and not len(loose.resume.nodes)
     strict = bound(pose(problem), best, hopeless, gap=0.01, resume=loose.resume)
@@ -348,10 +365,8 @@ def test_threads_and_the_time_limit_change_no_bound(problems):
     assert stopped.resume.boxes == 0
 
 
-def test_a_basin_that_was_missed_is_found(problems):
-    problem = read_problem(problems / "friction-wheel.toml").problem
-    best = solve(problem).judgement
-    assert best is not None
+def test_a_basin_that_was_missed_is_found(wheel):
+    problem, best = wheel
     poor = replace(best, compared=1.5 * best.compared)
     found = searched(problem, poor)
     assert found.proved and found.improved is not None

@@ -10,6 +10,7 @@ from math import exp, inf, log, pi
 import force_oracle as oracle
 import numpy as np
 import pytest
+from conftest import mostly_slow
 
 import vctune
 from vctune.design.bound.boxes import DesignBoxes
@@ -150,7 +151,7 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> bool:
     return True
 
 
-@pytest.mark.parametrize("number", FEW)
+@pytest.mark.parametrize("number", mostly_slow(FEW, [3]))
 def test_no_random_design_is_below_the_bound(number):
     assert attacked(random_problems(max(FEW) + 1)[number], 400)
 
@@ -162,7 +163,7 @@ def test_no_random_design_of_many_problems_is_below_the_bound(part):
     assert sum(attacked(problem, 5000) for problem in random_problems(100, seed=8)[part::10]) >= 6
 
 
-@pytest.mark.parametrize("number", [2, 3, 4, 7])
+@pytest.mark.parametrize("number", mostly_slow([2, 3, 4, 7], [2, 3]))
 def test_boxes_cost_no_more_than_the_designs_in_them(number):
     problem, rng, count = random_problems(12)[number], np.random.default_rng(1), 60
     posed = pose(problem)

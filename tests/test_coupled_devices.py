@@ -207,10 +207,11 @@ def test_growing_modes_lie_outside_the_proved_band(name):
     assert len(growing(loops)) < len(growing(bare))
 
 
-def test_most_of_these_pairs_make_the_loop_grow_in_exact_time_too():
+@pytest.mark.parametrize("count", [10, pytest.param(REFUTED, marks=pytest.mark.slow)])
+def test_most_of_these_pairs_make_the_loop_grow_in_exact_time_too(count):
     """At half the ratio that is needed; where not, the loop that runs differs from the frequency model by as much."""
     grows = 0
-    for number in range(REFUTED):
+    for number in range(count):
         found = design_of(number, 0.5)
         design, omega = found.design, found.worst
         handle = Handle(real_of(design.device), design.gains, design.coupling)
@@ -221,4 +222,4 @@ def test_most_of_these_pairs_make_the_loop_grow_in_exact_time_too():
         discrete = cancelling(real, -float(environment.at(s).imag), omega / (2 * pi))
         loop = Loop(real, design.gains, design.coupling, hand, discrete)
         grows += loop.spectral_radius() > GROWS
-    assert grows >= 0.9 * REFUTED
+    assert grows >= 0.9 * count

@@ -7,7 +7,7 @@ from math import inf, pi
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, mostly_slow
 from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
@@ -181,7 +181,9 @@ def test_what_is_not_a_number_proves_nothing():
         assert not x.positive().any() and not x.negative().any()
 
 
-@pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "desktop", "fixed-gains"])
+@pytest.mark.parametrize(
+    "name", mostly_slow(["friction-wheel", "cobot-wrist", "desktop", "fixed-gains"], ["friction-wheel", "cobot-wrist"])
+)
 @pytest.mark.parametrize("spread", [0.01, 0.3, 2.0])
 def test_arrays_prove_what_arb_proves(name, spread):
     """Random designs around a good one: never proved against Arb, and nothing of a usual kind left open."""

@@ -17,7 +17,7 @@ from typing import get_args
 
 import pytest
 from command import run, strict
-from conftest import DEVICE, ROOT
+from conftest import DEVICE, ROOT, for_passive_hands, mostly_slow
 from readme import NUMBER
 
 from vctune import interrupt, problem, solve
@@ -51,7 +51,11 @@ def test_a_page_says_what_why_how_it_looks_and_what_to_do(code):
     assert f"[{code}]" in example
 
 
-@pytest.mark.parametrize("guide", [name for name, text in GUIDES.items() if CODE.search(text)])
+EXPLAINED = [name for name, text in GUIDES.items() if CODE.search(text)]
+QUICK = ["vctune/cli/README.md", "vctune/document/README.md"]
+
+
+@pytest.mark.parametrize("guide", mostly_slow(EXPLAINED, QUICK))
 def test_every_example_gives_its_code(guide, tmp_path):
     """The examples of a guide are run in one folder, in their order; a witness may move by a little."""
     text, said = GUIDES[guide], {}
@@ -109,7 +113,7 @@ def test_a_fault_of_our_own_says_so(tmp_path, monkeypatch):
 
 
 def test_what_is_interrupted_says_so(tmp_path, monkeypatch):
-    (tmp_path / "wheel.toml").write_text(DEVICE)
+    (tmp_path / "wheel.toml").write_text(for_passive_hands(DEVICE))
     earlier = tmp_path / "results/wheel/region.json"
     earlier.parent.mkdir(parents=True)
     earlier.write_text("of an earlier run")
@@ -128,17 +132,20 @@ def example(code):
     return explain(code).entries[0].text
 
 
-def calls(tree, name):
-    return [
-        node
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Call) and name == ast.unparse(node.func).removeprefix("cls.")
-    ]
-
-
 @cache
 def trees():
     return {path: ast.parse(path.read_text()) for path in sorted((ROOT / "vctune").rglob("*.py"))}
+
+
+@cache
+def calls():
+    """Return the name, the place and the node of every call."""
+    return [
+        (ast.unparse(node.func).removeprefix("cls."), f"{path}:{node.lineno}", node)
+        for path, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -147,11 +154,11 @@ def trees():
 )
 def test_nothing_is_refused_or_warned_of_without_a_code(maker, place):
     """Whatever makes such a line is given a code that is known, or one that it was given itself."""
-    for path, tree in trees().items():
-        for call in calls(tree, maker):
+    for name, where, call in calls():
+        if name == maker:
             given = call.args[place]
             passed_on = ast.unparse(given) in ("code", "mistake.code", "self.code", "doubt.code", "check.code")
-            assert passed_on or ast.literal_eval(given) in CODES, f"{path}:{call.lineno}"
+            assert passed_on or ast.literal_eval(given) in CODES, where
 
 
 def test_every_code_is_given_somewhere():

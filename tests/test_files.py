@@ -218,8 +218,11 @@ def test_ctrl_c_while_the_report_is_drawn(tmp_path):
     assert set(visible(tmp_path / "results/device")) == {"design.json", "gains.toml"}
 
 
-def test_solving_again_changes_no_byte(tmp_path):
-    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
+@pytest.mark.parametrize(
+    "design", [FIXED.format(160.0), pytest.param("", marks=pytest.mark.slow)], ids=["fixed", "free"]
+)
+def test_solving_again_changes_no_byte(tmp_path, design):
+    (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE + design))
     written = []
     for way in (process, run):
         done = way("solve", "device.toml", "--json", cwd=tmp_path, report=True)

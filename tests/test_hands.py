@@ -7,7 +7,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
-from conftest import ROOT, for_passive_hands
+from conftest import ROOT, for_passive_hands, mostly_slow
 from device_arithmetic import DOUBLES
 from device_oracle import Coupling, Gains, read_device
 from hand_scan import least_ratio_in_hands
@@ -29,7 +29,7 @@ THREE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
 HANDS = THREE + '[stability]\ncriterion = "hands"\n'
 
 
-@pytest.fixture(scope="module", params=EXPECTED)
+@pytest.fixture(scope="module", params=mostly_slow(EXPECTED, ["hands-friction-wheel"]))
 def solved(request):
     return request.param, solve(FOLDER / f"{request.param}.toml")
 
@@ -71,15 +71,19 @@ def test_a_design_for_any_passive_hand_on_a_band_fails_in_a_human_hand_above_it(
     assert coupling_at(real, Coupling(*astuple(judged.coupling)), z, DOUBLES).real < 1.05 * required
 
 
-def test_both_criteria_cost_more_than_either_and_say_so():
-    both = solve(parse_problem(HANDS.replace('"hands"', '"both"'), "x", "x"))
+LOOP = "[gains]\nvelocity = 200.0\nposition = 9e4\n"
+
+
+@pytest.mark.parametrize("gains", [LOOP, pytest.param("", marks=pytest.mark.slow)], ids=["fixed", "free"])
+def test_both_criteria_cost_more_than_either_and_say_so(gains):
+    both = solve(parse_problem(HANDS.replace('"hands"', '"both"') + gains, "x", "x"))
     assert both.status is Status.CERTIFIED and set(both.judgement.certificate.outcomes) >= {
         Claim.HANDS,
         Claim.CONDITIONS,
     }
     errors = {each.criterion: each.error for each in both.alternatives}
     assert set(errors) == {"hands", "passive"} and max(errors.values()) < both.judgement.error
-    hands = solve(parse_problem(HANDS, "x", "x"))
+    hands = solve(parse_problem(HANDS + gains, "x", "x"))
     assert errors["hands"] == pytest.approx(hands.judgement.error, rel=1e-6)
     assert hands.alternatives is None
 

@@ -15,7 +15,7 @@ from vctune.document.errors import InputError
 from vctune.model.experiment import Friction, Operator
 from vctune.model.quantities import Device
 
-FEW, MANY = range(1, 3), range(200)
+FEW, MANY = (pytest.param(1, marks=pytest.mark.slow), 2), range(200)
 
 
 @dataclass(frozen=True)

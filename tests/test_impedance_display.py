@@ -540,7 +540,7 @@ def test_a_wall_feels_as_stiff_as_the_coupling_and_free_motion_as_the_device():
     assert felt.stiffness == pytest.approx(float(np.abs(w * wall)[0]), rel=1e-9)
 
 
-@pytest.mark.parametrize("number", [*range(6), *(pytest.param(n, marks=pytest.mark.slow) for n in range(6, 60))])
+@pytest.mark.parametrize("number", [*range(3), *(pytest.param(n, marks=pytest.mark.slow) for n in range(3, 60))])
 def test_uncertain_mass_and_damping_are_those_of_hands(number):
     """What is proved of all of a rigid device's masses and dampings holds in random ones, what is refuted does not."""
     random = np.random.default_rng(number)
@@ -580,10 +580,11 @@ def test_uncertain_mass_and_damping_are_those_of_hands(number):
         assert (margin(replace(device, mass=m, damping=b), hand, theta) > -1e-9).all()
 
 
-def test_what_is_refused_in_a_hand_grows_as_is_said():
+@pytest.mark.parametrize("count", [12, pytest.param(40, marks=pytest.mark.slow)])
+def test_what_is_refused_in_a_hand_grows_as_is_said(count):
     """The growth of each pair of hand and environment is that of the state matrix."""
     random, seen = np.random.default_rng(2), 0
-    for _ in range(40):
+    for _ in range(count):
         corner = (float(random.uniform(30, 400)), 1) if random.uniform() < 0.5 else ()
         device = display(
             mass=float(10 ** random.uniform(-1.5, 0)), damping=float(10 ** random.uniform(-1, 0.7)),
@@ -602,7 +603,7 @@ def test_what_is_refused_in_a_hand_grows_as_is_said():
         )  # fmt: skip
         assert found.damping == 0
         assert np.log(spectral_radius(matrix)) / T == pytest.approx(found.growth, rel=1e-4, abs=1e-4)
-    assert seen > 10
+    assert seen > count / 4
 
 
 def random_display(random) -> tuple[Device, Gains, float]:
@@ -618,7 +619,7 @@ def random_display(random) -> tuple[Device, Gains, float]:
     return display(mass=mass, damping=damping, **parts), Gains(K_v, 0.0), b_c
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
 def test_what_is_refused_in_any_hand_grows_in_a_lossless_one(count):
     """With a ratio of .99 and less always, and as fast as the state matrix says.
 
@@ -684,16 +685,17 @@ def test_in_hands_more_than_a_triangle_is_proved():
         assert least_ratios_in_hands(display(), HUMAN_HANDS, Gains(0.0, 0.0), coupling)[0].ratio >= 1
 
 
-def test_where_the_coupling_drives_no_multiple_of_R_is_asked_for():
+@pytest.mark.parametrize("count", [4, pytest.param(12, marks=pytest.mark.slow)])
+def test_where_the_coupling_drives_no_multiple_of_R_is_asked_for(count):
     """Behind two slow low-passes Re 1/Z_c is negative somewhere; what is proved is at least R there, too."""
     device, random, driving = display(velocity=VelocityEstimate("difference", 20.0, 2)), np.random.default_rng(9), 0
     assert device.coupling_may_drive and not display().coupling_may_drive
     where = loops_in_hands(device, HUMAN_HANDS)
     required = where.required(Gains(0.0, 0.0)).max(axis=0)
-    for _ in range(12):
+    for _ in range(count):
         coupling = SpringDamper(float(10 ** random.uniform(-1, 1)), float(10 ** random.uniform(0, 2)))
         given = offered(coupling, device, where.theta, FLOATS)
         driving += given.min() < 0
         judged = judge(arm(device, criterion="hands", factor=1.5), Gains(0.0, 0.0), coupling)
         assert judged.status is not Status.CERTIFIED or (given >= required).all()
-    assert driving > 2
+    assert driving > count / 6

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from command import run
-from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT
+from conftest import DEVICE, FIXED, PROBLEM_FILES, ROOT, for_passive_hands
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -170,12 +170,15 @@ def test_what_the_command_finds(wheel, solved, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "design",
-    [FIXED.format(80.0), pytest.param("[gains]\nvelocity = { min = 2e3, max = 5e3 }\n", marks=pytest.mark.slow)],
-    ids=["fixed", "free"],
+    "text",
+    [
+        for_passive_hands(DEVICE + FIXED.format(80.0)),
+        pytest.param(DEVICE + FIXED.format(80.0), marks=pytest.mark.slow),
+        pytest.param(DEVICE + "[gains]\nvelocity = { min = 2e3, max = 5e3 }\n", marks=pytest.mark.slow),
+    ],
+    ids=["fixed", "fixed, in hands", "free"],
 )
-def test_reason_and_repairs_are_the_commands(design, tmp_path):
-    text = DEVICE + design
+def test_reason_and_repairs_are_the_commands(text, tmp_path):
     (tmp_path / "p.toml").write_text(text)
     commanded = json.loads(run("solve", "p.toml", "--json", cwd=tmp_path).stdout)
     solved = vctune.solve(tomllib.loads(text))
@@ -263,8 +266,8 @@ def test_public_functions_say_what_they_take_and_give(name):
 
 def test_the_example_of_the_guide():
     module = import_module("vctune.api")
-    assert doctest.testmod(module, optionflags=doctest.ELLIPSIS).failed == 0
-    assert doctest.testmod(module, optionflags=doctest.ELLIPSIS).attempted > 3
+    failed, attempted = doctest.testmod(module, optionflags=doctest.ELLIPSIS)
+    assert failed == 0 and attempted > 3
 
 
 @pytest.mark.slow

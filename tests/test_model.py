@@ -61,9 +61,7 @@ def cases(draw):
     )
 
 
-@settings(max_examples=500, deadline=None)
-@given(cases(), st.floats(0, 1))
-def test_required_resistance_agrees_with_50_digits(case, place):
+def assert_agrees_with_50_digits(case, place):
     omega = 2 * pi * 1e-4 * (0.5 / case.sample_time / 1e-4) ** place
     C = impedances(case, 1j * omega)[1]
     largest = max(case.damping, abs(case.K_v), abs(C.real), case.K_p * (case.sample_time / 2 + case.delay))
@@ -74,6 +72,19 @@ def test_required_resistance_agrees_with_50_digits(case, place):
     device = Device(case.mass, case.damping, case.sample_time, case.delay, case.hold)
     ours = float(R(device, Gains(case.K_v, case.K_p), omega))
     assert abs(ours - true) <= 1e-9 * abs(true)
+
+
+@settings(max_examples=60, deadline=None)
+@given(cases(), st.floats(0, 1))
+def test_required_resistance_agrees_with_50_digits(case, place):
+    assert_agrees_with_50_digits(case, place)
+
+
+@pytest.mark.slow
+@settings(max_examples=500, deadline=None)
+@given(cases(), st.floats(0, 1))
+def test_required_resistance_agrees_with_50_digits_for_many(case, place):
+    assert_agrees_with_50_digits(case, place)
 
 
 def test_plain_formula_would_return_zero():
@@ -157,12 +168,10 @@ def test_keemink_handle_is_passive_from_9_5238_kg():
         D, C = law.D_scaled.re + 1j * law.D_scaled.im, law.C_scaled.re + 1j * law.C_scaled.im
         Z_c = coupling_impedance(Coupling(1e15, mass, 0.0), omega)
         ours = 1 / D + C / D / (Z_c.re + 1j * Z_c.im)
-        assert ours == pytest.approx(handle, rel=1e-4)
+        assert (np.abs(ours - handle) <= 1e-4 * np.abs(handle)).all()
 
 
-@settings(max_examples=300, deadline=None)
-@given(cases(), st.floats(0, 1))
-def test_all_three_arithmetics_agree(case, place):
+def assert_the_same_in_every_arithmetic(case, place):
     omega = 2 * pi * 1e-3 * (0.5 / case.sample_time / 1e-3) ** place
     device, gains = (
         Device(case.mass, case.damping, case.sample_time, case.delay, case.hold),
@@ -181,6 +190,19 @@ def test_all_three_arithmetics_agree(case, place):
         in_balls = loop_response(device_response(exact, at, BALLS), law, BALLS)
         assert float(G_hh_abs2(in_balls)) == pytest.approx(float(G_hh_abs2(in_floats)), rel=1e-6)
         assert float(tracking_abs2(in_balls)) == pytest.approx(float(tracking_abs2(in_floats)), rel=1e-6)
+
+
+@settings(max_examples=40, deadline=None)
+@given(cases(), st.floats(0, 1))
+def test_all_three_arithmetics_agree(case, place):
+    assert_the_same_in_every_arithmetic(case, place)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(cases(), st.floats(0, 1))
+def test_all_three_arithmetics_agree_for_many(case, place):
+    assert_the_same_in_every_arithmetic(case, place)
 
 
 @settings(max_examples=200, deadline=None)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import pytest
-from conftest import DEVICE, FIXED
+from conftest import DEVICE, FIXED, mostly_slow
 from pages import PARTS, chromium, made, needs_chromium, opened, recorded
 
 pytestmark = needs_chromium
@@ -27,16 +28,15 @@ def browser():
 
 @pytest.fixture(scope="module")
 def paths(tmp_path_factory):
-    return {
-        name: made(recorded(text, prices=name == PRICED), tmp_path_factory.mktemp("report"))
-        for name, text in CASES.items()
-    }
+    """Return a case's report, made when it is first asked for."""
+    return cache(lambda name: made(recorded(CASES[name], prices=name == PRICED), tmp_path_factory.mktemp("report")))
 
 
-@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_on_a_desk(browser, paths, scheme):
     """No console error, no request beyond the file, figures visible, text readable on its ground."""
-    page = opened(browser, paths["every hand, held"], color_scheme=scheme)
+    page = opened(browser, paths("every hand, held"), color_scheme=scheme)
     boxes = [figure.bounding_box() for figure in page.query_selector_all(".figure > svg")]
     colours = page.evaluate(
         "() => { const b = getComputedStyle(document.body);"
@@ -52,10 +52,10 @@ def test_on_a_desk(browser, paths, scheme):
     assert (ground > ink) == (scheme == "light")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", mostly_slow(CASES, ["infeasible"]))
 def test_on_a_telephone(browser, paths, name):
     """Nothing is wider than the screen but the problem file, and text in figures is at least six points high."""
-    page = opened(browser, paths[name], viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
+    page = opened(browser, paths(name), viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True)
     assert page.evaluate("document.documentElement.scrollWidth") == 390
     ends = page.evaluate(
         "[...document.querySelectorAll('td, th, p, li, .figure > svg, .scale div, .sliders *')]"
@@ -69,12 +69,13 @@ def test_on_a_telephone(browser, paths, name):
     assert min(heights, default=6.0) >= 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_on_paper(browser, paths, name):
     """On A4 nothing is beyond the margins, no heading ends a page; figures and tables begin on the page of theirs."""
     import pypdfium2
 
-    page = opened(browser, paths[name])
+    page = opened(browser, paths(name))
     page.emulate_media(media="print")
     figures = page.evaluate(
         """() => [...document.querySelectorAll('figure')].map((each) => {

@@ -15,6 +15,7 @@ from statistics import median
 
 import numpy as np
 import pytest
+from conftest import mostly_slow
 from device_arithmetic import DIGITS, DOUBLES, Arithmetic
 from device_oracle import Real
 from device_pairs import real_of
@@ -101,7 +102,7 @@ def inside(hands: Hands, hand: Held) -> bool:
 
 
 @pytest.mark.parametrize("integrator", [True, False], ids=["", "without an integrator"])
-@pytest.mark.parametrize("number", FEW)
+@pytest.mark.parametrize("number", mostly_slow(FEW, [2]))
 def test_no_verdict_is_wrong(number, integrator):
     """Without an integrator F vanishes with the angle and the stiffness together."""
     found = judged(number, integrator=integrator)

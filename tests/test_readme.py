@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import re
-import subprocess
-import sys
+from contextlib import chdir, redirect_stdout
 
 import pytest
-from conftest import ROOT
+from conftest import ROOT, mostly_slow
 from readme import CONSOLE, NUMBER, PAGES, TABLES, with_sessions, with_tables
 
 TEXTS = {str(page.relative_to(ROOT)): page.read_text() for page in PAGES}
@@ -15,16 +15,10 @@ LONGEST = 200
 """Lines of the first page."""
 
 
-LONG = {f"{folder}/README.md" for folder in ("problems", "vctune/design", "vctune/simulation", "vctune/study")}
-"""Pages whose sessions take many seconds."""
-SESSIONS = [
-    pytest.param(page, marks=[pytest.mark.slow] if page in LONG else [])
-    for page, text in TEXTS.items()
-    if CONSOLE.search(text)
-]
+SESSIONS = [page for page, text in TEXTS.items() if CONSOLE.search(text)]
 
 
-@pytest.mark.parametrize("page", SESSIONS)
+@pytest.mark.parametrize("page", mostly_slow(SESSIONS, ["README.md"]))
 def test_console_sessions(page):
     """Words equal, numbers to 0.1 %; counts of boxes depend on the last digits and are not compared."""
     shown, made = TEXTS[page].splitlines(), with_sessions(TEXTS[page]).splitlines()
@@ -50,8 +44,9 @@ def test_every_table_is_shown_once():
 
 def test_library_example():
     example = re.search(r"```python\n(.*?)```", TEXTS["README.md"], re.DOTALL)[1]
-    done = subprocess.run([sys.executable, "-c", example], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.startswith("certified Gains(velocity=")
+    with chdir(ROOT), redirect_stdout(io.StringIO()) as said:
+        exec(example, {})
+    assert said.getvalue().startswith("certified Gains(velocity=")
 
 
 def test_first_page_is_short():

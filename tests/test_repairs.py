@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from functools import cache
 from math import inf, pi
 from signal import SIGINT
 
@@ -117,6 +118,7 @@ def certified(text: str) -> bool:
     return solve(problem).status is Status.CERTIFIED
 
 
+@cache
 def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) -> list[dict]:
     """Write every repair into the file as printed and solve; then nine tenths of it."""
     text = for_passive_hands(text)
@@ -168,10 +170,10 @@ def test_each_repair_of_the_gallery(name, problems):
     each_repair_is_least((problems / f"{name}.toml").read_text())
 
 
-@pytest.mark.parametrize("text", REFUTED.values(), ids=REFUTED)
-def test_each_repair_of_a_refuted_design(text):
+@pytest.mark.parametrize("name", REFUTED)
+def test_each_repair_of_a_refuted_design(name):
     """Gains that are judged, not sought, are repaired to better than 1 %."""
-    each_repair_is_least(text, share=0.99)
+    each_repair_is_least(REFUTED[name], share=0.99)
 
 
 def test_a_lower_edge_is_raised_to_where_the_ratio_is_1():

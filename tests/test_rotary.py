@@ -122,7 +122,7 @@ def printed(folder):
         "hands": ("solve", "hands.toml", "--out", "h"),
         "check": ("check", "hands.toml"),
         "simulate": ("simulate", "parts.toml", "r/device/gains.toml", "--out", "s"),
-        "compare": ("compare", "hands.toml", "parts.toml"),
+        "compare": ("compare", "h/device/design.json", "r/device/design.json"),
         "sweep": ("sweep", "study.toml", "--executor", "serial", "--out", "w"),
         "region": ("region", "plane.toml", "--resolution", "0.125", "--out", "g"),
         "export": ("export", "hands.toml", "--out", "c"),

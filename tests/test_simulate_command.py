@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from command import process, started, strict, wait_for_work, wait_until
 from command import run as vctune
-from conftest import ROOT, for_passive_hands
+from conftest import ROOT, for_passive_hands, mostly_slow
 
 from vctune.exit_codes import ExitCode
 from vctune.model.experiment import Environment, Operator
@@ -101,7 +101,7 @@ def test_another_design_does_not_show_the_experiments(again):
     assert not (folder / "simulation.svg").exists()
 
 
-@pytest.mark.parametrize("part", ["loop", "curve", "metrics"])
+@pytest.mark.parametrize("part", mostly_slow(["loop", "curve", "metrics"], ["loop"]))
 def test_a_damaged_simulation_is_not_shown(again, part):
     path = again / "results/device/simulation.json"
     record = strict(path.read_text())
@@ -144,8 +144,8 @@ def test_infeasible_and_unstable_fail(tmp_path):
     path.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n" + EXPERIMENTS))
     done = vctune("simulate", path, cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED and "nothing to simulate" in done.stderr
-    path.write_text(DEVICE + FIXED.replace("160.0", "16.0").replace("0.37", "0.02") + EXPERIMENTS.replace(
-        "to = 0.005,", "to = 0.005, mass = 0.5,"))  # fmt: skip
+    poor = DEVICE + FIXED.replace("160.0", "16.0").replace("0.37", "0.02")
+    path.write_text(for_passive_hands(poor + EXPERIMENTS.replace("to = 0.005,", "to = 0.005, mass = 0.5,")))
     done = vctune("simulate", path, "--json", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     spring = strict(done.stdout)["experiments"][0]["design"]

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from conftest import DEVICE, FIXED
+from conftest import DEVICE, FIXED, mostly_slow
 from pages import PARTS, chromium, made, needs_chromium, opened, recorded
 
 from vctune.analysis.demands import sensitivity_maxima, stability_ratio, transparency_error
@@ -48,9 +48,6 @@ CASES |= {
 TRIED = 20
 
 
-FAST = "any hand, peak", "every part", "impedance, any hand"
-
-
 @pytest.fixture(scope="module")
 def browser():
     with chromium() as opened:
@@ -63,10 +60,7 @@ def paths(tmp_path_factory):
     return cache(lambda name: made(recorded(CASES[name]), tmp_path_factory.mktemp("report")))
 
 
-@pytest.fixture(
-    scope="module",
-    params=[name if name in FAST else pytest.param(name, marks=pytest.mark.slow) for name in CASES],
-)
+@pytest.fixture(scope="module", params=mostly_slow(CASES, ["impedance, any hand"]))
 def tried(request, browser, paths):
     """The problem, the shipped numbers and tried ones, and what the page makes of them."""
     page = opened(browser, paths(request.param))
@@ -177,6 +171,7 @@ def test_what_is_felt_of_an_impedance_display_is_the_figures(tried):
             assert felt == pytest.approx(np.abs(there), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):
     page = opened(browser, paths("every hand, held"))
     mark, error = page.locator(".mark-of"), page.locator("#try table tr").nth(1)
@@ -194,6 +189,7 @@ def test_a_slider_moves_curves_and_numbers_and_proves_nothing(browser, paths):
     assert page.said == []
 
 
+@pytest.mark.slow
 def test_tried_curves_lie_where_the_shipped_ones_are_drawn(browser, paths):
     """A thousandth beside the shipped gains the script draws within a point of Matplotlib's curve."""
     page = opened(browser, paths("any hand, peak"))
@@ -211,6 +207,7 @@ def test_tried_curves_lie_where_the_shipped_ones_are_drawn(browser, paths):
     assert len(found) == 4 and max(found) < 1.0
 
 
+@pytest.mark.slow
 def test_without_scripts_the_page_is_whole_and_the_sliders_are_not_there(browser, paths):
     page = opened(browser, paths("every hand, held"), java_script_enabled=False)
     assert not page.locator("#try").is_visible()

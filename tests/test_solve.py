@@ -9,7 +9,7 @@ from math import inf, pi
 import device_scan
 import numpy as np
 import pytest
-from conftest import ROOT, for_passive_hands
+from conftest import ROOT, for_passive_hands, mostly_slow
 from device_arithmetic import DOUBLES
 from device_oracle import coupling_impedance, response_at
 from device_pairs import real_of
@@ -379,7 +379,11 @@ BASINS = {
 }
 
 
-@pytest.mark.parametrize("name", BASINS)
+FEW = ("A47", "followed", "r5065", "z7", "z25")
+"""Those that take little time."""
+
+
+@pytest.mark.parametrize("name", mostly_slow(BASINS, FEW))
 def test_basins_that_a_scan_can_miss(name):
     """Thin feasible sets next to instability, couplings that cost nothing, free drag, fixed couplings."""
     problem = read_problem(ROOT / "tests/basins" / f"{name}.toml").problem

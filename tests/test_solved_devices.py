@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import mostly_slow
 from device_arithmetic import DOUBLES
 from device_oracle import Coupling as CouplingNumbers
 from device_oracle import Gains as LawNumbers
@@ -98,7 +99,7 @@ def settled(seed):
     return True
 
 
-@pytest.mark.parametrize("seed", range(FEW))
+@pytest.mark.parametrize("seed", mostly_slow(range(FEW), range(3)))
 def test_designs_hold(seed):
     assert settled(seed)
 
@@ -108,7 +109,7 @@ def test_designs_of_many_hold():
     assert sum(not settled(seed) for seed in range(MANY)) <= MOST_UNDECIDED * MANY
 
 
-@pytest.mark.parametrize("seed", range(FEW))
+@pytest.mark.parametrize("seed", mostly_slow(range(FEW), range(3)))
 def test_units_do_not_matter(seed):
     problem = posed(document(seed))
     here, there = solve(problem), solve(problem.in_units(*UNITS))

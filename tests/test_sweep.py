@@ -111,10 +111,11 @@ def test_a_row_is_what_solve_says_of_the_point(tmp_path):
 
 
 def test_an_infeasible_point_is_a_row_with_its_reason(tmp_path):
-    (tmp_path / "device.toml").write_text((ROOT / "problems/infeasible.toml").read_text())
+    narrow = "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = { min = 1e-3, max = 5.0 }\n"
+    (tmp_path / "device.toml").write_text(FREE + narrow)
     path = tmp_path / "study.toml"
     path.write_text('problem = "device.toml"\n[axes]\n"stability.max_sensitivity" = [2.0]')
-    done = run("sweep", path, cwd=tmp_path)
+    done = run("sweep", path, "--executor", "serial", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     assert "1 infeasible" in done.stdout and "most often: " in done.stdout
     row = json.loads((tmp_path / "results/study/rows.jsonl").read_text().splitlines()[1])
@@ -439,7 +440,7 @@ def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     assert done.returncode == ExitCode.BAD_INPUT and "its rows are kept" in done.stderr
     whole = (tmp_path / "results/study/rows.jsonl").read_bytes().rpartition(b"\n")[0].splitlines()
     assert len(whole) > 10
-    assert run("sweep", path, cwd=tmp_path).returncode == ExitCode.OK
+    assert run("sweep", path, "--executor", "serial", cwd=tmp_path).returncode == ExitCode.OK
     assert len(rows_in(tmp_path / "results/study/rows.jsonl")) == 36
 
 
@@ -476,7 +477,7 @@ def test_nondominated_against_the_definition(costs):
 def test_front_of_a_problem(tmp_path):
     problem = FREE.replace("sample_time", "delay = 0.0\nsample_time") + "[gains]\nposition = 3000.0\n"
     (tmp_path / "device.toml").write_text(problem)
-    done = run("front", "device.toml", cwd=tmp_path)
+    done = run("front", "device.toml", "--executor", "serial", cwd=tmp_path)
     assert done.returncode == ExitCode.OK and done.stderr == ""
     folder = tmp_path / "results/device/front"
     assert {f"{name}.{kind}" for name in ("terms", "band") for kind in ("csv", "svg", "rows.jsonl")} <= {

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from conftest import mostly_slow
 from device_pairs import real_of
 from device_scan import exact, frequencies, least, ratio
 from in_time import Loop, cancelling
@@ -64,7 +65,7 @@ def test_the_numbers_belong_together():
     assert np.sqrt(STIFFNESS / LOAD) / (2 * pi) == pytest.approx(ANTIRESONANCE, rel=1e-3)
 
 
-@pytest.mark.parametrize("damping_ratio", RATIOS)
+@pytest.mark.parametrize("damping_ratio", mostly_slow(RATIOS, [0.005]))
 def test_a_design_for_one_rigid_mass_is_refuted_on_two(rigid, damping_ratio):
     posed = problem(bench(damping_ratio)).problem
     checked = check(posed, rigid.gains, rigid.coupling)
@@ -100,7 +101,7 @@ def test_a_lossless_pair_makes_it_grow_on_the_bench_and_not_on_a_rigid_one(rigid
     assert grows[1].size == 0
 
 
-@pytest.mark.parametrize("damping_ratio", RATIOS)
+@pytest.mark.parametrize("damping_ratio", mostly_slow(RATIOS, [0.005]))
 def test_with_the_resonance_in_the_band_a_design_hardly_uses_its_loop(rigid, damping_ratio):
     """It is certified, for the loop may be as slow as one likes; that it does little is said."""
     posed = problem(bench(damping_ratio)).problem

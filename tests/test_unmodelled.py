@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 import pytest
+from conftest import mostly_slow
 from device_arithmetic import DOUBLES
 from device_oracle import Coupling as CouplingNumbers
 from device_oracle import Gains as LawNumbers
@@ -85,7 +86,7 @@ def random_responses(rng, count):
     return hz, share * radius(hz) * np.exp(1j * rng.uniform(0, 2 * pi, count))
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["ideal"]))
 def test_no_response_of_the_disc_falls_short(name):
     _, judgement = designed(name)
     assert judgement.status is Status.CERTIFIED
@@ -94,7 +95,7 @@ def test_no_response_of_the_disc_falls_short(name):
     assert judgement.min_ratio == pytest.approx(FACTOR, rel=1e-4)
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["ideal"]))
 def test_no_response_of_the_disc_makes_the_sampled_loop_unstable(name):
     _, judgement = designed(name)
     gains, real = LawNumbers(judgement.gains.velocity, judgement.gains.position), DEVICES[name][1]
@@ -103,7 +104,7 @@ def test_no_response_of_the_disc_makes_the_sampled_loop_unstable(name):
     assert max(off) < 1
 
 
-@pytest.mark.parametrize("name", DEVICES)
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["ideal"]))
 def test_a_design_for_the_device_alone_is_refuted_by_a_response(name):
     given, _ = designed(name)
     alone = solve(replace(given, uncertainty=None)).judgement

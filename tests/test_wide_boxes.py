@@ -82,9 +82,9 @@ def test_a_design_of_a_wider_box_means_one_of_a_narrower():
     assert errors[0] <= errors[1]
 
 
-@pytest.mark.parametrize("seed", [2])
-def test_a_few_random_boxes_end(seed):
-    for text, _ in zip(random_texts(seed), range(4), strict=False):
+@pytest.mark.parametrize("count", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_a_few_random_boxes_end(count):
+    for text, _ in zip(random_texts(2), range(count), strict=False):
         assert settled(text)[1] < LONGEST, text
 
 
@@ -102,8 +102,8 @@ def test_three_hundred_random_boxes_end(seed, capsys):
     ("samples", "damping", "widths"),
     [
         (100, 1.0, {"delay": 0.9}),
-        (100, 200.0, {"mass": 0.9, "damping": 0.9, "delay": 0.99}),
-        (200, 1.0, {"mass": 0.5}),
+        pytest.param(100, 200.0, {"mass": 0.9, "damping": 0.9, "delay": 0.99}, marks=pytest.mark.slow),
+        pytest.param(200, 1.0, {"mass": 0.5}, marks=pytest.mark.slow),
         (200, 200.0, {"damping": 0.9}),
     ],
 )
