@@ -12,6 +12,7 @@ from command import run
 from conftest import ROOT
 
 from vctune import solve
+from vctune.api.explaining import explain
 from vctune.design.claim_records import claim_records
 from vctune.design.judge import judge
 from vctune.design.record import design_record
@@ -323,3 +324,9 @@ def test_dimensions_of_the_two_differ_by_a_length_squared_or_a_length():
 
 def powers(dimensions: str) -> dict[str, int]:
     return {name: int(power) for name, power in re.findall(r'(\w+)="(-?\d+)"', dimensions)}
+
+
+def test_a_key_is_explained_in_both_units():
+    (mass,), (clock,) = (explain(key).entries for key in ("device.mass", "device.sample_time"))
+    assert "kg." in mass.text and mass.text.endswith("Of a rotary device: kg m2.")
+    assert "rotary" not in clock.text

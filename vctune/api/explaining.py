@@ -13,6 +13,8 @@ from typing import Literal
 
 from vctune.document.errors import InputError
 from vctune.document.outputs import EntryRecord, ExplanationRecord
+from vctune.document.units import unit_of
+from vctune.model.units import LINEAR, ROTARY
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
@@ -104,7 +106,9 @@ def _entries(guide: str, text: str) -> Iterator[Entry]:
         rows = KEY.findall(reference)
         for key, meaning in rows:
             inner = [f"- `{other}`: {of}" for other, of in rows if other.rpartition(".")[0] == key]
-            yield Entry("key", (key,), "\n".join([meaning, *(["", *inner] if inner else [])]), guide)
+            linear, rotary = (unit_of(tuple(key.split(".")), units) for units in (LINEAR, ROTARY))
+            turned = f" Of a rotary device: {rotary}." if linear != rotary else ""
+            yield Entry("key", (key,), "\n".join([meaning + turned, *(["", *inner] if inner else [])]), guide)
     for glossary in GLOSSARY.findall(text):
         for heads, rows in TABLE.findall(glossary):
             yield from (_term(guide, _cells(heads), _cells(row.strip("|"))) for row in rows.splitlines())
