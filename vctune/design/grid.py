@@ -265,11 +265,14 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
             needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
             places.append((samples.band.omega, np.maximum.reduce(needs)))
         each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
-        for held in zip(*(there.in_hand for there in samples.everywhere if there.in_hand), strict=True):
-            needs = [np.nan_to_num(hands.required(each), nan=0.0).max(axis=-2) for hands in held]
-            half = held[0].theta / 2
+        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # a structure is looked at where it resonates
+        for held in (hands for there in samples.everywhere for hands in there.in_hand):
+            need = np.nan_to_num(held.required(each), nan=0.0).max(axis=-2)
+            at_angles.setdefault(held.theta.tobytes(), (held.theta, []))[1].append(need)
+        for theta, needs in at_angles.values():
+            half = theta / 2
             slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)
-            places.append((held[0].theta if samples.device.renders_force else 2 * slope, np.maximum.reduce(needs)))
+            places.append((theta if samples.device.renders_force else 2 * slope, np.maximum.reduce(needs)))
     omega, required = zip(*places, strict=True)
     return np.concatenate(omega), np.concatenate(required, axis=-1)
 

@@ -125,6 +125,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
         sizes = np.abs(boxes.low) + np.abs(boxes.high)
         sizes[1:] += NEAR_ZERO * spans
         relative = width / sizes
+        relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
         cost = np.where((width > 0) & (side == 0), np.where(known, cost * relative**WIDER, relative), 0.0)
         return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side)
 
