@@ -124,8 +124,8 @@ def test_public_names_are_there():
         assert getattr(vctune, name) is not None
 
 
-IN_A_LINE = ("model", "proof", "design/bound")
-"""Folders in which a line of algebra says what a function takes: A B, |re + j im|."""
+IN_A_LINE = ("model", "proof", "design/bound", "bench/evaluator", "bench/digits")
+"""Where a line of algebra says what a function takes: A B, |re + j im|."""
 
 
 def public_functions(tree):

@@ -1,4 +1,4 @@
-"""Fifty digits: the theory by its definitions in mpmath, and an exact test of stability."""
+"""Fifty digits: the theory by its definitions in mpmath, of a case of numbers at one omega > 0, rad/s, in SI units."""
 
 from __future__ import annotations
 
@@ -42,16 +42,6 @@ def exact(case: Case, omega: Any) -> Exact:
 
     The two-port with the operator's Z_h absorbed: h11 = 1/(W + C), h12 = -C/(W + C), h21 = (Z_d + C)/(W + C),
     h22 = Z_h C/(W + C), W = Z_d + Z_h. With q = -h12 h21, R = (|q| - Re q)/(2 Re h11) - Re h22.
-
-    Parameters
-    ----------
-    case : of numbers, not arrays
-    omega : rad/s
-
-    Returns
-    -------
-    Exact
-        Numbers of `DIGITS` digits, SI units.
     """
     with mp.workdps(DIGITS + GUARD):
         m, b, T, delay, K_v, K_p, b_c, m_c, b_0, m_h, b_h = _decimals(case)
@@ -68,13 +58,7 @@ def exact(case: Case, omega: Any) -> Exact:
 
 
 def sensitivity(case: Case, omega: Any) -> Any:
-    """Return |S| of the sampled loop, the device let go: its polynomial with the loop open over that with it closed.
-
-    Parameters
-    ----------
-    case : of numbers, not arrays
-    omega : rad/s, at most the Nyquist frequency
-    """
+    """Return |S| of the sampled loop, the device let go: its polynomial with the loop open over that with it closed."""
     with mp.workdps(DIGITS + GUARD):
         _, _, T, _, K_v, K_p, *_ = _decimals(case)
         z = mp.expj(mp.mpf(omega) * T)
@@ -89,13 +73,7 @@ def stable(case: Case) -> bool:
 
 
 def characteristic(case: Case, law: Sequence[Any]) -> list[Any]:
-    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that the case has.
-
-    Parameters
-    ----------
-    case : of numbers, not arrays; whether its K_p is above 0 decides the order
-    law : K_v, N s/m, and K_p, N/m; both 0 for the loop left open
-    """
+    """Return the characteristic polynomial of a law K_v, K_p, highest power first, of the order that the case has."""
     m, b, T, delay, *_ = _decimals(case)
     K_v, K_p = law
     whole = int(mp.floor(delay / T + mp.mpf("1e-12")))

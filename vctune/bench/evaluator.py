@@ -1,7 +1,8 @@
 """A second opinion in plain complex numbers: the theory written down once more, sharing nothing with the model.
 
 Dense grids instead of a proof, matrix exponentials and eigenvalues instead of a return difference. The tests judge with
-it too, many designs or many devices at a time.
+it too, many designs or many devices at a time: of one `Case` a function of k frequencies, rad/s and not 0, gives k
+numbers in SI units, and of n cases n rows of them.
 """
 
 from __future__ import annotations
@@ -73,26 +74,14 @@ class Case:
 
 
 def cases(device: Device, design: ArrayLike) -> Case:
-    """Return a device's cases with a design, or with the columns of many, in rows K_v, K_p, b_c, m_c, b_0.
-
-    Parameters
-    ----------
-    device : of any hold
-    design : SI units, shape (5,), or (5, n) for n designs
-    """
+    """Return a device's cases with a design, or with the columns of many, in rows K_v, K_p, b_c, m_c, b_0."""
     hand = (device.operator.mass, device.operator.damping) if device.operator else (0.0, 0.0)
     numbers = (device.mass, device.damping, device.sample_time, device.delay, device.hold)
     return Case(*numbers, *np.asarray(design, float), *hand)
 
 
 def case_of(device: Device, gains: Gains, coupling: AnyCoupling) -> Case:
-    """Return one case.
-
-    Parameters
-    ----------
-    device : of any hold
-    gains, coupling : the design
-    """
+    """Return one case."""
     return cases(device, (*astuple(gains), *astuple(series_coupling(coupling))))
 
 
@@ -102,17 +91,7 @@ def _column(number: Any) -> Any:
 
 
 def impedances(case: Case, s: Any) -> tuple[Any, Any]:
-    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) at complex s != 0; cases in rows.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    s : rad/s, complex, shape (k,)
-
-    Returns
-    -------
-    Z_d, C : N s/m, shape (k,), or (n, k)
-    """
+    """Return Z_d = m s + b and C = (K_v + K_p/s) H(s) e^(-s delay) at complex s != 0; cases in rows."""
     T = case.sample_time
     hold = -np.expm1(-s * T) / (s * T) if case.hold == "zoh" else 2 / (2 + s * T)
     law = _column(case.K_v) + _column(case.K_p) / s
@@ -120,17 +99,7 @@ def impedances(case: Case, s: Any) -> tuple[Any, Any]:
 
 
 def coupling_impedance(case: Case, s: Any) -> Any:
-    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    s : rad/s, complex, shape (k,)
-
-    Returns
-    -------
-    Z_c : N s/m, shape (k,), or (n, k)
-    """
+    """Return Z_c = b_0 + b_c m_c s/(b_c + m_c s): damper and mass in series, the drag beside them."""
     damper, moving = _column(case.b_c), _column(case.m_c) * s
     return _column(case.b_0) + damper * moving / (damper + moving)
 
@@ -141,15 +110,6 @@ def required(case: Case, omega: Any) -> Any:
     Of the two-port that has absorbed the operator's damping: h11 = 1/(W + C), h22 = b_h C/(W + C),
     q = -h12 h21 = C (Z_d + C)/(W + C)^2 with W = Z_d + b_h. |q| - Re q is (Im q)^2/(|q| + Re q) where Re q > 0, and
     Im q that of 1 - q, so that nothing cancels. A mass in the hand changes nothing: any reactance may be there anyway.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    omega : rad/s, above 0, shape (k,)
-
-    Returns
-    -------
-    R : N s/m, shape (k,), or (n, k)
     """
     Z_d, C = impedances(case, 1j * omega)
     W = Z_d + case.b_h
@@ -162,17 +122,7 @@ def required(case: Case, omega: Any) -> Any:
 
 
 def stability_ratio(case: Case, omega: Any) -> Any:
-    """Return Re Z_c / R, inf where R <= 0, -inf where Re h11 <= 0.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    omega : rad/s, above 0, shape (k,)
-
-    Returns
-    -------
-    ratio : shape (k,), or (n, k)
-    """
+    """Return Re Z_c / R, inf where R <= 0, -inf where Re h11 <= 0."""
     R = required(case, omega)
     with np.errstate(divide="ignore"):
         ratio = np.where(R > 0, coupling_impedance(case, 1j * omega).real / R, inf)
@@ -184,15 +134,6 @@ def sensitivity(case: Case, omega: Any) -> Any:
 
     G_v and G_x are velocity and position at the samples over the force told at them: a force that is told acts `whole`
     samples and `late` seconds afterwards.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    omega : rad/s, at most the Nyquist frequency, shape (k,)
-
-    Returns
-    -------
-    S : modulus, shape (k,), or (n, k)
     """
     T, m, rate = case.sample_time, _column(case.mass), _column(case.damping) / _column(case.mass)
     whole, late = (_column(x) for x in _samples(case))
@@ -230,17 +171,7 @@ def spectral_radius(case: Case) -> Any:
 
 
 def by_kind(case: Case, work: Callable[[Case], Floats]) -> Any:
-    """Return what `work` makes of arrays of loops with as many states each; a number for one case.
-
-    Parameters
-    ----------
-    case : one, or n of them
-    work : from cases as `loop_matrices` takes them to a number each
-
-    Returns
-    -------
-    found : shape (n,), in the order of the cases
-    """
+    """Return what `work` makes of arrays of loops with as many states each; a number for one case."""
     names = ("mass", "damping", "delay", "K_v", "K_p")
     arrays = np.broadcast_arrays(*(np.atleast_1d(np.asarray(getattr(case, name), float)) for name in names))
     loops: dict[str, Any] = dict(zip(names, arrays, strict=True))
@@ -299,18 +230,7 @@ def _exponentials(A: Floats) -> Floats:
 
 
 def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
-    """Return the transparency error of each case by Simpson's rule, or the greatest value on the grid.
-
-    Parameters
-    ----------
-    problem : band, norm and weights
-    case : one, or n of them
-    points : frequencies of the grid, an odd number
-
-    Returns
-    -------
-    error : a number, or shape (n,)
-    """
+    """Return each case's transparency error by Simpson's rule on an odd number of points, or the greatest there."""
     band = problem.transparency.band
     square = squared_error(problem, case, np.geomspace(band.min, band.max, points))
     if problem.transparency.norm == "peak":
@@ -322,18 +242,7 @@ def error(problem: Problem, case: Case, points: int = POINTS) -> Any:
 
 
 def squared_error(problem: Problem, case: Case, omega: Any) -> Any:
-    """Return the square of the transparency error at frequencies; cases in rows.
-
-    Parameters
-    ----------
-    problem : weights and Z_0
-    case : one, or n of them
-    omega : rad/s, above 0, shape (k,)
-
-    Returns
-    -------
-    square : shape (k,), or (n, k)
-    """
+    """Return the square of the transparency error at frequencies; cases in rows."""
     wanted, (Z_d, C) = problem.transparency, impedances(case, 1j * omega)
     D, Z_0, weights = Z_d + C, wanted.reference_impedance, wanted.weights
     square = (weights.admittance * Z_0 / np.abs(D)) ** 2 + (weights.tracking * np.abs(Z_d / D)) ** 2
