@@ -114,8 +114,8 @@ def test_boxes_cost_no_more_than_the_designs_in_them(number):
     quiet = (sensitivity(cases(problem.device, designs), upto) <= problem.stability.max_sensitivity).all(axis=1)
     rounding = 1 + 1e-9
     assert not (least.none & np.isfinite(needed)).any()
-    assert (least.damping[meets] <= b_c[meets] * rounding).all()
-    assert (least.mass[meets] <= m_c[meets] * rounding).all()
+    assert (least.first[meets] <= b_c[meets] * rounding).all()
+    assert (least.second[meets] <= m_c[meets] * rounding).all()
     at = meets & quiet
     if problem.stability.band.min == 0:  # where the limit of R at omega = 0 counts, which no grid has
         at &= K_p == 0
