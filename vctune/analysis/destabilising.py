@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from vctune.model.arithmetic import FLOATS, Number
+from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.hand_loop import loop_in_hand
 from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
@@ -39,7 +39,7 @@ FARTHEST = 0.2
 MOST = 64
 """Steps in which a pole is followed at most; most take eight. Half and twice follow the same poles."""
 GROWTH = 1e-10
-"""Growth in a sample from which on a motion is said to grow, above Newton's rounding. Half and twice: the same."""
+"""Growth in a radian from which on a motion is said to grow, above Newton's rounding. Half and twice: the same."""
 STEPS, CONVERGED, DIFFERENCE = 8, 1e-12, 1e-6
 """Newton's steps, the relative step after which it has arrived, and the relative difference that stands for a
 derivative, right to 1e-10. Half the steps, and twice, follow the same poles."""
@@ -151,7 +151,7 @@ def _outwards(unbalance: Callable[..., complex], theta: float) -> tuple[float, f
     """Return the damper that is left, the growth in a sample and the angle of a pole that has left the unit circle."""
     with np.errstate(all="ignore"):
         path = _followed(unbalance, theta, -unbalance(theta, damping=0.0).real)
-    growing = [step for step in path if step[1].imag < -GROWTH]
+    growing = [step for step in path if step[1].imag < -GROWTH * abs(step[1])]
     if not growing:
         return None
     damping, pole = growing[-1] if growing[-1][0] == 0 else min(growing, key=lambda step: step[1].imag)
@@ -209,14 +209,16 @@ def _met(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
 
 
 def _seen(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
-    """Return Z_seen = P/(2 j s F)."""
-    loop, s = loop_in_hand(plant, theta, FLOATS), 1j * np.sin(theta / 2)
+    """Return Z_seen = P/(2 j s F).
+
+    As o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the circle are
+    its real and its imaginary part: next to 0 the one would be lost in the other's rounding.
+    """
+    loop, s = loop_in_hand(plant, theta, FLOATS), complex(np.sin(theta / 2))
     F, P = loop.closed(gains), loop.numerator(gains)
-
-    def value(even: Number, odd: Number) -> Number:
-        return even + s * odd
-
-    return complex(value(P.even, P.odd) / (2 * s * value(F.even, F.odd)))
+    even, odd = P.even * F.even + s * s * (P.odd * F.odd), P.odd * F.even - P.even * F.odd
+    size = F.even * F.even + s * s * (F.odd * F.odd)
+    return complex(odd / (2 * size) - 1j * (even / (2 * s * size)))
 
 
 def _zero(f: Callable[[complex], complex], start: complex) -> complex | None:
