@@ -216,8 +216,7 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
     starts = np.array([number[hand[peaks]] for number in astuple(where.hands)])
     theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
-    found = _closer(device, hands, gains, coupling, theta, starts)
-    return sorted(found, key=lambda each: each.ratio)
+    return sorted(_closest(device, hands, gains, coupling, theta, starts), key=lambda each: each.ratio)
 
 
 def ratio_at(device: Device, gains: Gains, coupling: AnyCoupling, omega: float, hand: Hand) -> float:
@@ -249,7 +248,7 @@ def least_ratio_near(
     hand : of the box
     """
     theta, start = np.array([omega * device.sample_time]), np.array(astuple(hand))[:, None]
-    return _closer(device, hands, gains, coupling, theta, start)[0]
+    return _closest(device, hands, gains, coupling, theta, start)[0]
 
 
 def least_ratios_in_any_hand(device: Device, gains: Gains, coupling: AnyCoupling) -> list[RatioInAnyHand]:
@@ -300,10 +299,23 @@ def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:
 
 
 @np.errstate(all="ignore")
-def _closer(
+def hardest_near(
     device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
-) -> list[RatioInHand]:
-    """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share."""
+) -> tuple[Floats, Floats, Floats]:
+    """Go from places to the greatest 1/ratio near them, all together: in log theta and in the root of each share.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    gains, coupling : a design, or one for each place, arrays of shape (n, 1, 1)
+    theta, starts : omega T in rad, shape (n,), and hands of the box, shape (3, n)
+
+    Returns
+    -------
+    need, theta : 1/ratio and where, shape (n,)
+    hands : in which, shape (3, n)
+    """
     low, width = np.array([(low, high - low) for low, high in _ranges(hands)]).T
     safe = np.where(width > 0, width, 1.0)
     share = np.sqrt((starts - low[:, None]) / safe[:, None])
@@ -330,10 +342,16 @@ def _closer(
         theta = np.where(better, angle[rows, turn], theta)
         step_hand = np.where(moved_hand, step_hand, step_hand / 2)
         step_angle = np.where(moved_angle, step_angle, step_angle / 2)
-    numbers = low[:, None] + width[:, None] * share**2
+    return best, theta, low[:, None] + width[:, None] * share**2
+
+
+def _closest(
+    device: Device, hands: Hands, gains: Gains, coupling: AnyCoupling, theta: Floats, starts: Floats
+) -> list[RatioInHand]:
+    found = hardest_near(device, hands, gains, coupling, theta, starts)
     return [
         RatioInHand(_inverse(float(need)), float(at / device.sample_time), Hand(*map(float, hand)))
-        for need, at, hand in zip(best, theta, numbers.T, strict=True)
+        for need, at, hand in zip(*found[:2], found[2].T, strict=True)
     ]
 
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from vctune.model.arithmetic import ArrayArithmetic, Number
 from vctune.model.device_response import DeviceResponse, device_response
-from vctune.model.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.impedance_display import Required, any_hand
 from vctune.model.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
@@ -53,6 +54,10 @@ AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 """Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
 
 
+OFFSET, SLOPE = "offset of the bound", "slope of the bound"
+"""Of what is required in all hands, as rows of boxes (`vctune.proof.envelope`)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Demands:
     """What a design has to meet.
@@ -90,6 +95,7 @@ class Claims:
     clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
     resistance : the loop's, which must be positive too, whatever the coupling, N s/m
     in_hand : must be positive in every hand, of theta
+    above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
     any_hand : both must be positive for any passive hand on an impedance display, of theta
     required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
     poles_in_hand : curve that must not turn around 0, of a hand and of theta
@@ -110,6 +116,7 @@ class Claims:
     unmodelled: Margin
     resistance: Margin
     in_hand: Margin
+    above_bound: Margin
     any_hand: tuple[Margin, Margin]
     required_in_hands: Margin
     poles_in_hand: Curve
@@ -172,6 +179,7 @@ def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
             lambda omega, v: clamped_margin(design(v), omega, radius_at(omega), OPS),
         ),
         resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
+        above_bound=_above_bound(demands),
         in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
         any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
         required_in_hands=required_in_hands,
@@ -202,6 +210,53 @@ def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, o
     in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
     device = _uncertain_device(demands.device, uncertain)
     return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+
+def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
+    """Return the margin that is positive where R in a hand is below offset + slope theta, times |F|^2.
+
+    It is of theta and of the gains, `OFFSET`, `SLOPE` and the numbers of `HAND`.
+
+    Parameters
+    ----------
+    device : plain numbers
+    ops : arithmetic of theta and the values
+    """
+    in_hand = _plant_in_hand(device, (), delays_of(device), ops)
+
+    def margin(theta: Number, v: Values) -> Number:
+        required = required_in_hand(loop_in_hand(in_hand(v), theta, ops), gains_of(v))
+        return (v[OFFSET] + v[SLOPE] * theta) * required.size - required.lost
+
+    return margin
+
+
+def bounded_in_any_hand(device: Device) -> Margin:
+    """Return the margin that is positive where R in any passive hand on an impedance display is below such a bound.
+
+    Parameters
+    ----------
+    device : plain numbers
+    """
+    exact, delays = device.converted(decimal), delays_of(device)
+
+    def margin(theta: Number, v: Values) -> Number:
+        hand = any_hand(exact, delays.loop, theta, OPS, fractional=delays.loop_fractional)
+        required = hand.required(gains_of(v))
+        return (v[OFFSET] + v[SLOPE] * theta) * required.size - required.lost
+
+    return margin
+
+
+def _above_bound(demands: Demands) -> Margin:
+    """Return the margin of a coupling above what is required in all hands, of theta, `OFFSET` and `SLOPE`."""
+    device, factor = demands.device.converted(decimal), decimal(demands.factor)
+
+    def margin(theta: Number, v: Values) -> Number:
+        bound = Required(v[OFFSET] + v[SLOPE] * theta, Enclosure(1.0))
+        return room(coupling_of(v), device, bound, factor, theta, OPS)
+
+    return margin
 
 
 def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:

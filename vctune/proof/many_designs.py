@@ -12,7 +12,7 @@ from math import inf, pi
 import numpy as np
 
 from vctune.model.arithmetic import FLOATS, Arithmetic
-from vctune.model.quantities import HAND, Device, Hand
+from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Flags, Floats, decimal
 from vctune.proof.box_tests import Curve, Margin, lower_bound_over, misses_zero, positive, turned_angles
@@ -20,6 +20,7 @@ from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, over_cel
 from vctune.proof.branching import Proofs, Test
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.claims import HALF_TURN, outwards, resistance_apart
+from vctune.proof.envelope import envelope
 from vctune.proof.poles import NEAR, curve_end, final_angle
 
 STEP = 1.4
@@ -130,8 +131,11 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     """Prove the demand in any passive hand on an impedance display."""
     if demands.device.least_damping == 0:
         return np.zeros(len(cells), bool)
-    margin, size = (_over(positive(each, {}), cells, 0.0, HALF_TURN).proved for each in claims.any_hand)
-    return margin & size
+    margin, size = (positive(each, {}) for each in claims.any_hand)
+    if _have_the_same_gains(cells):  # and so the same size
+        one = cells.subset(np.zeros(1, np.intp))
+        return _over(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
+    return _over(size, cells, 0.0, HALF_TURN).proved & _over(margin, cells, 0.0, HALF_TURN).proved
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
@@ -148,6 +152,9 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     points = cells.subset(hopeful).centres()
     turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_in_hand(hands.middle))
     left = hopeful[turns == 0]
+    if _have_the_same_gains(cells):
+        proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
+        return proved
     for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
         part = cells.subset(some)
         found = prove_boxes(
@@ -162,6 +169,28 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
         )
         proved[some] = found.proved
     return proved
+
+
+def _have_the_same_gains(cells: Cells) -> bool:
+    """Return whether these are several couplings that meet the same gains."""
+    return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
+
+
+def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains."""
+    if not len(cells):
+        return np.zeros(0, bool)
+    required = envelope(demands.device, hands, Gains(*map(float, cells.low[:2, 0])))
+    found = prove_boxes(
+        positive(claims.above_bound, {}),
+        required.over(cells),
+        len(cells),
+        halved=(True, False, False, *[False] * len(cells.keys)),
+        max_halvings=CELL_HALVINGS,
+        max_boxes=MAX_BOXES,
+        only_whole=True,
+    )
+    return found.proved
 
 
 def _over(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from enum import IntEnum
 from math import inf
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
-from vctune.analysis.in_hands import LoopsInHands, loops_in_any_hand, loops_in_hands
+from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import pose
 from vctune.design.variables import coupling_from
@@ -173,8 +173,21 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     lost = refuted(demands, rest, there)
     if free:
         lost |= no_damping(demands, rest, there)
+    elif there.in_hands is not None:
+        near = np.flatnonzero(~lost)
+        lost[near] = refuted(demands, rest.subset(near), _closer(problem, rest.subset(near), there.subset(near)))
     kinds[left[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+
+
+def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
+    """Return the places with the hands and the angles next to those that ask most of the centres."""
+    assert problem.hands_met is not None and places.in_hands is not None
+    K_v, K_p, *of_coupling = cells.centres().low[:, :, None, None]
+    at, *hand = places.in_hands[:, 0]
+    coupling = coupling_from(of_coupling)
+    _, theta, hands = hardest_near(problem.device, problem.hands_met, Gains(K_v, K_p), coupling, at, np.array(hand))
+    return replace(places, in_hands=np.vstack((theta, hands))[:, None])
 
 
 @dataclass(frozen=True, slots=True)
