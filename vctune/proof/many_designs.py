@@ -177,7 +177,10 @@ def _have_the_same_gains(cells: Cells) -> bool:
 
 
 def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
-    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains."""
+    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains.
+
+    Cells are divided too, as the angle alone is besides; their callers divide those that are left.
+    """
     if not len(cells):
         return np.zeros(0, bool)
     required = envelope(demands.device, hands, Gains(*map(float, cells.low[:2, 0])))
@@ -185,7 +188,7 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
         positive(claims.above_bound, {}),
         required.over(cells),
         len(cells),
-        halved=(True, False, False, *[False] * len(cells.keys)),
+        halved=(True, False, False, *[True] * len(cells.keys)),
         max_halvings=CELL_HALVINGS,
         max_boxes=MAX_BOXES,
         only_whole=True,
