@@ -15,8 +15,9 @@ from sampled_device_oracle import Hand as Held
 from test_impedance_display import ROUNDING, T, display, mechanics_of, pulse, random_display, random_hand, worst_of
 
 import vctune
+from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
-from vctune.document.reading import read_problem
+from vctune.document.reading import parse_problem, read_problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
@@ -26,7 +27,8 @@ from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.envelope import Envelope, envelope
 from vctune.proof.interval import Verdict
-from vctune.study.region import Kind
+from vctune.study.plane import plane
+from vctune.study.region import Kind, region
 
 FEW, HANDS = 2, 40
 NEAR = {False: 0.01, True: 0.1}
@@ -129,3 +131,20 @@ def test_the_region_of_a_paddle(resolution):
                 demands = pose(problem).demands
                 verdict = certify(Design(problem.device, Gains(0.0, 0.0), coupling), demands).verdict
                 assert verdict is Verdict.REFUTED
+
+
+@pytest.mark.parametrize("criterion", ["passive", pytest.param("hands", marks=pytest.mark.slow)])
+def test_the_region_of_an_uncertain_arm_is_that_of_all_its_devices(criterion):
+    """Of couplings of its cells the certificate is for every device of the box."""
+    text = (ROOT / "problems/desktop-arm.toml").read_text() + f'\n[stability]\ncriterion = "{criterion}"\n'
+    problem = parse_problem(text, "arm", "arm")
+    assert problem.uncertainty is not None
+    across = plane(problem, "coupling.damping", "coupling.stiffness", 6)
+    found, random = region(problem, across, across.coarsest_squares()), np.random.default_rng(4)
+    cells, expected = across.cells(found.squares), {Kind.FEASIBLE: Status.CERTIFIED, Kind.INFEASIBLE: Status.VIOLATED}
+    for kind, status in expected.items():
+        for cell in random.choice(np.flatnonzero(found.kinds == kind), 6):
+            low, high = cells.low[2:, cell], cells.high[2:, cell]
+            coupling = SpringDamper(*map(float, low + (high - low) * random.choice([0.0, 1.0, random.uniform()], 2)))
+            assert judge(problem, Gains(0.0, 0.0), coupling).status is status
+    assert found.area(Kind.UNDECIDED) < 0.04

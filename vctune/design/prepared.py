@@ -10,7 +10,7 @@ from vctune.model.problem import Problem
 from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.array_claims import Demands
-from vctune.proof.devices import DeviceBox, device_box
+from vctune.proof.devices import DeviceBox, device_box, in_longer_hands, moved_as_one
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +157,21 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
         alike = problem.bounds.velocity.fixed
         fixed = {"tracking", "admittance"} if alike else {"tracking"} if device.structure is None else set()
     return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)
+
+
+def of_one_device(problem: Problem) -> Problem | None:
+    """Return a problem of a device known exactly that the same couplings meet; None if there is none.
+
+    An uncertain one has such a device where all that is uncertain moves as one with the hand
+    (`vctune.proof.devices`) and no loop is closed without the coupling.
+    """
+    box = pose(problem).box
+    if box is None:
+        return problem
+    if set(moved_as_one(box)) != set(box.uncertain) or problem.bounds.velocity.max > 0:
+        return None
+    least, longer = in_longer_hands(box, problem.hands, box.uncertain)
+    return replace(with_device(problem, least.nominal), hands=longer)
 
 
 def with_device(problem: Problem, device: Device) -> Problem:

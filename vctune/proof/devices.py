@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
@@ -10,7 +10,7 @@ from math import ceil, floor, inf, nextafter, pi
 
 from vctune.model.arithmetic import Number
 from vctune.model.problem import Uncertainty
-from vctune.model.quantities import NUMBERS, Device, Unmodelled
+from vctune.model.quantities import NUMBERS, Device, Hands, Unmodelled
 
 DIRECTION = "unmodelled.phase"
 """Of a response at the edge of the disc."""
@@ -136,6 +136,36 @@ def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
     own = Unmodelled(uncertainty.unmodelled)
     first, last = replace(own, share=1.0), replace(own, share=1.0, phase=nextafter(2 * pi, inf))
     return DeviceBox(replace(device, unmodelled=own), replace(low, unmodelled=first), replace(high, unmodelled=last))
+
+
+ADDED = ("mass", "damping")
+"""What a rigid device and a hand have together where only motion is measured."""
+
+
+def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
+    """Return which uncertain numbers of a box are as well a hand's.
+
+    A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one.
+    """
+    if not box.nominal.renders_force or box.nominal.structure is not None:
+        return ()
+    return tuple(key for key in ADDED if key in box.uncertain)
+
+
+def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
+    """Return the least devices of a box and hands that have its range more: together they move alike.
+
+    Parameters
+    ----------
+    box : of devices
+    hands : that hold them
+    keys : of `moved_as_one`
+    """
+    least = {key: box.low.number(key) for key in keys}
+    range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
+    high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
+    rest = DeviceBox(*(device.with_numbers(least) for device in (box.nominal, box.low, box.high)))
+    return rest, replace(hands, high=replace(hands.high, **high))
 
 
 def _edge(value: float, change: float) -> float:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
-from math import ceil, floor, inf, nextafter, pi
+from math import ceil, floor, pi
 
 import numpy as np
 from flint import arb
@@ -25,7 +25,7 @@ from vctune.proof.box_tests import FEW, next_to_zero, positive, positive_by_poly
 from vctune.proof.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
-from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox
+from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.jets import ENCLOSURES
 from vctune.proof.sampled_loop import in_rad_per_s
@@ -59,10 +59,8 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
         Refuted or undecided with a hand, and with a device of the box.
     """
     assert demands.hands is not None
-    if box is not None and design.device.renders_force and design.device.structure is None:
-        parts = tuple(key for key in ADDED if key in box.uncertain)
-        if parts:
-            return _moved_as_one(design, demands, demands.hands, box, parts)
+    if box is not None and (parts := moved_as_one(box)):
+        return _moved_as_one(design, demands, demands.hands, box, parts)
     if not design.device.renders_force:
         if not design.gains.closed:
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
@@ -89,20 +87,11 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
-    """Prove the same of the least device in wider hands.
-
-    A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one:
-    all sums of both are those of the least of it with a hand of a box that is longer by the device's range.
-    """
+    """Prove the same of the least device in longer hands."""
     least = {key: box.low.number(key) for key in parts}
-    range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
-    high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
-    wider = replace(
-        demands, device=demands.device.with_numbers(least), hands=Hands(hands.low, replace(hands.high, **high))
-    )
     one = replace(design, device=design.device.with_numbers(least))
-    rest = DeviceBox(*(device.with_numbers(least) for device in (box.nominal, box.low, box.high)))
-    found = prove_hands(one, wider, rest)
+    rest, longer = in_longer_hands(box, hands, parts)
+    found = prove_hands(one, replace(demands, device=demands.device.with_numbers(least), hands=longer), rest)
     if found.hand is None or found.verdict is Verdict.PROVED:
         return found
     # the hand has what it may, the device the rest
@@ -275,8 +264,6 @@ class _Part:
         return tested
 
 
-ADDED = ("mass", "damping")
-"""What a rigid device and a hand have together where only motion is measured."""
 DELAY_ROWS = tuple(f"device.{key}" for key in DELAYS)
 
 

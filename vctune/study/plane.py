@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.design.prepared import Units
+from vctune.design.prepared import Units, of_one_device
 from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
 from vctune.document.errors import Mistake
 from vctune.model.keys import KEYS, keys_of
@@ -97,7 +97,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     bounds, found = dict(zip(keys_for(problem), ranges(problem), strict=True)), []
     free = [key for key in bounds if not bounds[key].fixed]
     names = f"free are {', '.join(free)}" if free else "the problem fixes every number"
-    if problem.uncertainty is not None:
+    if of_one_device(problem) is None:
         found.append(
             Mistake("no-plane", "uncertainty", "a region is proved for one device; leave the table out of this problem")
         )

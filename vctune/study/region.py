@@ -14,7 +14,7 @@ from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
-from vctune.design.prepared import pose
+from vctune.design.prepared import of_one_device, pose
 from vctune.design.variables import coupling_from
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -104,11 +104,12 @@ def region(
     Region
         The cells that those are divided into, in no particular order.
     """
-    done: list[tuple[Squares, Kinds, Floats]] = []
+    one, done = of_one_device(problem), list[tuple[Squares, Kinds, Floats]]()
+    assert one is not None
     while squares.shape[1] and not stopped():
         progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
         first, squares = np.split(squares, [TOGETHER], axis=1)
-        kinds, damping = _judged(problem, plane, first)
+        kinds, damping = _judged(one, plane, first)
         size = np.maximum(first[1] - first[0], first[3] - first[2])
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
