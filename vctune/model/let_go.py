@@ -19,7 +19,7 @@ from vctune.model.pair import EvenOdd, Pair
 from vctune.model.plant_in_hand import equations, filter_rows, numerators
 from vctune.model.quantities import Device
 from vctune.model.sampled import ReturnDifference, SampledPlant
-from vctune.model.state_space import stepped
+from vctune.model.state_space import left_by_older
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, frac
     rounded, older = half_coth(rates, ops), None
     if fractional:
         rows = (*((*row, b) for row, b in zip(rates, push, strict=True)), (0,) * (len(push) + 1))
-        _, _, left = stepped(rows, (device.delay - whole_samples * T) / T, ops)
+        left = left_by_older(rows, (device.delay - whole_samples * T) / T, ops)
         older = applied(added(rounded, scaled(rates, -0.5)), left[:-1])
     low_pass, order = None, 0
     if estimate is not None and estimate.filter_hz is not None:

@@ -32,7 +32,7 @@ from vctune.model.matrices import (
 from vctune.model.pair import EvenOdd, Pair
 from vctune.model.quantities import Device, Hand
 from vctune.model.sampled import split_delay
-from vctune.model.state_space import stepped
+from vctune.model.state_space import left_by_older
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
 
@@ -153,7 +153,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
             return None
         n = len(parts.names)
         rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
-        _, _, left = stepped(rows, (delay - whole * T) / T, ops)
+        left = left_by_older(rows, (delay - whole * T) / T, ops)
         return applied(added(rounded, scaled(over, -0.5)), left[:-1])
 
     before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)

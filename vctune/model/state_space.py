@@ -79,11 +79,32 @@ def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matri
     if older is None:
         step = exponential_less_one(rates, ops)
         return step, column(step, -1), tuple(0 for _ in rates)
-    early = exponential_less_one(scaled(rates, older), ops)
-    late = exponential_less_one(scaled(rates, 1 - older), ops)
-    # e^late e^early - 1, and what the early force leaves behind moves on with the late part
-    step, left = added(added(late, early), product(late, early)), column(early, -1)
-    return step, column(late, -1), tuple(add(a, b) for a, b in zip(left, applied(late, left), strict=True))
+    early, late = _halves(rates, older, ops)
+    # e^late e^early - 1
+    return added(added(late, early), product(late, early)), column(late, -1), _moved_on(early, late)
+
+
+def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
+    """Return what the older force adds to the states, alone.
+
+    Parameters
+    ----------
+    rates : d/dt of the states and of the force, which is last
+    older : share of the sample for which the older force acts
+    ops : arithmetic of both
+    """
+    return _moved_on(*_halves(rates, older, ops))
+
+
+def _halves(rates: Matrix, older: Number, ops: Arithmetic) -> tuple[Matrix, Matrix]:
+    """Return e^A - 1 over the part of a sample in which the older force acts, and over the rest."""
+    return exponential_less_one(scaled(rates, older), ops), exponential_less_one(scaled(rates, 1 - older), ops)
+
+
+def _moved_on(early: Matrix, late: Matrix) -> Vector:
+    """Return what the early force leaves behind at the end of the sample."""
+    left = column(early, -1)
+    return tuple(add(a, b) for a, b in zip(left, applied(late, left), strict=True))
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:
