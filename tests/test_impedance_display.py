@@ -9,6 +9,7 @@ from math import ceil, floor, pi
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from force_loop import Element, Mechanics, spectral_radius, step_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -22,12 +23,15 @@ from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_h
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.check import CheckVerdict, check
 from vctune.design.claim_records import claim_records
+from vctune.design.criteria import with_alternatives
+from vctune.design.estimate import estimated
 from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.design.record import record_of
 from vctune.design.solve import solve
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
+from vctune.document.reading import read_problem
 from vctune.model.arithmetic import FLOATS
 from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.impedance_display import any_hand, firmware_filter
@@ -404,6 +408,15 @@ def test_a_device_without_damping_is_refused_in_any_passive_hand():
 def test_a_device_without_damping_is_not_refused_in_hands():
     held = solve(arm(display(damping=0.0), criterion="hands"))
     assert held.status in (Status.CERTIFIED, Status.UNDECIDED)
+
+
+def test_an_uncertain_arm_says_what_hands_alone_would_allow():
+    """By one device that stands for all of them; the search over the box of devices finds the same."""
+    problem = read_problem(ROOT / "problems/desktop-arm.toml").problem
+    (alone,) = with_alternatives(solve(problem)).alternatives
+    direct = estimated(replace(problem, stability=replace(problem.stability, criterion="hands")))
+    assert alone.criterion == "hands" and direct is not None
+    assert (alone.stiffness, alone.error) == pytest.approx((direct.coupling.stiffness, direct.error), rel=1e-3)
 
 
 def test_what_cannot_change_is_not_optimised():

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 from vctune.design.estimate import estimated
 from vctune.design.judge import Status
+from vctune.design.prepared import of_one_device, pose
 from vctune.design.result import Solved
 from vctune.model.problem import Criterion
 from vctune.model.quantities import SpringDamper
@@ -37,13 +38,15 @@ def with_alternatives(solved: Solved) -> Solved:
     problem = solved.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
-    if problem.device.renders_force and problem.uncertainty is not None:
-        return solved  # a box of devices in a box of hands takes minutes
+    one = of_one_device(problem) if problem.device.renders_force else problem
+    if one is None:
+        return solved  # a box of devices in a box of hands may take minutes
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
     found = []
-    for one in others:
-        alone = estimated(replace(problem, stability=replace(problem.stability, criterion=one)))
+    for criterion in others:
+        alone = estimated(replace(one, stability=replace(problem.stability, criterion=criterion)))
         if alone is not None:
             stiffness = alone.coupling.stiffness if isinstance(alone.coupling, SpringDamper) else None
-            found.append(Alternative(one, alone.error, stiffness))
+            error = alone.error if one is problem else pose(problem).error(alone.gains, alone.coupling)
+            found.append(Alternative(criterion, error, stiffness))
     return replace(solved, alternatives=found)
