@@ -537,6 +537,7 @@ def test_the_report_of_an_impedance_display(tmp_path):
     page = made[tmp_path / "report.html"]
     assert "a wall may be as stiff as 3232 N/m" in page
     assert "Re 1/Z_c" in page
+    assert "<p>With criterion" in page and "instead of 3232 N/m.</p>" in page
     assert "without a loop:" not in page
 
 
