@@ -114,6 +114,13 @@ def test_where_a_hand_makes_the_loop_unstable_there_is_no_bound():
     assert np.isinf(found.offset).any()
 
 
+def test_a_loop_that_a_hand_makes_unstable_has_no_admissible_coupling():
+    tables = {"device": {"display": "impedance", "mass": 0.1, "damping": 0.3, "sample_time": T}}
+    tables |= {"gains": {"velocity": 500.0}, "stability": {"criterion": "hands"}}
+    tables["operator"] = {"mass": 0.2, "damping": 3.0, "stiffness": 200.0}
+    assert vctune.region(tables, resolution=1 / 8).areas["infeasible"] == 1
+
+
 @pytest.mark.parametrize("resolution", [1 / 32, pytest.param(1 / 256, marks=pytest.mark.slow)])
 def test_the_region_of_a_paddle(resolution):
     """What is proved of its cells holds: of feasible ones in exact time, of infeasible ones by a certificate."""

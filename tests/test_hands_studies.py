@@ -299,6 +299,8 @@ def test_without_drag_some_hands_leave_nothing_to_prove():
     held = "min = 0.0, max = 30.0 }\nstiffness = { min = 0.0, max = 0.0 }"
     some = never.replace("drag = 0.0", "drag = 1.0").replace("min = 0.0, max = 30.0 }", held)
     assert "a pole at 1" in impossible(posed(some)).reason
+    paddle = (ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0")
+    assert "a pole at 1" in impossible(posed(paddle)).reason
 
 
 @pytest.mark.slow

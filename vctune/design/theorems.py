@@ -22,7 +22,7 @@ LEAST_POSITION = 5e-324
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
     if problem.device.renders_force:
-        return _without_damping(problem)
+        return _without_damping(problem) or _nothing_returns(problem)
     found = _of_passive_hands(problem) if problem.passive else None
     if found is None and problem.hands_met is not None:
         return _in_limp_hands(problem, problem.hands_met)
@@ -38,6 +38,14 @@ def _without_damping(problem: Problem) -> Infeasibility | None:
         "so that R is infinite"
     )
     return Infeasibility(cause, 'state the device\'s damping, or ask for stability.criterion = "hands"', proved=True)
+
+
+def _nothing_returns(problem: Problem) -> Infeasibility | None:
+    """Without a spring in any hand an impedance display at rest may stand anywhere, which is no stability to prove."""
+    if problem.hands_met is None or problem.hands_met.high.stiffness > 0:
+        return None
+    cause = f"{OPENINGS[False]}: in hands without stiffness nothing returns the handle: a pole at 1"
+    return Infeasibility(cause, "raise operator.stiffness.max", proved=False)
 
 
 def _of_passive_hands(problem: Problem) -> tuple[str, str] | None:

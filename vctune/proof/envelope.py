@@ -39,6 +39,8 @@ SLACK, RAISED = 5e-3, 4.0
 """By how much a piece is raised above what was seen, relative, at first, and how many times as much in each attempt
 that follows. Half of either takes a third more boxes, twice a sixth fewer; of a plane half and twice the first leave
 half as much again open, of the second a tenth."""
+SMALL = 1e-4
+"""Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
 ATTEMPTS = 10
 """Attempts to prove a piece before nothing is said of it. Most take two or three; half and twice as many: the same."""
 MAX_HALVINGS, MAX_BOXES = 40, 250
@@ -84,9 +86,11 @@ def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
     low, high = band_of(0.0, HALF_TURN, STEP)
     theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
     some = _some_of(hands) if hands is not None else None
-    seen = np.nan_to_num(_required(device, some, gains, theta.ravel()), nan=-np.inf).max(axis=0).reshape(theta.shape)
+    # where less than nothing is asked for, be it without bound, nothing is
+    asked = np.fmax(_required(device, some, gains, theta.ravel()), 0.0).max(axis=0)
+    seen = asked.reshape(theta.shape)
     slope = (seen[:, -1] - seen[:, 0]) / (high - low)
-    above, scale = (seen - slope[:, None] * theta).max(axis=1), np.abs(seen).max(axis=1)
+    above, scale = (seen - slope[:, None] * theta).max(axis=1), np.maximum(seen.max(axis=1), SMALL * seen.max())
     offset, left, boxes = np.full(len(low), np.inf), np.flatnonzero(np.isfinite(above)), 0
     for attempt in range(ATTEMPTS):
         if not len(left):

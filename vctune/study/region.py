@@ -174,7 +174,7 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     lost = refuted(demands, rest, there)
     if free:
         lost |= no_damping(demands, rest, there)
-    elif there.in_hands is not None:
+    elif there.in_hands is not None and not lost.all():
         near = np.flatnonzero(~lost)
         lost[near] = refuted(demands, rest.subset(near), _closer(problem, rest.subset(near), there.subset(near)))
     kinds[left[lost]] = Kind.INFEASIBLE
