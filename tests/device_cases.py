@@ -13,7 +13,8 @@ from device_pairs import real_of
 from random_devices import far_apart, ordinary, ordinary_gains
 from sampled_device_oracle import LET_GO, pulses
 
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 
 NUM = Digits(150)
 """|q| - Re q, as it stands, cancels four times as many digits as a frequency lies decades below a device's corners:

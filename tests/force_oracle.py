@@ -14,8 +14,8 @@ import numpy as np
 from force_loop import Mechanics
 from scipy.linalg import expm
 
+from vctune.model.device import Device
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device
 
 ALIASES = 3000
 """On either side, of a disc: the rest is 1e-4 of the disc."""

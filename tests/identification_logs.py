@@ -12,9 +12,9 @@ from math import pi
 import numpy as np
 
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
 from vctune.model.experiment import Environment, Friction, Operator
 from vctune.model.filters import smoothing
-from vctune.model.quantities import Actuator, Device, Structure, VelocityEstimate
 from vctune.simulation.controller import Law
 from vctune.simulation.motion import intended_motion
 from vctune.simulation.scene import Scene

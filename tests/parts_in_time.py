@@ -19,8 +19,8 @@ import scipy.linalg
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
+from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
-from vctune.model.quantities import Device
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.motion import intended_motion

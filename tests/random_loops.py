@@ -11,7 +11,7 @@ from device_pairs import real_of
 from device_scan import exact, frequencies, least, ratio, required, sampled_radius, unstable_model_poles
 from random_devices import ordinary, ordinary_gains
 
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.claims import Design
 
 NEAR_THE_AXIS = 1e-6

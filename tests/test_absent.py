@@ -16,7 +16,8 @@ from vctune.design.nlp_structure import nlp_structure
 from vctune.design.prepared import prepare
 from vctune.design.variables import coordinates
 from vctune.design.working_set import WorkingSet, constraint_points
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.step import build
 

@@ -28,7 +28,7 @@ from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.document.schemas import SCHEMAS
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.model.transparency import Terms
 
 LAG = Case(0.5, 2.0, 1e-3, 0.0, "lag", 40.0, 4000.0)

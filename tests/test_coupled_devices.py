@@ -25,7 +25,8 @@ from test_witness import passive, value
 from vctune.design.judge import Status
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.array_claims import Demands
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.interval import Verdict

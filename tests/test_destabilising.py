@@ -19,9 +19,10 @@ from vctune.analysis.destabilising import GrowingEnvironment, destabilising
 from vctune.design.claim_records import claim_records
 from vctune.design.judge import judge
 from vctune.document.reading import problem_file
-from vctune.model import quantities
+from vctune.model import gains
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.quantities import Device, ForceSensor, Hand, Structure, VelocityEstimate
+from vctune.model.hands import Hand
 from vctune.model.units import LINEAR
 from vctune.proof.certificate import Claim
 from vctune.simulation.scene import designed_scene
@@ -34,12 +35,12 @@ WHOLE = Device(
     1e-3,
     3e-4,
     velocity=VelocityEstimate("difference", 300.0, 1),
-    actuator=quantities.Actuator(500.0, 2),
+    actuator=Actuator(500.0, 2),
     force_sensor=ForceSensor(400.0, 1, 4e-4),
     structure=Structure(0.1, 120.0, 0.02),
 )
-GAINS = quantities.Gains(150.0, 3000.0)
-COUPLING = quantities.Coupling(5.0, 0.05, 0.1)
+GAINS = gains.Gains(150.0, 3000.0)
+COUPLING = gains.Coupling(5.0, 0.05, 0.1)
 CASES = {
     "spring": (PLAIN, Hand(0.0, 0.0, 2e4), 2 * pi * 160.0),
     "mass": (PLAIN, Hand(0.2, 1.0, 800.0), 2 * pi * 300.0),

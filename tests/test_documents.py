@@ -22,8 +22,8 @@ from vctune.document.gains import gains_text
 from vctune.document.reading import parse_problem, problem_file, read_problem
 from vctune.document.schema import json_schema
 from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import HUMAN_HANDS, Band, Range
-from vctune.model.quantities import Coupling, Gains
 
 BAD = Path(__file__).parent / "bad"
 THREE = "[device]\nmass = {}\ndamping = {}\nsample_time = {}\n"

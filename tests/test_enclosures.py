@@ -14,8 +14,9 @@ from mpmath import mp, mpf
 
 from vctune.document.reading import read_gains, read_problem
 from vctune.model.arithmetic import FLOATS, SERIES_BELOW
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.model.keys import KEYS
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.array_claims import Demands
 from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.box_tests import positive

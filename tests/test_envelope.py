@@ -19,10 +19,11 @@ from vctune.design.judge import Status, judge
 from vctune.design.prepared import pose
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.arithmetic import FLOATS
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import HUMAN_HANDS
-from vctune.model.quantities import Gains, Hand, Hands, SpringDamper
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.envelope import Envelope, envelope

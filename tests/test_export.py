@@ -24,7 +24,7 @@ from vctune import InputError, export, simulate, write_export
 from vctune.document.reading import read_gains, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.simulation.coefficients import coupling_coefficients, coupling_of
 from vctune.simulation.scene import designed_law
 

@@ -12,7 +12,8 @@ from device_pairs import real_of
 
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
 from vctune.model.coupling import coupling_impedance
-from vctune.model.quantities import Actuator, Coupling, Device, ForceSensor, Gains, Structure, VelocityEstimate
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.gains import Coupling, Gains
 
 WHEEL = Device(0.4, 2.0, 1e-3)
 LATE = replace(

@@ -22,9 +22,11 @@ from sampled_device_oracle import coupling_at, pulses, seen_at
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.coupling import sampled_resistance
+from vctune.model.device import Actuator, Device, ForceSensor, Structure
+from vctune.model.gains import Coupling, Gains
 from vctune.model.hand_loop import LoopInHand, loop_in_hand, required_in_hand, required_in_limp_hand
+from vctune.model.hands import HAND, Hand
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.quantities import HAND, Actuator, Coupling, Device, ForceSensor, Gains, Hand, Structure
 from vctune.proof.arb_balls import BALLS, ball, box, device_ball, gains_ball
 from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.claims import Design, hand_margin

@@ -21,7 +21,7 @@ from vctune.design.record import design_record
 from vctune.design.scan import scan
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
-from vctune.model.quantities import Hands
+from vctune.model.hands import Hands
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 

@@ -29,10 +29,11 @@ from vctune.design.variables import ranges
 from vctune.document.reading import parse_problem, read_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.arithmetic import FLOATS
+from vctune.model.gains import Coupling, Gains
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.limits import lags
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.quantities import Coupling, Gains, Hand, Hands
 from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_claims import Demands, claims_of
 from vctune.proof.boxes import Cells
@@ -301,6 +302,15 @@ def test_without_drag_some_hands_leave_nothing_to_prove():
     assert "a pole at 1" in impossible(posed(some)).reason
     paddle = (ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0")
     assert "a pole at 1" in impossible(posed(paddle)).reason
+
+
+def test_hands_without_stiffness_are_told_how_stiff_some_must_be(tmp_path):
+    file = tmp_path / "limp.toml"
+    file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0"))
+    (repair,) = vctune.solve(file).repairs
+    assert repair.key == "operator.stiffness.max" and 0 < repair.new < 1000
+    file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", f"max = {repair.new!r}"))
+    assert vctune.solve(file).status == "certified"
 
 
 @pytest.mark.slow

@@ -12,8 +12,8 @@ from identification_logs import Log, driven, encoded, random_case
 from vctune import check, identify, solve
 from vctune.design.check import CheckVerdict
 from vctune.document.errors import InputError
+from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
-from vctune.model.quantities import Device
 
 FEW, MANY = (pytest.param(1, marks=pytest.mark.slow), 2), range(200)
 

@@ -15,7 +15,8 @@ from device_pairs import loop
 from keemink_oracle import Robot, bound_7, bound_9, bound_11, bound_12, is_passive, least_virtual_mass
 
 from vctune.model.coupling import coupling_impedance as model_coupling
-from vctune.model.quantities import Coupling, Device, ForceSensor, Gains
+from vctune.model.device import Device, ForceSensor
+from vctune.model.gains import Coupling, Gains
 
 BARE = Robot()
 CASES = [

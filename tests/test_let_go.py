@@ -8,15 +8,9 @@ import numpy as np
 import pytest
 
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.hands import LeastOperator
 from vctune.model.let_go import has_sharp_form, plant_let_go, return_difference
-from vctune.model.quantities import (
-    Actuator,
-    Device,
-    ForceSensor,
-    LeastOperator,
-    Structure,
-    VelocityEstimate,
-)
 from vctune.model.sampled import sampled_plant, split_delay
 from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.jets import ENCLOSURES, Jet, variables

@@ -15,8 +15,8 @@ from vctune import identify
 from vctune.document.codes import ENDING
 from vctune.document.errors import InputError
 from vctune.document.schemas import SCHEMAS
+from vctune.model.device import Device
 from vctune.model.experiment import USUAL_MASS, Friction
-from vctune.model.quantities import Device
 
 T = 1e-3
 DEVICE = Device(0.4, 2.0, T, 4e-4)

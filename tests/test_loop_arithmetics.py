@@ -17,11 +17,12 @@ from flint import arb, arb_series, ctx
 from vctune.design.nlp import SYMBOLS
 from vctune.model.affine import Affine, loop_constants
 from vctune.model.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Coupling, Gains
 from vctune.model.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.sampled import (
     ReturnDifference,
     SampledPlant,

@@ -25,10 +25,11 @@ from random_devices import frequencies
 
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.gains import Coupling, Gains
 from vctune.model.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.limits import low_frequency_limit
 from vctune.model.llewellyn import required_resistance
-from vctune.model.quantities import Actuator, Coupling, Device, ForceSensor, Gains, Structure, VelocityEstimate
 from vctune.proof.sampled_loop import spectral_radius as proved_radius
 
 FURTHER = Digits(400)

@@ -18,12 +18,13 @@ from vctune.bench.evaluator import Case, impedances
 from vctune.design.nlp import SYMBOLS
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Coupling, Gains
 from vctune.model.impedances import G_hh_abs2, tracking_abs2
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import log_quadrature
 from vctune.proof.arb_balls import BALLS, device_ball, gains_ball
 

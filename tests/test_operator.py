@@ -24,11 +24,13 @@ from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem, problem_file
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import LeastOperator
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
-from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.certificate import Claim, certify

@@ -19,7 +19,8 @@ from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.bench import digits, evaluator
 from vctune.bench.evaluator import Case, coupling_impedance, impedances
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.sampled_loop import spectral_radius
 
 LOOPS = [

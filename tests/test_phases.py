@@ -26,7 +26,8 @@ from vctune.analysis.phases import (
     sensor_miss,
 )
 from vctune.analysis.sampled_loop import loop_gain
-from vctune.model.quantities import Actuator, Device, ForceSensor, Gains, Structure, VelocityEstimate
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.gains import Gains
 
 RIGID = Device(0.4, 2.0, 1e-3, 3e-4)
 LATE = replace(

@@ -15,7 +15,8 @@ from matplotlib.colors import to_rgb
 from vctune.design.record import record_of
 from vctune.design.solve import solve
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.model.quantities import Coupling, Gains, Hand, Hands
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand, Hands
 from vctune.report.experiments import simulation_figure
 from vctune.report.figures import Design, figures
 from vctune.report.hands_figure import hands_figure

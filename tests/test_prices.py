@@ -14,7 +14,7 @@ from vctune.design.prices import BETTER, with_prices
 from vctune.design.record import record_of
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
-from vctune.model.quantities import NUMBERS
+from vctune.model.device import NUMBERS
 from vctune.model.units import LINEAR
 
 REAL = """

@@ -15,8 +15,10 @@ from vctune.analysis.demands import stability_ratio
 from vctune.analysis.extrema import frequency_grid, local_minima
 from vctune.bench import digits, evaluator
 from vctune.bench.evaluator import Case
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import LeastOperator
 from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling, Device, Gains, LeastOperator
 from vctune.proof import polynomials
 from vctune.proof.arb_balls import BALLS, PRECISION, design_ball
 from vctune.proof.array_claims import Demands

@@ -25,7 +25,7 @@ from random_hands import InHands, box_of, exact_need, in_hands
 from sampled_device_oracle import Hand as Held
 
 from vctune.analysis.destabilising import destabilising
-from vctune.model.quantities import Hands
+from vctune.model.hands import Hands
 from vctune.proof.array_claims import Demands
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import band_of, over_band

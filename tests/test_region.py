@@ -15,8 +15,8 @@ from vctune.bench.evaluator import cases
 from vctune.design.prepared import pose
 from vctune.design.variables import ranges
 from vctune.document.reading import problem_file
+from vctune.model.gains import Coupling, Gains
 from vctune.model.keys import KEYS
-from vctune.model.quantities import Coupling, Gains
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
 from vctune.proof.interval import Verdict

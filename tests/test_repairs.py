@@ -34,8 +34,8 @@ from vctune.document.errors import InputError
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.exit_codes import ExitCode
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
 from vctune.report.page import page
 
 LAG = '[device]\nmass = 0.5\ndamping = {}\nsample_time = 1e-3\nhold = "lag"\n'

@@ -21,7 +21,7 @@ from vctune.design.solve import solve
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.report.curves import handle_impedance, llewellyn, nyquist, transparency
 from vctune.report.diagram import loop_figure
 from vctune.report.report import write_report

@@ -22,8 +22,8 @@ from vctune.document.reading import parse_problem, problem_file
 from vctune.document.statement import statement
 from vctune.document.toml_text import toml_text
 from vctune.firmware.fmu import DIMENSIONS
+from vctune.model.hands import Hand
 from vctune.model.problem import HUMAN_HANDS
-from vctune.model.quantities import Hand
 from vctune.model.units import LINEAR, QUANTITIES, ROTARY
 
 FILE = Path("device.toml")

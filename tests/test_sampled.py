@@ -12,7 +12,8 @@ from vctune.bench import evaluator
 from vctune.bench.evaluator import Case
 from vctune.model.arithmetic import FLOATS
 from vctune.model.characteristic import characteristic_polynomial
-from vctune.model.quantities import Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.sampled import return_difference, sampled_plant, split_delay
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles

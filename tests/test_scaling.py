@@ -16,7 +16,7 @@ from vctune.design.prepared import prepare
 from vctune.design.scan import scan
 from vctune.design.solve import solve
 from vctune.document.reading import read_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene
 from vctune.study.plane import plane

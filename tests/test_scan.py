@@ -23,8 +23,9 @@ from vctune.design.samples import samples_of
 from vctune.design.scan import better_start_near, in_same_basin, scan
 from vctune.design.solve import solve
 from vctune.design.variables import design_of
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Range
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.model.transparency import Terms, log_quadrature
 
 PROBLEMS = reference_problems()

@@ -27,9 +27,10 @@ from test_coupled import Certified, growing, outside, scenes
 from vctune.bench.problems import posed
 from vctune.design.judge import Status, judge
 from vctune.model.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 from vctune.model.device_response import mechanism
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
-from vctune.model.quantities import Actuator, Coupling, Device, ForceSensor, Gains, Structure, VelocityEstimate
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.sampled_loop import prove_sampled_poles, spectral_radius
 from vctune.simulation.arithmetic import FLOATS

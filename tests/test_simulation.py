@@ -16,8 +16,9 @@ from sampled_oracle import Linear
 from sampled_oracle import simulate as oracle
 
 from vctune.document.reading import read_gains, read_problem
+from vctune.model.device import Device, VelocityEstimate
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
-from vctune.model.quantities import Coupling, Device, Gains, VelocityEstimate
+from vctune.model.gains import Coupling, Gains
 from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import Measurement, State, control
 from vctune.simulation.friction import Carriage, Slide, friction_force, slide, slide_step

@@ -16,11 +16,12 @@ from vctune.analysis.feel import felt_impedance
 from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_hands
 from vctune.analysis.margins import unstable_poles
 from vctune.document.reading import parse_problem
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import FLOATS
+from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
-from vctune.model.impedance_display import any_hand
+from vctune.model.hands import Hand
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.quantities import Coupling, Gains, Hand, SpringDamper
 
 pytestmark = needs_chromium
 DRAG = FIXED.format(160.0) + "drag = 3.0\n"

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 from random_hands import in_hands
 
+from vctune.model.hands import HAND
 from vctune.model.keys import KEYS
 from vctune.model.plant_in_hand import delays_of
-from vctune.model.quantities import HAND
 from vctune.proof.array_claims import Demands, hands_margin
 from vctune.proof.array_intervals import Enclosure, between, decimal
 from vctune.proof.box_minimum import least_over_boxes

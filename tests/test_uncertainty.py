@@ -32,8 +32,9 @@ from vctune.design.solve import solve
 from vctune.design.variables import coordinates
 from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.document.reading import parse_problem
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Uncertainty
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.array_intervals import Enclosure
 from vctune.proof.box_tests import positive
 from vctune.proof.boxes import band_of, over_band

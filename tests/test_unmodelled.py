@@ -20,7 +20,7 @@ from vctune.design.judge import Status, judge
 from vctune.design.solve import solve
 from vctune.design.theorems import impossible
 from vctune.document.reading import parse_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Verdict
 

@@ -19,7 +19,7 @@ from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.worst import worst_inside
 from vctune.document.reading import parse_problem
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.array_intervals import Enclosure
 from vctune.proof.certificate import Claim
 from vctune.proof.devices import device_box

@@ -10,7 +10,8 @@ import pytest
 from vctune.bench.evaluator import case_of, coupling_impedance, impedances
 from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
 from vctune.proof.array_claims import Demands
 from vctune.proof.certificate import Claim, certify
 from vctune.proof.claims import Design

@@ -35,41 +35,41 @@ if TYPE_CHECKING:
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
     from vctune.exit_codes import ExitCode as ExitCode
+    from vctune.model.device import Actuator as Actuator
+    from vctune.model.device import ForceSensor as ForceSensor
+    from vctune.model.device import Structure as Structure
+    from vctune.model.device import VelocityEstimate as VelocityEstimate
     from vctune.model.experiment import Experiment as Experiment
+    from vctune.model.gains import Coupling as Coupling
+    from vctune.model.gains import Gains as Gains
+    from vctune.model.hands import LeastOperator as LeastOperator
     from vctune.model.problem import Problem as Problem
     from vctune.model.problem import Range as Range
-    from vctune.model.quantities import Actuator as Actuator
-    from vctune.model.quantities import Coupling as Coupling
-    from vctune.model.quantities import ForceSensor as ForceSensor
-    from vctune.model.quantities import Gains as Gains
-    from vctune.model.quantities import LeastOperator as LeastOperator
-    from vctune.model.quantities import Structure as Structure
-    from vctune.model.quantities import VelocityEstimate as VelocityEstimate
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
     from vctune.simulation.experiment import Simulated as Simulated
 
 
 _HOME = {
-    "Actuator": "model.quantities",
+    "Actuator": "model.device",
     "Certificate": "proof.certificate",
-    "Coupling": "model.quantities",
+    "Coupling": "model.gains",
     "Device": "document.building",
     "ExitCode": "exit_codes",
     "Experiment": "model.experiment",
-    "ForceSensor": "model.quantities",
-    "Gains": "model.quantities",
+    "ForceSensor": "model.device",
+    "Gains": "model.gains",
     "InputError": "document.errors",
     "Judgement": "design.judge",
-    "LeastOperator": "model.quantities",
+    "LeastOperator": "model.hands",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
     "Range": "model.problem",
     "Simulated": "simulation.experiment",
     "Solved": "design.result",
     "Status": "design.judge",
-    "Structure": "model.quantities",
-    "VelocityEstimate": "model.quantities",
+    "Structure": "model.device",
+    "VelocityEstimate": "model.device",
     "bound": "api.bounding",
     "certify": "proof.certificate",
     "check": "api.checking",

@@ -21,10 +21,12 @@ import numpy as np
 
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.hand_loop import loop_in_hand
+from vctune.model.hands import Hand
 from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.plant_in_hand import PlantInHand, delays_of, plant_in_hand
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, SpringDamper, series_coupling
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same

@@ -12,12 +12,14 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
+from vctune.model.any_hand import AnyHand, any_hand
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand
-from vctune.model.impedance_display import AnyHand, any_hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 """Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0

@@ -12,8 +12,9 @@ from vctune.analysis.extrema import Floats, frequency_grid, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_at
 from vctune.analysis.stability import makes_no_turn, unit_circle
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Gains
 
 BISECTIONS = 40
 """Of an interval of the grid: to 1e-12 of it, beyond what is shown. Half: to 1e-6, which is shown. Twice: rounding."""

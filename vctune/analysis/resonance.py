@@ -7,7 +7,7 @@ from math import pi
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.model.quantities import Device
+from vctune.model.device import Device
 
 RESONANCE_REACH, NARROWEST = 1.1, 2e-3
 """How far around a structure's resonances the grid is as fine as half their damping ratio, and how fine at the finest.

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.model.arithmetic import FLOATS
-from vctune.model.quantities import Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.sampled import (
     ReturnDifference,
     SampledPlant,

@@ -16,10 +16,11 @@ from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, plant_of
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Gains
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46

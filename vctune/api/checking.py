@@ -10,7 +10,7 @@ from vctune.document.building import ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.files import make_folder, write_together
-from vctune.model.quantities import Coupling, Gains
+from vctune.model.gains import Coupling, Gains
 from vctune.study.region_check import Recheck
 from vctune.study.region_check import check_region as prove_again
 

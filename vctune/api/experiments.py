@@ -21,7 +21,7 @@ from vctune.document.reading import ProblemFile
 from vctune.document.simulation import FILE, SimulationRecord, simulation_of
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
-from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.experiment import Simulated
 from vctune.simulation.experiment import simulate as run
 from vctune.simulation.library import CompiledController

@@ -18,7 +18,7 @@ from vctune.document.files import Content, folder_name, make_folder, write_toget
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
 from vctune.firmware.firmware import Firmware, Precision, certified, firmware
-from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"

@@ -22,9 +22,9 @@ from vctune.document.files import previous, write_together
 from vctune.document.reading import ProblemFile
 from vctune.document.region import read_region
 from vctune.markup import html_facts
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide

@@ -23,7 +23,7 @@ from vctune.design.start import Start
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
 from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.interrupt import interrupt_deferred
-from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains
 
 PANELS = 16
 """Panels of the objective's quadrature: enough for nine digits on the reference problems."""

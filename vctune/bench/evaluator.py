@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains, series_coupling
 
 Floats = NDArray[np.float64]
 

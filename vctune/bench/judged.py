@@ -7,8 +7,8 @@ from math import inf
 
 from vctune.bench import evaluator
 from vctune.design.judge import Status, judge
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 
 AGREEMENT = 1e-6
 """Relative difference of the two errors beyond which they contradict each other."""

@@ -22,8 +22,8 @@ from vctune.design.prepared import Prepared, prepare
 from vctune.design.scan import ScanResult, scan
 from vctune.design.solve import solve
 from vctune.design.start import Start
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.report.benchmarks import Panel, Series
 
 GRID = 2000

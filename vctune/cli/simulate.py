@@ -12,7 +12,7 @@ from vctune.cli.options import out_option, output_options, problem_argument
 if TYPE_CHECKING:
     from vctune.cli.progress import Progress
     from vctune.document.reading import ProblemFile
-    from vctune.model.quantities import AnyCoupling, Gains
+    from vctune.model.gains import AnyCoupling, Gains
 
 IN_THE_LOOP = "in-the-loop"
 """The folder of what a compiled controller came to, in that of the design."""

@@ -13,8 +13,9 @@ from rich.table import Table
 
 from vctune.document.comparison import ComparisonRecord
 from vctune.document.errors import printable
+from vctune.document.gains_record import SpringRecord
 from vctune.document.part import text
-from vctune.document.record import DesignRecord, RepairRecord, SpringRecord
+from vctune.document.record import DesignRecord, RepairRecord
 from vctune.document.rows import Cells, CornerRecord, SweepRecord
 from vctune.document.simulation import DifferenceRecord, LeastVirtualRecord, SimulationRecord
 from vctune.model.units import Units

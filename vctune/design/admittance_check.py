@@ -20,8 +20,10 @@ from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.toml_text import toml_text
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.quantities import Coupling, Device, Hand, series_coupling
+from vctune.model.gains import Coupling, series_coupling
+from vctune.model.hands import Hand
 from vctune.model.units import Units
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import Mode, fastest_mode

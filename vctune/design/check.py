@@ -28,9 +28,9 @@ from vctune.document.gains import design_tables
 from vctune.document.plausibility import doubts
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.model.units import UNITS
 
 

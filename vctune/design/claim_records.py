@@ -9,10 +9,12 @@ from vctune.analysis.destabilising import GrowingEnvironment, destabilising
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.judge import Judgement
 from vctune.design.uncertainty import device_record
-from vctune.document.record import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
+from vctune.document.certificate_record import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
+from vctune.model.device import Device
 from vctune.model.frequency import finite_hertz, hertz
+from vctune.model.gains import SpringDamper
+from vctune.model.hands import LeastOperator
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device, LeastOperator, SpringDamper
 from vctune.model.units import UNITS
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Outcome, Verdict

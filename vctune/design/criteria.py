@@ -8,8 +8,8 @@ from vctune.design.estimate import estimated
 from vctune.design.judge import Status
 from vctune.design.prepared import of_one_device, pose
 from vctune.design.result import Solved
+from vctune.model.gains import SpringDamper
 from vctune.model.problem import Criterion
-from vctune.model.quantities import SpringDamper
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of
 from vctune.design.working_set import WorkingSet
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,10 +11,10 @@ from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import makes_no_turn
 from vctune.design.samples import Samples
 from vctune.design.start import Missed
+from vctune.model.gains import Gains
 from vctune.model.impedances import LoopResponse
 from vctune.model.pair import Pair
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 
 Kinds = NDArray[np.int8]
 """Values of `Missed`."""

@@ -22,8 +22,8 @@ from vctune.design.feasibility import LoopFeasibility, loop_feasibility
 from vctune.design.grid import Axes, Scores, evaluated, position_gain, responses
 from vctune.design.refine import between_neighbours
 from vctune.design.samples import Samples
+from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 
 ROUNDS, PARTS = 3, 4
 """How often the step that the limit lies in is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""

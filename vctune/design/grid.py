@@ -26,10 +26,10 @@ from vctune.design.samples import Samples, samples_of
 from vctune.design.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
 from vctune.design.start import Missed
 from vctune.model.arithmetic import FLOATS
+from vctune.model.gains import Gains
 from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import Gains
 from vctune.model.transparency import loop_terms
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}

@@ -13,8 +13,8 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.design.prepared import Prepared
 from vctune.design.scan import ScanResult
 from vctune.design.variables import design_of, point
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Gains
 from vctune.model.units import UNITS
 from vctune.proof.sampled_loop import spectral_radius
 

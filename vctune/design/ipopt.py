@@ -27,14 +27,16 @@ from vctune.design.result import Solution
 from vctune.design.variables import Coordinate, Point
 from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
 from vctune.interrupt import interrupt_deferred
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Gains
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
-from vctune.model.impedance_display import Required, any_hand, firmware_filter
+from vctune.model.impedance_display import Required, firmware_filter
 from vctune.model.pair import Pair
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device, Gains
 from vctune.model.transparency import TERMS, log_quadrature
 
 NEAR_SIDE = 1e-2

@@ -19,11 +19,12 @@ from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_i
 from vctune.design.prepared import Posed, compared, pose
 from vctune.design.worst import worst_inside
 from vctune.markup import html_facts, span
+from vctune.model.device import Device
 from vctune.model.frequency import hertz
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.keys import keys_of, labelled
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains, series_coupling
 from vctune.model.units import UNITS, Units
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design

@@ -34,12 +34,12 @@ from vctune.design.variables import coupling_from
 from vctune.interrupt import interrupt_deferred
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance, sampled_resistance
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.hand_loop import LoopInHand, required_in_hand
 from vctune.model.impedance_display import offered_by_spring, spring_damper_admittance
 from vctune.model.llewellyn import modulus_excess
 from vctune.model.loop import loop_response
 from vctune.model.pair import EvenOdd, Pair
-from vctune.model.quantities import AnyCoupling, Gains, SpringDamper, series_coupling
 from vctune.model.sampled import return_difference, sensitivity_abs2
 from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
 

@@ -13,8 +13,9 @@ from vctune.design.result import Polished, Solved
 from vctune.design.uncertainty import device_record
 from vctune.design.variables import design_of, keys_for, ranges
 from vctune.design.working_set import ConstraintPoint, stacked
+from vctune.document.certificate_record import DeviceRecord
 from vctune.document.codes import Note
-from vctune.document.record import ActiveRecord, DeviceRecord
+from vctune.document.record import ActiveRecord
 from vctune.model.arithmetic import FLOATS
 from vctune.model.llewellyn import llewellyn_demand, modulus_excess
 from vctune.model.problem import Problem

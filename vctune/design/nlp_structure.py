@@ -8,9 +8,9 @@ from vctune.design.prepared import Posed
 from vctune.design.variables import Coordinate
 from vctune.design.working_set import WorkingSet
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device, VelocityEstimate
 from vctune.model.device_response import device_response
 from vctune.model.problem import Norm
-from vctune.model.quantities import Device, VelocityEstimate
 from vctune.model.transparency import TERMS, TermName
 
 DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")

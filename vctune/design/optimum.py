@@ -20,8 +20,8 @@ from vctune.design.start import Start
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of, point
 from vctune.design.working_set import ConstraintPoint, WorkingSet
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict

@@ -72,8 +72,9 @@ class ParameterChange:
     @property
     def eases(self) -> bool:
         """Whether more of it asks for less or leaves more to choose: fewer hands, a narrower band, wider bounds."""
-        fewer_demands, wider = self.path[0] in ("operator", "stability"), self.path[-1] in ("min", "max")
-        return fewer_demands or wider or self.key in ONLY_UPWARDS
+        if self.path[0] == "operator":
+            return self.path[-1] != "max" or self.limit < self.old
+        return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
 
     @property
     def least(self) -> float:
@@ -217,7 +218,10 @@ def _of_device(problem: Problem) -> Iterator[ParameterChange]:
 
 
 def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
-    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness."""
+    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness.
+
+    Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
     meaning, loop = "more damping in every hand", device.mass / device.loop_lag
     path: KeyPath = ("operator", "damping")
@@ -229,6 +233,9 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
         if least < most:
             more = meaning if name == "damping" else "more stiffness in every hand"
             yield ParameterChange(("operator", name, "min"), more, least, most, min(scale, most), most)
+    if high.stiffness == 0:
+        natural = loop / device.loop_lag
+        yield ParameterChange(("operator", "stiffness", "max"), "stiffer hands", 0.0, 10 * natural, natural, 0.0)
     for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
         least, most = getattr(low, name), getattr(high, name)
         if least < most:

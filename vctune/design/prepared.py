@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 
 from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.array_claims import Demands
 from vctune.proof.devices import DeviceBox, device_box, in_longer_hands, moved_as_one

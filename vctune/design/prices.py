@@ -24,8 +24,8 @@ from vctune.design.working_set import WorkingSet
 from vctune.document.building import problem as restated
 from vctune.document.errors import InputError
 from vctune.document.prices import NO_DIFFERENCE
+from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 
 STEP = 0.1
 """By what share each number gets better: what another part of the same kind offers. Of half the step the price is about

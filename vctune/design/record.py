@@ -24,33 +24,31 @@ from vctune.design.result import Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import uncertainty_record
 from vctune.design.variables import Point, keys_for, point, ranges
+from vctune.document.certificate_record import (
+    AnyHandRecord,
+    CertificateRecord,
+    HandRecord,
+    HandsRecord,
+    InnerLoopRecord,
+    NyquistRecord,
+    WithoutOperatorRecord,
+)
 from vctune.document.codes import Note
+from vctune.document.gains_record import GainsRecord, ProblemRecord, TransparencyRecord, coupling_record, stated_units
 from vctune.document.plausibility import doubts
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile
 from vctune.document.record import (
     AlternativeRecord,
-    AnyHandRecord,
     BoxRecord,
-    CertificateRecord,
     DesignRecord,
-    GainsRecord,
     GlanceRecord,
-    HandRecord,
-    HandsRecord,
-    InnerLoopRecord,
-    NyquistRecord,
     OptimalityRecord,
-    ProblemRecord,
     RepairRecord,
-    TransparencyRecord,
-    WithoutOperatorRecord,
-    coupling_record,
-    stated_units,
 )
 from vctune.model.frequency import finite_hertz
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Verdict
 from vctune.proof.sampled_loop import spectral_radius

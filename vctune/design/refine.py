@@ -10,8 +10,8 @@ from vctune.design.grid import Axes, Scores, evaluated, position_gain
 from vctune.design.samples import Samples
 from vctune.design.shapes import coupling_of
 from vctune.design.start import Missed, Start
+from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 
 HALVINGS = 3
 """How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, near enough for the

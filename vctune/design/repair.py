@@ -21,8 +21,8 @@ from vctune.design.prepared import pose as pose_devices
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.reading import ProblemFile, pose
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles

@@ -15,10 +15,11 @@ from vctune.analysis.resonance import with_resonance
 from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
 from vctune.design.prepared import Posed
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import DeviceResponse, device_response
+from vctune.model.gains import Gains
 from vctune.model.impedances import LoopResponse
 from vctune.model.loop import loop_response
-from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import ReturnDifference
 from vctune.model.transparency import log_quadrature
 

@@ -16,9 +16,9 @@ from vctune.design.shapes import shape_of
 from vctune.design.start import Missed, Start
 from vctune.design.variables import point
 from vctune.model.arithmetic import FLOATS
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.limits import lags
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 
 STARTS = 8
 """Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'

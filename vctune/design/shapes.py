@@ -13,9 +13,10 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 from vctune.model.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Device, SpringDamper
 
 SLACK = 1e-2
 """Share of T below which the time constant b_c/k_c hardly matters: the sampled spring by itself is as good as a damper

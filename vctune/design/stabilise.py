@@ -7,8 +7,9 @@ from vctune.design.start import Start
 from vctune.design.variables import Point, point
 from vctune.design.violations import least_resistance, of_own_loops
 from vctune.design.working_set import WorkingSet
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device, Gains
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
-from vctune.model.quantities import AnyCoupling, Gains
+from vctune.model.gains import AnyCoupling, Gains
 
 
 class Missed(IntEnum):

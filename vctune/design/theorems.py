@@ -9,9 +9,11 @@ from math import inf, pi, sqrt
 
 from vctune.design.infeasible import OPENINGS, Infeasibility
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hands
 from vctune.model.limits import EndLimit, high_frequency_limit, lags, low_frequency_limit
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Device, Gains, Hands
 from vctune.model.units import UNITS
 from vctune.proof.polynomials import is_rational
 

@@ -8,9 +8,10 @@ from typing import Any
 from vctune.analysis.demands import transparency_error
 from vctune.design.judge import Judgement
 from vctune.design.prepared import pose
-from vctune.document.record import DeviceRecord, PerturbationRecord, UncertaintyRecord
+from vctune.document.certificate_record import DeviceRecord, PerturbationRecord
+from vctune.document.record import UncertaintyRecord
+from vctune.model.device import Device
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device
 
 
 def device_record(device: Device, problem: Problem) -> DeviceRecord:

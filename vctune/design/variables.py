@@ -7,9 +7,10 @@ from dataclasses import astuple, dataclass, replace
 from math import exp, expm1, inf, log, log1p
 
 from vctune.model.arithmetic import Number
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.keys import keys_of
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper
 
 NAMES = ("velocity", "position", "damping", "mass", "drag")
 SPRING_NAMES = ("velocity", "position", "damping", "stiffness")

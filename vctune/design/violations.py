@@ -26,8 +26,8 @@ from vctune.design.prepared import Posed
 from vctune.design.variables import Point, design_of
 from vctune.design.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
 from vctune.design.worst import loudest, worst_inside
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 
 TRACKED_FROM = 0.8
 """Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that

@@ -9,8 +9,9 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.analysis.stability import Cut
-from vctune.model.quantities import Device, Hand
-from vctune.model.quantities import stacked as stacked_devices
+from vctune.model.device import Device
+from vctune.model.device import stacked as stacked_devices
+from vctune.model.hands import Hand
 
 
 @dataclass(frozen=True, slots=True)

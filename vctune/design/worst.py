@@ -17,8 +17,9 @@ import numpy as np
 from vctune.analysis.demands import demand_grid, ratio_or_resistance, sensitivity_maxima
 from vctune.analysis.extrema import Floats, Minima
 from vctune.design.prepared import Posed, with_device
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.proof.devices import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325

@@ -17,16 +17,16 @@ from vctune.document.schema import DeviceTable, GainsDocument, SpringGainsDocume
 from vctune.document.statement import statement, table_of
 from vctune.document.toml_text import toml_text
 from vctune.document.validation import examined, refusal, shown
-from vctune.model import quantities
+from vctune.model import device as devices
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """What states a problem: the path of its file, the file's tables, or the problem itself."""
 
 
 @dataclass(frozen=True, slots=True)
-class Device(quantities.Device):
+class Device(devices.Device):
     """An admittance display as a user states it, held to what a problem file's [device] may say.
 
     Attributes
@@ -145,6 +145,6 @@ def plain(value: Any) -> Any:
 def _tables(source: Mapping[str, Any]) -> dict[str, Any]:
     """Return the tables of a document; the operator that a `Device` holds has a table of its own."""
     document: dict[str, Any] = plain(source)
-    if isinstance(source.get("device"), quantities.Device) and "operator" in document["device"]:
+    if isinstance(source.get("device"), devices.Device) and "operator" in document["device"]:
         document["operator"] = document["device"].pop("operator")
     return document

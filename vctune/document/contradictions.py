@@ -13,8 +13,9 @@ from vctune.document.plausibility import in_finer_unit
 from vctune.document.raw import number_at
 from vctune.document.rotary_contradictions import missing_of_rotary
 from vctune.document.validation import Contradiction
+from vctune.model.device import PARTS
+from vctune.model.hands import HAND
 from vctune.model.keys import KEYS, SPRING_KEYS
-from vctune.model.quantities import HAND, PARTS
 
 MAX_DECADES = 12
 

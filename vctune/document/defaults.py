@@ -16,19 +16,11 @@ from typing import Literal
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema import DeviceTable, OperatorTable, ProblemDocument, StabilityTable, UncertaintyTable
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.limits import lags
 from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
-from vctune.model.quantities import (
-    Actuator,
-    Device,
-    ForceSensor,
-    Hand,
-    Hands,
-    LeastOperator,
-    Structure,
-    VelocityEstimate,
-)
 from vctune.model.transparency import Terms
 from vctune.model.units import UnitSystem
 

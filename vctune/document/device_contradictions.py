@@ -10,7 +10,7 @@ from typing import Any
 from vctune.document.raw import number_at
 from vctune.document.units import units_stated
 from vctune.document.validation import Contradiction
-from vctune.model.quantities import NUMBERS
+from vctune.model.device import NUMBERS
 
 MAX_DELAY_SAMPLES = 200
 """Of the device's own delay and of its force sensor's."""

@@ -8,9 +8,9 @@ from dataclasses import asdict, replace
 from hashlib import sha256
 from typing import Any
 
+from vctune.model.device import PARTS
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
-from vctune.model.quantities import PARTS
 
 
 def problem_digest(problem: Problem) -> str:

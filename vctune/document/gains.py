@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import astuple
 
 from vctune.document.toml_text import quoted
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.keys import keys_of, labelled
-from vctune.model.quantities import AnyCoupling, Gains, SpringDamper
 from vctune.model.units import LINEAR, Units
 
 

@@ -10,7 +10,8 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from vctune.model.quantities import Hands
+from vctune.model.device import Display
+from vctune.model.hands import Hands
 from vctune.model.units import Units
 
 
@@ -126,3 +127,14 @@ def how_shown(part: type[Part]) -> dict[str, Shown]:
     return {
         name: each for name, field in part.model_fields.items() for each in field.metadata if isinstance(each, Shown)
     }
+
+
+class DisplayPart(Part):
+    """Part of a record whose words depend on the display."""
+
+    display: Display = "admittance"
+
+    @property
+    def coupled(self) -> str:
+        """What must be resistive enough."""
+        return "Re 1/Z_c" if self.display == "impedance" else "Re Z_c"

@@ -14,8 +14,8 @@ from vctune.document.digest import problem_digest
 from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
 from vctune.document.units import units_stated
 from vctune.document.validation import Fault, examined, refusal, validated
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.units import Units
 
 

@@ -11,9 +11,7 @@ from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
-from vctune.document.json import as_record, read_json
-from vctune.document.part import Document, Pair, Part
-from vctune.document.record import (
+from vctune.document.gains_record import (
     CouplingRecord,
     GainsRecord,
     NotNegative,
@@ -21,8 +19,10 @@ from vctune.document.record import (
     SpringRecord,
     of_spring,
 )
+from vctune.document.json import as_record, read_json
+from vctune.document.part import Document, Pair, Part
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Criterion
-from vctune.model.quantities import AnyCoupling, Gains
 
 MAX_BYTES = 100_000_000
 KIND = "a region.json of `vctune region`"

@@ -10,8 +10,8 @@ from pydantic import BaseModel
 from vctune.document.experiment_schema import FrictionTable, OperatorTable
 from vctune.document.units import unit_of, units_stated
 from vctune.document.validation import Contradiction
+from vctune.model.hands import HAND
 from vctune.model.problem import HUMAN_HANDS
-from vctune.model.quantities import HAND
 from vctune.model.units import LINEAR, ROTARY
 
 

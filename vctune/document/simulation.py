@@ -12,10 +12,11 @@ from pydantic import Field
 
 from vctune.document.digest import experiments_digest
 from vctune.document.errors import InputError
+from vctune.document.gains_record import AnyCouplingRecord, GainsRecord
 from vctune.document.json import as_record, read_json
 from vctune.document.part import Document, Number, Part
 from vctune.document.reading import parse_problem
-from vctune.document.record import AnyCouplingRecord, DesignRecord, GainsRecord
+from vctune.document.record import DesignRecord
 from vctune.model.units import UNITS, Units, UnitSystem
 
 FILE = "simulation.json"

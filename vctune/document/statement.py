@@ -7,11 +7,11 @@ from dataclasses import asdict, fields, is_dataclass
 from math import inf, pi
 from typing import Any
 
+from vctune.model.device import Device, ForceSensor, VelocityEstimate
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Band, Bounds, Problem, Range
-from vctune.model.quantities import Device, ForceSensor, VelocityEstimate
 
 
 def statement(problem: Problem) -> dict[str, Any]:

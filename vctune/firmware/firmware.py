@@ -14,9 +14,10 @@ from vctune.design.result import Solved
 from vctune.document.digest import digest
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
+from vctune.model.device import Device
 from vctune.model.experiment import Environment
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.model.units import UNITS, Units
 from vctune.simulation.coefficients import coupling_of
 from vctune.simulation.controller import coefficients_of, parts_of

@@ -11,8 +11,8 @@ import numpy as np
 from vctune.document.reading import ProblemFile
 from vctune.firmware.firmware import Firmware
 from vctune.model.arithmetic import Number
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
-from vctune.model.quantities import Device
 from vctune.model.units import Units
 from vctune.simulation import equations
 from vctune.simulation.arithmetic import FLOATS

@@ -9,8 +9,8 @@ import numpy as np
 from vctune.identification.covariance import robust_covariance
 from vctune.identification.response import Complex, Lines
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator
 from vctune.model.filters import actuator_response
-from vctune.model.quantities import Actuator
 
 PI2 = 2 * np.pi
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
-from vctune.model.quantities import Device
 
 Complex = NDArray[np.complex128]
 Response = Callable[[Floats], Any]

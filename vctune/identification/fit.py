@@ -13,7 +13,7 @@ from vctune.identification.covariance import robust_covariance
 from vctune.identification.fit_task import FLOOR, FitTask, point, scale_of, solved_from
 from vctune.identification.physics import SCALED, Candidate
 from vctune.identification.response import Complex, Response
-from vctune.model.quantities import Actuator, Device
+from vctune.model.device import Actuator, Device
 
 START_FLOOR = 0.1
 """Model error with which the search starts: half and twice it lead to the same fits."""

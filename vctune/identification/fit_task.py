@@ -13,7 +13,7 @@ from vctune.document.recording import Floats
 from vctune.identification.filters import drive
 from vctune.identification.physics import SCALED, Candidate, compliances, device_of, held_compliance
 from vctune.identification.response import Complex, Lines, Response
-from vctune.model.quantities import Actuator, Device
+from vctune.model.device import Actuator, Device
 
 Ints = NDArray[np.int64]
 FLOOR = (1e-5, 10.0)

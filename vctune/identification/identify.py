@@ -21,7 +21,7 @@ from vctune.identification.motion_study import MotionStudy, motion_study
 from vctune.identification.periodic_study import PeriodicStudy, behind_force, periodic_estimates
 from vctune.identification.response import response
 from vctune.identification.unmodelled import distances, envelope
-from vctune.model.quantities import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 
 Progress = Callable[[str], None]
 WEAK = 0.5

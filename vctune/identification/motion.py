@@ -19,7 +19,7 @@ from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
 from vctune.identification.filters import Complex, drive, edge, filtered, smooth
 from vctune.identification.signals import Signals, derivatives
-from vctune.model.quantities import Device
+from vctune.model.device import Device
 
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")

@@ -18,8 +18,8 @@ from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, MotionFit, moti
 from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
 from vctune.identification.signals import Signals, acceleration_noise, cutoffs, derivatives, signals_of
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, ForceSensor
 from vctune.model.filters import force_sensor_response
-from vctune.model.quantities import Actuator, ForceSensor
 
 UNEXPLAINED = 0.6
 """Greatest residual, of the force, with which a log is one of a mass with friction at all."""

@@ -10,7 +10,7 @@ from vctune.identification.box import COULOMB_SHARE, Bounded, Estimate, box
 from vctune.identification.drive_fit import DriveFit
 from vctune.identification.fit import ResponseFit
 from vctune.identification.response import Response
-from vctune.model.quantities import Device
+from vctune.model.device import Device
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from vctune.analysis.sampled_loop import pulse_transfer
 from vctune.document.recording import Floats
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, Device, Structure
 from vctune.model.device_response import device_response, mechanism
-from vctune.model.quantities import Actuator, Device, LeastOperator, Structure
+from vctune.model.hands import LeastOperator
 
 Complex = NDArray[np.complex128]
 RIGID = ("mass", "damping", "coulomb", "delay")

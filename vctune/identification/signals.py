@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.document.recording import Floats, Recording
 from vctune.identification.filters import HIGHEST, edge, filtered, smooth
-from vctune.model.quantities import Actuator
+from vctune.model.device import Actuator
 
 ATTENUATION = 1e-4
 """Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""

@@ -10,7 +10,7 @@ from vctune.document.recording import Floats
 from vctune.identification.box import Bounded
 from vctune.identification.physics import compliances, held_compliance
 from vctune.identification.response import Response
-from vctune.model.quantities import Device
+from vctune.model.device import Device
 
 TRIED = 600
 """Devices of the box that a line is compared with: a tenth makes radii a fifth larger on the bench, ten times as many

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.model.device_response import DeviceResponse
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Gains
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from itertools import zip_longest
 from math import comb
 
 from vctune.model.arithmetic import Number
-from vctune.model.quantities import Gains
+from vctune.model.gains import Gains
 from vctune.model.sampled import Polynomial, SampledPlant
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.gains import Coupling
 from vctune.model.pair import Pair
-from vctune.model.quantities import Coupling
 
 
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:

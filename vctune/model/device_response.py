@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device, Structure
 from vctune.model.filters import FilterResponse, actuator_response, force_sensor_response, velocity_estimate
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Structure
 
 
 class DriveResponse(NamedTuple):

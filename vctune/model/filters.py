@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.model.arithmetic import Arithmetic, Number
-from vctune.model.quantities import Actuator, ForceSensor, VelocityEstimate
+from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import sampled_resistance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.matrices import Vector, nothing
 from vctune.model.pair import EvenOdd, Pair, re_conj_product
 from vctune.model.plant_in_hand import PlantInHand, equations, numerators
-from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper
 
 OfParts = Callable[[Number, Number], Any]
 """Makes a complex number even + j s odd of its parts."""

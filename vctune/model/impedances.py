@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from vctune.model.arithmetic import Number
 from vctune.model.device_response import DeviceResponse
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Gains
 
 
 class LoopResponse(NamedTuple):

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 from vctune.model import sampled
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.filters import smoothing
 from vctune.model.matrices import Matrix, Vector, added, applied, half_coth, scaled
 from vctune.model.pair import EvenOdd, Pair
 from vctune.model.plant_in_hand import equations, filter_rows, numerators
-from vctune.model.quantities import Device
 from vctune.model.sampled import ReturnDifference, SampledPlant
 from vctune.model.state_space import left_by_older
 

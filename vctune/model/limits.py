@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from math import inf
 
 from vctune.model.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
-from vctune.model.quantities import Coupling, Device, Gains
+from vctune.model.gains import Coupling, Gains
 
 
 @dataclass(frozen=True, slots=True)

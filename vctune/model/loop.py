@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from vctune.model.arithmetic import Arithmetic
 from vctune.model.device_response import DeviceResponse
+from vctune.model.gains import Gains
 from vctune.model.impedances import LoopResponse, controller_impedance
 from vctune.model.loop_parts import loop_with_parts, perturbed_loop
 from vctune.model.pair import Pair
-from vctune.model.quantities import Gains
 
 
 def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:

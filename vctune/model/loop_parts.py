@@ -8,9 +8,9 @@ from vctune.model.affine import loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.device_response import DeviceResponse, Spring
 from vctune.model.filters import FilterResponse
+from vctune.model.gains import Gains
 from vctune.model.impedances import Impedance, LoopResponse, controller_impedance
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
-from vctune.model.quantities import Gains
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import mechanism
 from vctune.model.filters import smoothing
+from vctune.model.hands import Hand
 from vctune.model.matrices import (
     Matrix,
     Vector,
@@ -30,7 +32,6 @@ from vctune.model.matrices import (
     times,
 )
 from vctune.model.pair import EvenOdd, Pair
-from vctune.model.quantities import Device, Hand
 from vctune.model.sampled import split_delay
 from vctune.model.state_space import left_by_older
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass, fields, replace
 from math import pi
 from typing import Literal
 
+from vctune.model.device import Device
 from vctune.model.experiment import Experiment
 from vctune.model.frequency import hertz
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, Hand, Hands, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hands import Hand, Hands
 from vctune.model.transparency import Terms
 from vctune.model.units import UNITS, Units
 

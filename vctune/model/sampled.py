@@ -25,9 +25,10 @@ from math import floor
 import numpy as np
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.filters import smoothing
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Gains
 from vctune.model.state_space import StepResponse, sampled_states
 
 Polynomial = tuple[Number, ...]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import mechanism
 from vctune.model.matrices import (
     Matrix,
@@ -24,7 +25,6 @@ from vctune.model.matrices import (
     scaled,
     times,
 )
-from vctune.model.quantities import Device
 
 
 @dataclass(frozen=True, slots=True)

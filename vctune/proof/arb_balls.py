@@ -12,7 +12,8 @@ from math import factorial
 from flint import acb, arb, arb_series
 
 from vctune.model.arithmetic import Arithmetic, Number, sinc_curvature_series
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.proof.array_intervals import UNIT, Enclosure
 from vctune.proof.claims import Design
 from vctune.proof.jets import interpolated_over

@@ -11,16 +11,18 @@ from functools import partial
 
 import numpy as np
 
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import ArrayArithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import DeviceResponse, device_response
 from vctune.model.hand_loop import loop_in_hand, required_in_hand, room
-from vctune.model.impedance_display import Required, any_hand
+from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.impedance_display import Required
 from vctune.model.let_go import Plant, has_sharp_form, plant_let_go, return_difference
 from vctune.model.llewellyn import required_resistance
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair
 from vctune.model.plant_in_hand import Delays, PlantInHand, delays_of, plant_in_hand
-from vctune.model.quantities import HAND, Device, Hand, Hands
 from vctune.model.sampled import sampled_plant, split_delay
 from vctune.proof.array_intervals import Enclosure, decimal
 from vctune.proof.box_tests import Curve, Margin

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.model.arithmetic import Number
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hands import HAND, Hands
 from vctune.model.keys import KEYS, SPRING_KEYS, keys_of
-from vctune.model.quantities import HAND, AnyCoupling, Coupling, Gains, Hands, SpringDamper
 from vctune.proof.array_intervals import UNIT, Enclosure, Flags, Floats, between
 from vctune.proof.interval import WIDE
 

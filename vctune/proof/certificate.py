@@ -15,8 +15,9 @@ from math import inf, pi
 import numpy as np
 from flint import ctx
 
+from vctune.model.device import Device
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Device, Gains
+from vctune.model.gains import Gains
 from vctune.proof.arb_balls import PRECISION
 from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells

@@ -6,17 +6,18 @@ from dataclasses import dataclass
 from math import inf, nextafter, pi
 
 from vctune.model.affine import loop_constants
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
 from vctune.model.device_response import DeviceResponse, device_response
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
-from vctune.model.impedance_display import any_hand
 from vctune.model.let_go import Plant, return_difference
 from vctune.model.llewellyn import llewellyn_demand, moduli
 from vctune.model.loop import loop_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.plant_in_hand import PlantInHand
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 from vctune.model.sampled import difference_slope
 
 HALF_TURN = nextafter(pi, inf)

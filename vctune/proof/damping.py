@@ -13,7 +13,8 @@ from vctune.proof.array_claims import Demands, claims_of
 from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.box_tests import Margin
 from vctune.proof.boxes import Cells
-from vctune.proof.many_designs import Places, by_integrator, lower_bound_at
+from vctune.proof.encirclements import by_integrator
+from vctune.proof.many_designs import Places, lower_bound_at
 
 GUARD = 1e-14
 """Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.

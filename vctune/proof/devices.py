@@ -9,8 +9,9 @@ from itertools import product
 from math import ceil, floor, inf, nextafter, pi
 
 from vctune.model.arithmetic import Number
+from vctune.model.device import NUMBERS, Device, Unmodelled
+from vctune.model.hands import Hands
 from vctune.model.problem import Uncertainty
-from vctune.model.quantities import NUMBERS, Device, Hands, Unmodelled
 
 DIRECTION = "unmodelled.phase"
 """Of a response at the edge of the disc."""

@@ -11,12 +11,14 @@ from functools import lru_cache
 
 import numpy as np
 
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
-from vctune.model.impedance_display import any_hand
+from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.keys import KEYS
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
 from vctune.proof.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands
 from vctune.proof.array_intervals import Floats, decimal
 from vctune.proof.box_tests import FEW, positive, positive_by_polynomials

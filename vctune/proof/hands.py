@@ -14,9 +14,11 @@ import numpy as np
 from flint import arb
 
 from vctune.model.arithmetic import Number
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.keys import keys_of
 from vctune.model.plant_in_hand import Delays, delays_of, plant_in_hand
-from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
 from vctune.model.sampled import SNAP
 from vctune.proof.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
 from vctune.proof.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin

@@ -10,8 +10,9 @@ from math import sqrt
 from flint import arb, arb_series
 
 from vctune.model.arithmetic import Number
+from vctune.model.device import Device
 from vctune.model.frequency import hertz
-from vctune.model.quantities import Device, Hand
+from vctune.model.hands import Hand
 from vctune.proof.arb_balls import box
 
 MAX_BOXES = 200_000

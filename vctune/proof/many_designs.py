@@ -5,39 +5,26 @@ See proof/README.md, section 2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import astuple, dataclass, replace
-from math import inf, pi
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 
-from vctune.model.arithmetic import FLOATS, Arithmetic
-from vctune.model.quantities import HAND, Device, Gains, Hand, Hands
+from vctune.model.gains import Gains
+from vctune.model.hands import HAND, Hands
 from vctune.proof.array_claims import Claims, Demands, claims_of
-from vctune.proof.array_intervals import Flags, Floats, decimal
-from vctune.proof.box_tests import Curve, Margin, lower_bound_over, misses_zero, positive, turned_angles
-from vctune.proof.boxes import Boxes, Cells, Integers, Values, band_of, over_cells, over_each, over_hands
-from vctune.proof.branching import Proofs, Test
+from vctune.proof.array_intervals import Flags, Floats
+from vctune.proof.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band, halved_rows
+from vctune.proof.box_tests import Margin, lower_bound_over, positive
+from vctune.proof.boxes import Cells, Integers, band_of, over_each, over_hands
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.claims import HALF_TURN, outwards, resistance_apart
+from vctune.proof.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.envelope import envelope
-from vctune.proof.poles import NEAR, curve_end, final_angle
 
-STEP = 1.4
-"""Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
-is nearly blurred is proved by the one and not the other."""
-HALVINGS = 24
-"""How often an interval of frequency is halved for a single design: to 2e-8 of it, where an optimal design touches its
-demand. Half and twice as often prove the same designs around those of problems/."""
-CELL_HALVINGS = 10
-"""The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
-up to half of those near the edge of what is admissible; twice as often proves no more."""
-MAX_BOXES = 4_000
-"""Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
-many prove the same cells."""
 HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 8_000, 128
-"""The same for boxes of angle and hand, and how many cells are proved together: what is known of them fits into memory.
-"""
+"""What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
+known of them fits into memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +65,6 @@ def prove(demands: Demands, cells: Cells) -> Certified:
     return proofs
 
 
-def by_integrator(cells: Cells) -> list[Integers]:
-    """Return the cells with and those without K_p: with K_p = 0 the law has no integrator."""
-    parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
-    return [at for at in parts if len(at)]
-
-
 def _proofs(demands: Demands, cells: Cells) -> Certified:
     """Prove claim after claim for the cells that are left."""
     claims = claims_of(demands)
@@ -93,17 +74,19 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
         beyond = max(1 / demands.device.sample_time, low)
         test = positive(claims.conditions, {}, claims.conditions_near_zero if low == 0 else None)
         finite = beyond if high == inf else high
-        found = _over(test, cells, low, finite)
+        found = cells_over_band(test, cells, low, finite)
         if resistance_apart(demands.device):
-            apart = _over(positive(claims.resistance, {}), cells, low, finite)
+            apart = cells_over_band(positive(claims.resistance, {}), cells, low, finite)
             return found.proved & apart.proved, found.boxes + apart.boxes
         if high < inf:
             return found.proved, found.boxes
-        above = _over(positive(claims.conditions_near_infinity, {}), cells, 0.0, 1 / beyond)
+        above = cells_over_band(positive(claims.conditions_near_infinity, {}), cells, 0.0, 1 / beyond)
         return found.proved & above.proved, found.boxes + above.boxes
 
     def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
-        found = _over(positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN)
+        found = cells_over_band(
+            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN
+        )
         return found.proved, found.boxes
 
     def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
@@ -134,8 +117,8 @@ def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     margin, size = (positive(each, {}) for each in claims.any_hand)
     if _have_the_same_gains(cells):  # and so the same size
         one = cells.subset(np.zeros(1, np.intp))
-        return _over(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
-    return _over(size, cells, 0.0, HALF_TURN).proved & _over(margin, cells, 0.0, HALF_TURN).proved
+        return cells_over_band(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
+    return cells_over_band(size, cells, 0.0, HALF_TURN).proved & cells_over_band(margin, cells, 0.0, HALF_TURN).proved
 
 
 def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
@@ -150,8 +133,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     regular = demands.device.renders_force or hands.low.stiffness > 0
     hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
-    turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_in_hand(hands.middle))
-    left = hopeful[turns == 0]
+    left = hopeful[turns_in_hand(demands, points) == 0]
     if _have_the_same_gains(cells):
         proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
         return proved
@@ -161,7 +143,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
             positive(claims.in_hand, {}),
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
-            halved=_halved(cells, 1 + len(HAND)),
+            halved=halved_rows(cells, 1 + len(HAND)),
             max_halvings=HALVINGS_IN_HANDS,
             max_boxes=BOXES_IN_HANDS,
             at_ends=True,
@@ -194,22 +176,6 @@ def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells
         only_whole=True,
     )
     return found.proved
-
-
-def _over(
-    test: Test, cells: Cells, low: float, high: float, measure: Callable[[Boxes], Floats] | None = None
-) -> Proofs:
-    """Test cells over a band."""
-    halvings = CELL_HALVINGS if cells.extended else HALVINGS
-    boxes = over_cells(cells, band_of(low, high, STEP))
-    return prove_boxes(
-        test, boxes, len(cells), halved=_halved(cells, 1), max_halvings=halvings, max_boxes=MAX_BOXES, measure=measure
-    )
-
-
-def _halved(cells: Cells, rows: int) -> tuple[bool, ...]:
-    """Return which rows are halved: intervals of frequency, and hands; cells are their caller's business."""
-    return (*[True] * rows, *[False] * len(cells.keys))
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,105 +264,3 @@ def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
         In the margin's unit; nan where nothing is known of it.
     """
     return lower_bound_over(margin, over_each(cells, at), {})
-
-
-@dataclass(frozen=True, slots=True)
-class Encirclements:
-    """How often the curves of every design of a cell go around 0.
-
-    Attributes
-    ----------
-    number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
-        stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
-    boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
-    """
-
-    number: Floats
-    boxes: Integers
-
-
-def encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none.
-
-    Parameters
-    ----------
-    demands : of which the device counts, with each of its loops, and whether its model does
-    cells : n of them
-    """
-    parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
-    number, boxes = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
-    return Encirclements(np.concatenate(number), boxes.sum(axis=0))
-
-
-def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
-    """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
-    claims, device = claims_of(demands), demands.device
-    same = _no_pole_crosses(demands, claims, cells) if cells.extended else np.ones((2, len(cells)), bool)
-    number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
-    calm = np.flatnonzero(same.any(axis=0))
-    points = cells.subset(calm).centres()
-    # the arguments are those of `vctune.proof.poles`: the model's curve ends within a third of a turn of where it goes;
-    # the sampled loop's begins at F(1) > 0 and ends on the real axis
-    if demands.passive:
-        goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
-        number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)
-    number[1, calm], boxes[1, calm] = _turns_at(claims.sampled_poles, points, HALF_TURN, pi)
-    number = np.where(same, number, np.nan)
-    return Encirclements(number if demands.passive else number[1:], boxes)
-
-
-def _turns_at(
-    curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
-) -> tuple[Floats, Integers]:
-    """Return how often a curve goes around 0 at each point, nan where not settled, and the pairs looked at."""
-    test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
-    found = _over(test, points, 0.0, end, angles)
-    return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
-
-
-def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> Flags:
-    """Return where no pole of the model, if it counts, and none of the sampled loop crosses over within a cell."""
-
-    def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
-        return _over(misses_zero(curve, {}, sufficient), cells, 0.0, high).proved
-
-    model = np.ones(len(cells), bool)
-    if demands.passive:
-        end = model_curve_end(demands.device, cells)
-        model = uncrossed(claims.model_poles, claims.model_any_position, end)
-    return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)))
-
-
-def encirclements_in_hand(demands: Demands, cells: Cells) -> Floats:
-    """Return how often the curve of the loop in one hand of the box goes around 0, nan where not settled: shape (n,).
-
-    Parameters
-    ----------
-    demands : with the hands
-    cells : n of them, all of them with K_p > 0, or none
-    """
-    assert demands.hands is not None
-    claims, number = claims_of(demands), np.full(len(cells), np.nan)
-    fixed = _in_hand(demands.hands.middle)
-    same = _over(misses_zero(claims.poles_in_hand, fixed), cells, 0.0, HALF_TURN).proved
-    calm = np.flatnonzero(same)
-    if len(calm):
-        number[calm], _ = _turns_at(claims.poles_in_hand, cells.subset(calm).centres(), HALF_TURN, pi, fixed=fixed)
-    return number
-
-
-def _in_hand(hand: Hand) -> Values:
-    return dict(zip(HAND, map(decimal, astuple(hand)), strict=True))
-
-
-def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
-    """Return a frequency beyond which the model's curve turns no more in any cell, rad/s; > 0 without a loop.
-
-    Parameters
-    ----------
-    device : in numbers of the arithmetic; enclosures for all devices of a box
-    cells : their greatest gains count
-    ops : arithmetic of the device's numbers
-    """
-    K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
-    return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

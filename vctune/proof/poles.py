@@ -7,9 +7,10 @@ from math import pi, sqrt
 from flint import arb
 
 from vctune.model.arithmetic import FLOATS, Arithmetic
+from vctune.model.device import Device
 from vctune.model.device_response import device_response, mechanism
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Gains
 from vctune.proof.arb_balls import BALLS, device_ball, gains_ball
 from vctune.proof.claims import model_curve
 from vctune.proof.interval import Outcome, Verdict

@@ -15,10 +15,11 @@ from math import inf, isinf, nextafter
 
 from flint import arb, fmpq, fmpq_poly
 
+from vctune.model.device import Device
 from vctune.model.device_response import DeviceResponse, DriveResponse
+from vctune.model.gains import Coupling, Gains
 from vctune.model.loop import loop_response
 from vctune.model.pair import re_conj_product
-from vctune.model.quantities import Coupling, Device, Gains
 from vctune.proof.arb_balls import BALLS
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict

@@ -10,8 +10,9 @@ from flint import acb_poly, arb, ctx
 
 from vctune.model.arithmetic import Number
 from vctune.model.characteristic import characteristic_polynomial
+from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.pair import Pair
-from vctune.model.quantities import Device, Gains
 from vctune.model.sampled import SampledPlant, return_difference, sampled_plant, split_delay
 from vctune.proof.arb_balls import BALLS, PRECISION, as_series, ball, device_ball, gains_ball
 from vctune.proof.claims import HALF_TURN, Design, sensitivity_margin, unmodelled_margin

@@ -17,14 +17,17 @@ from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, return_difference_at
 from vctune.document.record import DesignRecord
 from vctune.model.affine import Affine, LoopConstants, loop_constants
+from vctune.model.any_hand import any_hand
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
+from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hand_loop import loop_in_hand, required_in_hand
-from vctune.model.impedance_display import any_hand, firmware_filter, spring_damper_admittance, spring_forms
+from vctune.model.hands import Hand
+from vctune.model.impedance_display import firmware_filter, spring_damper_admittance, spring_forms
 from vctune.model.pair import EvenOdd, Pair
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device, Gains, Hand, SpringDamper
 from vctune.model.transparency import log_quadrature
 from vctune.report.curves import frequencies
 

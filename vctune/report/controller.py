@@ -6,7 +6,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from vctune.model.quantities import AnyCoupling, Device, Gains
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.units import UNITS
 from vctune.report.diagram import loop_figure
 from vctune.report.page import inline, svg

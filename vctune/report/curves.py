@@ -17,9 +17,10 @@ from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, loop_gain
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains
 
 POINTS = 400
 NARROWER = 6.0

@@ -8,7 +8,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper, Structure
+from vctune.model.device import Device, Structure
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.units import UNITS, Units
 from vctune.report.style import BLUE, GREEN, GREY, INK, STYLE, time_text
 

@@ -16,10 +16,10 @@ from vctune.analysis.margins import loop_margins
 from vctune.analysis.phases import sensor_miss
 from vctune.design.prepared import pose
 from vctune.document.record import BoxRecord, DesignRecord, OptimalityRecord
+from vctune.model.gains import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.model.keys import KEYS, labelled
 from vctune.model.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.problem import Band, Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Gains, series_coupling
 from vctune.report.curves import (
     Transparency,
     handle_impedance,

@@ -17,11 +17,13 @@ from vctune.analysis.in_hands import (
     loops_in_hands,
 )
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device
 from vctune.model.frequency import hertz
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hand_loop import loop_in_hand, offered, required_in_hand
+from vctune.model.hands import Hand, Hands
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand, Hands
 from vctune.model.units import UNITS
 from vctune.report.style import (
     BLUE,

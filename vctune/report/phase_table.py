@@ -9,8 +9,8 @@ import numpy as np
 
 from vctune.analysis.phases import PARTS, Phases, crossover, force_phases, loop_phases, sensor_miss
 from vctune.model.frequency import hertz
+from vctune.model.gains import Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 
 POINTS = 200
 """Frequencies of the mean of |1 - F_s|, midpoints of log-spaced intervals. Half and twice show the same digits."""

@@ -18,9 +18,9 @@ from vctune.analysis.extrema import Floats
 from vctune.design.grid import least_errors
 from vctune.design.prepared import prepare
 from vctune.design.variables import point
+from vctune.model.gains import Gains
 from vctune.model.keys import labelled
 from vctune.model.problem import Problem
-from vctune.model.quantities import Gains
 from vctune.model.units import Units
 from vctune.report.style import INK, PAPER, RED, STYLE, canvas
 from vctune.study.plane import Plane, Squares

@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
 from vctune.document.record import DesignRecord
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.hands import Hand, Hands
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import AnyCoupling, Gains, Hand, Hands, SpringDamper
 from vctune.report.constants import frequency_model, in_hands, sampled_loop
 
 REACH = 10.0

@@ -7,10 +7,12 @@ from math import inf
 from typing import Literal
 
 from vctune.analysis.demands import transparency_error
+from vctune.document.certificate_record import CertificateRecord
+from vctune.document.gains_record import SpringRecord, TransparencyRecord
 from vctune.document.part import text
-from vctune.document.record import CertificateRecord, DesignRecord, SpringRecord, TransparencyRecord
+from vctune.document.record import DesignRecord
+from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import Coupling, Gains
 from vctune.model.units import Units
 
 LITTLE_USE = 0.75

@@ -8,12 +8,15 @@ from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
 from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
+from vctune.document.certificate_record import CertificateRecord, InnerLoopRecord
 from vctune.document.part import text
-from vctune.document.record import CertificateRecord, DesignRecord, InnerLoopRecord
+from vctune.document.record import DesignRecord
 from vctune.document.units import unit_of
+from vctune.model.device import Device
 from vctune.model.frequency import hertz
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hands import Hand
 from vctune.model.problem import Band, Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains, Hand
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.report.style import time_text
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 from math import inf
 
 from vctune.model.experiment import Environment
-from vctune.model.quantities import AnyCoupling, Coupling, SpringDamper
+from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
 
 
 def exact(decimal: float) -> Fraction:

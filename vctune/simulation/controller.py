@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from vctune.model.arithmetic import Number
 from vctune.model.experiment import Environment
-from vctune.model.quantities import AnyCoupling, SpringDamper
+from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.simulation import equations
 from vctune.simulation.arithmetic import Arithmetic
 from vctune.simulation.coefficients import coupling_coefficients, environment_coefficients, limit_coefficients

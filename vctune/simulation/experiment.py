@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from vctune.model.experiment import Experiment
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.simulation.in_the_loop import Controller, Difference, run_in_the_loop
 from vctune.simulation.metrics import Metrics, metrics
 from vctune.simulation.run import Traces, run

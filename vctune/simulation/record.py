@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.document.digest import experiments_digest
+from vctune.document.gains_record import GainsRecord, coupling_record, stated_units
 from vctune.document.reading import ProblemFile
-from vctune.document.record import GainsRecord, coupling_record, stated_units
 from vctune.document.simulation import (
     DifferenceRecord,
     EnvironmentRecord,
@@ -22,8 +22,9 @@ from vctune.document.simulation import (
     SimulatedProblemRecord,
     SimulationRecord,
 )
+from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment
-from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.simulation.experiment import Run, Simulated
 from vctune.simulation.motion import Floats, stroke_time
 from vctune.simulation.run import Traces

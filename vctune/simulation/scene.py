@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Device, VelocityEstimate
 from vctune.model.device_response import mechanism
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
 from vctune.model.filters import smoothing
-from vctune.model.quantities import AnyCoupling, Device, Gains, SpringDamper, VelocityEstimate
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.simulation.controller import Law
 from vctune.simulation.friction import Carriage
 

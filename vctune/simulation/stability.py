@@ -8,8 +8,8 @@ from math import pi
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
+from vctune.model.device import Device
 from vctune.model.experiment import Baseline, Experiment
-from vctune.model.quantities import Device
 from vctune.simulation.motion import Floats
 from vctune.simulation.scene import Scene, baseline_scene
 from vctune.simulation.step import INPUTS, build

@@ -18,11 +18,12 @@ from vctune.design.prepared import of_one_device, pose
 from vctune.design.variables import coupling_from
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hand_loop import offered
 from vctune.model.keys import KEYS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Coupling, Device, Gains, SpringDamper
 from vctune.proof.array_intervals import TINY
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims import inwards

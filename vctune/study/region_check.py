@@ -17,8 +17,8 @@ from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile
 from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.model.units import Units
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Region, region

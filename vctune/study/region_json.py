@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from vctune.design.record import versions
+from vctune.document.gains_record import ProblemRecord, stated_units
 from vctune.document.reading import ProblemFile
-from vctune.document.record import ProblemRecord, stated_units
 from vctune.document.region import (
     AxesRecord,
     DemandsRecord,
@@ -17,8 +17,8 @@ from vctune.document.region import (
     EdgesRecord,
     RegionDocument,
 )
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Gains
 from vctune.study.region import Kind, Region
 
 Design = tuple[Gains, AnyCoupling]

@@ -12,9 +12,9 @@ import numpy as np
 
 from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import Number
+from vctune.model.device import Device, stacked
 from vctune.model.device_response import device_response
 from vctune.model.pair import Pair, im_conj_product, re_conj_product
-from vctune.model.quantities import Device, stacked
 from vctune.model.transparency import Quotient
 from vctune.proof.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.jets import ENCLOSURES

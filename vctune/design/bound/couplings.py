@@ -16,9 +16,9 @@ import numpy as np
 from vctune.design.bound.boxes import B_0, TAU_C, DesignBoxes
 from vctune.design.bound.coefficients import Coefficients, concatenated
 from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient, lower, upper
+from vctune.model.device import Device
 from vctune.model.impedance_display import spring_forms
 from vctune.model.problem import Problem, Range
-from vctune.model.quantities import Device
 from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 

@@ -2,7 +2,7 @@
 
 In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.hand_loop`), so that
 both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
-sides are so of K_v (`vctune.model.impedance_display`). Any set of places will do.
+sides are so of K_v (`vctune.model.any_hand`). Any set of places will do.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from vctune.design.bound.coefficients import Coefficients, joined, mapped, quadr
 from vctune.design.bound.couplings import Offer, SeriesOffer, spring_offer
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.affine import Affine
+from vctune.model.any_hand import any_hand
+from vctune.model.device import Device
 from vctune.model.hand_loop import LoopInHand, loop_in_hand
-from vctune.model.impedance_display import any_hand
+from vctune.model.hands import Hand
 from vctune.model.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
-from vctune.model.quantities import Device, Hand
 from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 

@@ -12,9 +12,9 @@ from vctune.design.bound.coefficients import Coefficients, loop_at, mapped, quad
 from vctune.design.bound.couplings import SeriesOffer
 from vctune.design.bound.quadratics import GUARD, Quadratic, lower, upper
 from vctune.model.affine import LoopConstants
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
 from vctune.model.pair import im_conj_product, re_conj_product
-from vctune.model.quantities import Device
 from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES
 

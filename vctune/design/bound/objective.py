@@ -30,11 +30,11 @@ from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
 from vctune.interrupt import interrupt_deferred
 from vctune.model.affine import Affine, LoopConstants, loop_constants
 from vctune.model.arithmetic import Arithmetic, Number
+from vctune.model.device import Device
 from vctune.model.device_response import device_response
 from vctune.model.impedance_display import spring_forms
 from vctune.model.pair import Pair, re_conj_product
 from vctune.model.problem import Band, Problem
-from vctune.model.quantities import Device
 from vctune.model.transparency import quotient_terms
 from vctune.proof.arb_balls import BALLS, ball, device_ball
 from vctune.proof.array_intervals import Enclosure, Floats, decimal

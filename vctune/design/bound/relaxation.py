@@ -21,9 +21,9 @@ from vctune.design.bound.llewellyn import llewellyn_conditions
 from vctune.design.bound.objective import Objective, objective_of
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
 from vctune.model.affine import Affine
+from vctune.model.device import Device
 from vctune.model.pair import re_conj_product
 from vctune.model.problem import Problem
-from vctune.model.quantities import Device
 from vctune.model.sampled import return_difference, sampled_plant, split_delay
 from vctune.proof.array_intervals import Flags, Floats, decimal
 from vctune.proof.jets import ENCLOSURES

@@ -29,8 +29,9 @@ from vctune.design.bound.stability import proved_stability
 from vctune.design.judge import Judgement
 from vctune.design.prepared import Posed, acting_terms, compared
 from vctune.design.shapes import coupling_of
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.model.quantities import AnyCoupling, Device, Gains
 from vctune.model.transparency import TermName
 from vctune.proof.array_intervals import Floats
 

@@ -11,7 +11,7 @@ from vctune.design.prepared import Posed
 from vctune.proof.array_claims import Demands
 from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import Cells
-from vctune.proof.many_designs import by_integrator, encirclements, encirclements_in_hand
+from vctune.proof.encirclements import by_integrator, encirclements, encirclements_in_hand
 
 
 def proved_stability(posed: Posed, boxes: DesignBoxes) -> tuple[Flags, Flags]:

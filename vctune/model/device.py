@@ -1,4 +1,4 @@
-"""What a design is about: the device, its velocity loop and its virtual coupling. SI units."""
+"""The device and its parts. SI units."""
 
 from __future__ import annotations
 
@@ -10,97 +10,12 @@ from typing import Any, Literal
 import numpy as np
 
 from vctune.model.arithmetic import Number
-from vctune.model.units import Units, UnitSystem
+from vctune.model.hands import LeastOperator
+from vctune.model.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
 Display = Literal["admittance", "impedance"]
 """What a device makes of what: a velocity of the sensed force, or a force of the measured motion."""
-
-
-@dataclass(frozen=True, slots=True)
-class LeastOperator:
-    """The least impedance Z_h = mass s + damping of the hand that is always at the handle.
-
-    Attributes
-    ----------
-    mass : m_h, kg, >= 0
-    damping : b_h, N s/m, >= 0
-    """
-
-    mass: Number
-    damping: Number
-
-
-@dataclass(frozen=True, slots=True)
-class Hand:
-    """A hand at the handle, mass s + damping + stiffness/s (model/README.md, section 14).
-
-    Attributes
-    ----------
-    mass : M, kg, >= 0
-    damping : B, N s/m, >= 0
-    stiffness : K, N/m, >= 0
-    """
-
-    mass: Number
-    damping: Number
-    stiffness: Number
-
-    def in_words(self, units: Units) -> str:
-        """Return its numbers with their units."""
-        return (
-            f"{self.mass:.4g} {units.mass}, {self.damping:.4g} {units.damping}, {self.stiffness:.4g} {units.stiffness}"
-        )
-
-    def in_units(self, impedance: float, time: float) -> Hand:
-        """Return the hand with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
-
-        Parameters
-        ----------
-        impedance : N s/m, > 0
-        time : s, > 0
-        """
-        return Hand(self.mass / (impedance * time), self.damping / impedance, self.stiffness * time / impedance)
-
-
-HAND = ("operator.mass", "operator.damping", "operator.stiffness")
-"""The numbers of a hand by their keys in a problem file, in the order of `Hand`."""
-
-
-@dataclass(frozen=True, slots=True)
-class Hands:
-    """Every hand of a box.
-
-    Attributes
-    ----------
-    low, high : its least and its greatest numbers
-    """
-
-    low: Hand
-    high: Hand
-
-    def in_words(self, units: Units) -> str:
-        """Return the box with its units."""
-        (m, b, k), (M, B, K) = ((hand.mass, hand.damping, hand.stiffness) for hand in (self.low, self.high))
-        return f"{m:g} to {M:g} {units.mass}, {b:g} to {B:g} {units.damping}, {k:g} to {K:g} {units.stiffness}"
-
-    @property
-    def middle(self) -> Hand:
-        """The hand in the middle of the box."""
-        low, high = self.low, self.high
-        return Hand(
-            0.5 * (low.mass + high.mass), 0.5 * (low.damping + high.damping), 0.5 * (low.stiffness + high.stiffness)
-        )
-
-    def in_units(self, impedance: float, time: float) -> Hands:
-        """Return the same hands with impedances in units of `impedance` [N s/m] and times in units of `time` [s].
-
-        Parameters
-        ----------
-        impedance : N s/m, > 0
-        time : s, > 0
-        """
-        return Hands(self.low.in_units(impedance, time), self.high.in_units(impedance, time))
 
 
 @dataclass(frozen=True, slots=True)
@@ -368,56 +283,3 @@ def stacked(devices: Sequence[Device]) -> Device:
         return first
     columns = {key: [device.number(key) for device in devices] for key in first._varying()}
     return first.with_numbers({key: np.array(each) for key, each in columns.items() if len(set(each)) > 1})
-
-
-@dataclass(frozen=True, slots=True)
-class Gains:
-    """The velocity loop's law K = velocity + position/s, in N s/m and N/m (paper eq. 3)."""
-
-    velocity: Number
-    position: Number
-
-    @property
-    def closed(self) -> bool:
-        """Whether there is a loop at all; of plain numbers."""
-        return bool(self.velocity != 0 or self.position != 0)
-
-
-@dataclass(frozen=True, slots=True)
-class Coupling:
-    """The virtual coupling: damping b_c and mass m_c in series, beside a drag b_0 (paper eq. 17).
-
-    Attributes
-    ----------
-    damping : b_c, N s/m
-    mass : m_c, kg
-    drag : b_0, N s/m
-    """
-
-    damping: Number
-    mass: Number
-    drag: Number
-
-
-@dataclass(frozen=True, slots=True)
-class SpringDamper:
-    """The virtual coupling of an impedance display: a spring and a damper side by side (model/README.md, section 15).
-
-    Attributes
-    ----------
-    damping : b_c, N s/m, >= 0
-    stiffness : k_c, N/m
-    """
-
-    damping: Number
-    stiffness: Number
-
-
-AnyCoupling = Coupling | SpringDamper
-"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
-
-
-def series_coupling(coupling: AnyCoupling) -> Coupling:
-    """Return the coupling of an admittance display as one, which it must be."""
-    assert not isinstance(coupling, SpringDamper)
-    return coupling

@@ -1,0 +1,60 @@
+"""What is designed: the gains of the velocity loop and the virtual coupling. SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.arithmetic import Number
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """The velocity loop's law K = velocity + position/s, in N s/m and N/m (paper eq. 3)."""
+
+    velocity: Number
+    position: Number
+
+    @property
+    def closed(self) -> bool:
+        """Whether there is a loop at all; of plain numbers."""
+        return bool(self.velocity != 0 or self.position != 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """The virtual coupling: damping b_c and mass m_c in series, beside a drag b_0 (paper eq. 17).
+
+    Attributes
+    ----------
+    damping : b_c, N s/m
+    mass : m_c, kg
+    drag : b_0, N s/m
+    """
+
+    damping: Number
+    mass: Number
+    drag: Number
+
+
+@dataclass(frozen=True, slots=True)
+class SpringDamper:
+    """The virtual coupling of an impedance display: a spring and a damper side by side (model/README.md, section 15).
+
+    Attributes
+    ----------
+    damping : b_c, N s/m, >= 0
+    stiffness : k_c, N/m
+    """
+
+    damping: Number
+    stiffness: Number
+
+
+AnyCoupling = Coupling | SpringDamper
+"""What couples a device to the virtual world: of an admittance display, or of an impedance display."""
+
+
+def series_coupling(coupling: AnyCoupling) -> Coupling:
+    """Return the coupling of an admittance display as one, which it must be."""
+    assert not isinstance(coupling, SpringDamper)
+    return coupling
