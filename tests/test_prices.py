@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
 
 from vctune import solve
-from vctune.design import prices as pricing
-from vctune.design.prices import BETTER, with_prices
+from vctune.design.judge import Status
+from vctune.design.prices import with_prices
 from vctune.design.record import record_of
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
@@ -55,25 +56,36 @@ def real():
 
 @pytest.mark.slow
 def test_every_number_of_a_device_has_a_price(real):
-    assert set(BETTER) == set(NUMBERS)
     assert {price.key for price in real.prices} == {f"device.{key}" for key in NUMBERS}
-    errors = [price.error for price in real.prices]
-    assert errors == sorted(errors)
+    changes = [price.change for price in real.prices]
+    assert changes == sorted(changes) and max(changes) <= 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("text", [WHEEL, REAL, (ROOT / "problems/extremes/feather.toml").read_text()])
-def test_prices_are_those_of_solving_again(text, real):
-    """From the start, whichever basin the answer then lies in."""
-    solved = real if text == REAL else priced(text)
-    device = solved.problem.device
+SOLVED_AGAIN = {
+    "real": (REAL, 2e-4),
+    "friction-wheel-hands": ((ROOT / "problems/friction-wheel-hands.toml").read_text(), 3e-4),
+    **{
+        name: ((ROOT / f"problems/{name}.toml").read_text(), 2e-4)
+        for name in ("friction-wheel-uncertain", "extremes/feather", "extremes/peak", "delta-4khz", "paddle")
+    },
+    "friction-wheel": (WHEEL, 2e-4),
+}
+"""Problems, and by how much of the error the price of a hundredth may miss what solving again gives: its second order,
+in hands, where a few of them stand for all, half as much again."""
+
+
+@pytest.mark.parametrize("name", mostly_slow(SOLVED_AGAIN, ["friction-wheel", "paddle"]))
+def test_prices_are_those_of_solving_again(name):
+    text, tolerance = SOLVED_AGAIN[name]
+    problem = parse_problem(text, "x", "x")
+    solved = with_prices(solve(problem))
+    assert solved.prices
     for price in solved.prices:
         key = price.key.removeprefix("device.")
-        found = {new: solve(problem).judgement for new, problem in pricing._better(solved.problem, key).items()}
-        error, new = min((judgement.error, new) for new, judgement in found.items())
-        assert price.old == device.number(key)
-        assert (price.new, price.error) == pytest.approx((new, error), rel=1e-6)
-        assert price.change == pytest.approx(error / solved.judgement.error - 1, abs=1e-6)
+        assert price.old == problem.device.number(key)
+        changed = replace(problem, device=problem.device.with_numbers({key: price.new}))
+        error = solve(changed).judgement.error
+        assert price.change == pytest.approx(error / solved.judgement.error - 1, abs=tolerance), key
 
 
 def test_a_change_of_units_changes_nothing():
@@ -91,14 +103,7 @@ def test_what_is_late_costs_and_what_is_quick_pays(name):
     late = ("time", "delay", "bandwidth_hz", "frequency_hz")
     text = (ROOT / f"tests/reference/real/{name}.toml").read_text()
     prices = [price for price in priced(text).prices if price.key.endswith(late)]
-    assert prices and all(price.change < -1e-3 for price in prices)
-
-
-def test_no_number_is_asked_for_that_no_file_can_state():
-    text = DEVICE + 'velocity = { from = "difference", filter_hz = 490.0 }\n'
-    prices = {price.key: price for price in priced(text).prices}
-    assert prices["device.velocity.filter_hz"].new == pytest.approx(441.0)
-    assert "device.delay" not in prices, "there is none"
+    assert prices and all(price.change < -1e-4 for price in prices)
 
 
 def test_parts_without_a_low_pass_have_prices():
@@ -109,31 +114,28 @@ def test_parts_without_a_low_pass_have_prices():
     }  # fmt: skip
 
 
-def test_fixed_gains_are_judged_on_the_better_device():
-    prices = priced(DEVICE + FIXED.format(160.0)).prices
-    assert {price.key for price in prices} == {"device.mass", "device.damping", "device.sample_time"}
-    assert priced(DEVICE + FIXED.format(50.0)).prices is None
+def test_gains_that_are_given_have_no_prices():
+    solved = priced(DEVICE + FIXED.format(160.0))
+    assert solved.status is Status.CERTIFIED and solved.prices is None
 
 
-def test_what_takes_too_long_is_not_tried(monkeypatch):
-    monkeypatch.setattr(pricing, "LONGEST", -1.0)
-    prices = priced(DEVICE).prices
-    assert len(prices) == 3
-    assert all((price.new, price.error, price.change) == (None, None, None) for price in prices)
+def test_a_delay_of_whole_samples_is_priced_on_the_side_where_it_is_less():
+    """The slopes differ there: less delay is worth twice what more of it costs."""
+    problem = read_problem(ROOT / "problems/cobot-wrist.toml").problem
+    assert problem.device.delay == 2 * problem.device.sample_time
+    (price,) = (price for price in with_prices(solve(problem)).prices if price.key == "device.delay")
+    assert price.new < price.old
+    less, here, more = (
+        solve(replace(problem, device=replace(problem.device, delay=factor * price.old))).judgement.error
+        for factor in (0.99, 1.0, 1.01)
+    )
+    assert price.change == pytest.approx(less / here - 1, abs=1e-4)
+    assert here - less > 1.5 * (more - here) > 0
 
 
-@pytest.mark.parametrize(
-    ("new", "error", "change", "said"),
-    [
-        (0.9, 0.8, -0.2, "-20.0 %"),
-        (0.9, 1.1, 0.1, "+10.0 %"),
-        (0.9, 1.0, -4e-4, "no difference"),
-        (0.9, None, None, "no design found"),
-        (None, None, None, "not tried: the others took too long"),
-    ],
-)
-def test_what_it_is_worth_in_words(new, error, change, said):
-    record = PriceRecord(key="device.actuator.bandwidth_hz", old=1.0, new=new, error=error, change=change)
+@pytest.mark.parametrize(("change", "said"), [(-0.02, "-2.00 %"), (-4e-5, "no difference")])
+def test_what_it_is_worth_in_words(change, said):
+    record = PriceRecord(key="device.actuator.bandwidth_hz", old=1.0, new=1.01, change=change)
     assert record.worth == said
     assert record.cells(LINEAR)[2] == "Hz"
 

@@ -27,7 +27,7 @@ def solve(
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
     gap : prove that no design has an error lower by more than this share
-    prices : work out what each number of the device would be worth if it were better by a tenth
+    prices : work out what each number of the device would be worth if it were better by a hundredth
     progress : told the stage of the work
 
     Returns
@@ -47,7 +47,7 @@ def solve(
     file = problem_of(problem)
     solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
     solved = with_alternatives(solved)
-    return with_prices(solved, progress) if prices else solved
+    return with_prices(solved) if prices else solved
 
 
 def require_gap(gap: float) -> None:

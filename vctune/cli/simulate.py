@@ -92,7 +92,7 @@ def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains,
     from vctune.design.solve import solve
     from vctune.document.date import today
 
-    solved = with_prices(solve(file.problem, progress), progress)
+    solved = with_prices(solve(file.problem, progress))
     judgement = solved.judgement
     say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version(), today())))
     if judgement is None:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vctune.design.estimate import estimated
+import numpy as np
+
 from vctune.design.judge import Status
-from vctune.design.prepared import of_one_device, pose
+from vctune.design.optimum import WORTH_POLISHING, local_optima
+from vctune.design.prepared import of_one_device, pose, prepare
 from vctune.design.result import Solved
-from vctune.model.gains import SpringDamper
-from vctune.model.problem import Criterion
+from vctune.design.scan import scan
+from vctune.design.theorems import impossible
+from vctune.design.variables import design_of
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.problem import Criterion, Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +51,21 @@ def with_alternatives(solved: Solved) -> Solved:
     for criterion in others:
         alone = estimated(replace(one, stability=replace(problem.stability, criterion=criterion)))
         if alone is not None:
-            stiffness = alone.coupling.stiffness if isinstance(alone.coupling, SpringDamper) else None
-            error = alone.error if one is problem else pose(problem).error(alone.gains, alone.coupling)
-            found.append(Alternative(criterion, error, stiffness))
+            stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
+            found.append(Alternative(criterion, pose(problem).error(*alone), stiffness))
     return replace(solved, alternatives=found)
+
+
+@np.errstate(all="ignore")
+def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
+    """Return the best design of a problem, SI units; the demands are met in double precision, nothing is proved.
+
+    Parameters
+    ----------
+    problem : that leaves something free
+    """
+    if impossible(problem) is not None:
+        return None
+    prepared = prepare(problem)
+    optima = local_optima(prepared.scaled, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    return design_of(prepared.units.to_si(optima[0].values)) if optima else None

@@ -76,7 +76,7 @@ def polish(
     incumbent : give up once the error cannot get below this: more frequencies only raise it
     tightening : relative sharpening of the demands
     witnesses : points that a proof has refuted, to begin with
-    demands : of a like device's optimum, to begin with in the place of the local extrema at the start
+    demands : to begin with in the place of the local extrema at the start: those of an optimum that it is
 
     Returns
     -------
@@ -119,6 +119,7 @@ class _Search:
     radius : half the box's width in log coordinates
     known, known_error : the best admissible design that is known, an answer or the start
     start_examined : whether the start was looked at for that
+    unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """
 
     start: Start
@@ -136,6 +137,7 @@ class _Search:
     best: Polished | None = None
     known_error: float = inf
     start_examined: bool = False
+    unstable: bool = False
     finished: bool = False
 
 
@@ -159,10 +161,12 @@ def _step(posed: Posed, search: _Search) -> None:
     demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
     search.rounds.append(Round(sum(working_set.sizes()), solution))
     if unstable is not None:
-        if not add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains):
+        cut = add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains)
+        if not cut or search.unstable:
             search.radius /= 2
-        search.warm_start = search.reference
+        search.unstable, search.warm_start = True, search.reference
         return
+    search.unstable = False
     asked = working_set.copy()
     _track_peak(working_set, demands.near_peak)
     joined, admissible = _add_violated(working_set, demands), demands.positive and demands.greatest == 0

@@ -130,8 +130,35 @@ def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
         converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
         peak_tracked=bool(np.all(room > NEAR_SIDE)),
         iterations=int(stats["iter_count"]),
-        multipliers=np.abs(multipliers[given.least > -inf]),
+        others=z[first:],
+        multipliers=multipliers[given.least > -inf],
     )
+
+
+def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
+    """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
+
+    Its derivative in whatever the numbers depend on is that of the least objective (the envelope theorem, Fiacco 1983).
+
+    Parameters
+    ----------
+    structure : of the NLP
+    given : its numbers; the free variables are those of the guess
+    solution : of an NLP of the same structure, with as many constraints in use
+
+    Returns
+    -------
+    float
+        Up to what the multipliers do to the bounds of the constraints, which is constant.
+    """
+    unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
+    multipliers = np.zeros(given.least.shape)
+    multipliers[given.least > -inf] = solution.multipliers
+    solver = compiled(structure)
+    objective, constraints = (
+        np.array(solver.get_function(name)(unknowns, given.parameters)).ravel() for name in ("nlp_f", "nlp_g")
+    )
+    return float(objective[0] + multipliers @ constraints)
 
 
 def _parameters(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import pi
 from typing import Any
 
+import numpy as np
+
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp_structure import DEMANDS
@@ -71,7 +73,7 @@ def _priced(polished: Polished) -> Floats:
 
     In the hand of an operator the NLP has written it with both terms of the factor on different sides.
     """
-    multipliers, ratio = polished.solution.multipliers.copy(), polished.working_set.ratio
+    multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
     if polished.structure.operator_damping and ratio:
         device, omega = stacked(ratio)
         loop = response(device, design_of(polished.values)[0], omega)

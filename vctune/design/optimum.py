@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from time import perf_counter
 
@@ -49,8 +50,6 @@ the boxes that it takes grow with the inverse of what is left to spare. Twice co
 costs proofs."""
 
 Progress = Callable[[str], None]
-PolishFrom = Callable[[Start, float], Polished | None]
-"""From a start, to an error below a given one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,9 +152,7 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     return judgement
 
 
-def local_optima(
-    scaled: Posed, scanned: ScanResult, progress: Progress, worth: float, polished_from: PolishFrom | None = None
-) -> list[Polished]:
+def local_optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first.
 
     Parameters
@@ -164,18 +161,12 @@ def local_optima(
     scanned : starts of it
     progress : told the stage of the work
     worth : by what factor a start's error may exceed the least that is known
-    polished_from : how a start is polished; None: with nothing known
 
     Returns
     -------
     list of Polished
         Dimensionless, the least error first; not proved.
     """
-
-    def plainly(start: Start, least: float) -> Polished | None:
-        return polish(scaled, start, scanned, incumbent=least)
-
-    polished_from = polished_from or plainly
     optima: list[Polished] = []
     done: list[Start] = []
     for number, start in enumerate(scanned.starts, 1):
@@ -184,7 +175,7 @@ def local_optima(
         if start.error > worth * least or hopeless or start in done:
             continue
         progress(f"polishing start {number} of {len(scanned.starts)}")
-        polished = polished_from(start, least if worth < inf else inf)
+        polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
             left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
@@ -194,7 +185,7 @@ def local_optima(
         nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress("polishing once more")
-            better = polished_from(nearby, optima[0].error)
+            better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
             optima = [better, *optima] if better is not None else optima
     return sorted(optima, key=lambda optimum: optimum.error)
 
@@ -244,7 +235,13 @@ def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Ite
             tightening *= SHARPENING
         if _undecided(judgement):
             tightening = max(tightening, DECIDABLE)
-        polished = polish(prepared.scaled, optimum.start, scanned, tightening=tightening, witnesses=witnesses)
+        again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
+        polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)
+
+
+def _start_at(polished: Polished) -> Start:
+    """Return an optimum as a start, from which the same demands, a little sharper, lead to the next in its basin."""
+    return Start(*design_of(polished.values), polished.error)
 
 
 def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:

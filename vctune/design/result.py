@@ -34,7 +34,8 @@ class Solution:
     converged : whether IPOPT says so; no evidence of anything
     peak_tracked : whether the tracked peak of |S| stayed within its reach
     iterations : number of IPOPT iterations
-    multipliers : of the used ratio, sensitivity, stability and peak constraints, concatenated
+    others : the other unknowns: log frequencies of tracked peaks, and the epigraph variable if there is one
+    multipliers : of the constraints in use, in the order of the NLP; negative where a lower bound binds
     """
 
     z: Floats
@@ -42,6 +43,7 @@ class Solution:
     converged: bool
     peak_tracked: bool
     iterations: int
+    others: Floats
     multipliers: Floats
 
 
@@ -100,7 +102,7 @@ class Solved:
     nominal_error : of the best design for the nominal device alone, None when no device is uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
     alternatives : what either criterion alone would allow, None when there is one or nobody asked
-    prices : what a better device would be worth, the greatest gain first, None when nobody asked
+    prices : what a better device would be worth, the greatest gain first, None when nobody asked or there is no optimum
     """
 
     problem: Problem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -76,25 +76,33 @@ class WorkingSet:
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
 
-    def on_device(self, device: Device, impedance: float, time: float) -> WorkingSet:
-        """Return the same frequencies and hands for another device, in other units.
+    def on_devices(self, changed: Callable[[Device], Device], time: float) -> WorkingSet:
+        """Return the same hands and frequencies on other devices.
+
+        Where the loop is sampled it is the angle omega T that stays, so that what is posed at Nyquist stays there.
 
         Parameters
         ----------
-        device : of every point, in the new units
-        impedance, time : the new units in the old ones
+        changed : what becomes of a device, in the units that the set has
+        time : their sample time, of which the new set has its times in units
         """
 
-        def moved(points: list[ConstraintPoint]) -> list[ConstraintPoint]:
-            hands = (point.hand and point.hand.in_units(impedance, time) for point in points)
+        def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:
             return [
-                ConstraintPoint(point.omega * time, device, hand) for point, hand in zip(points, hands, strict=True)
+                ConstraintPoint(
+                    point.omega * stretch,
+                    changed(point.device).in_units(1.0, time),
+                    point.hand and point.hand.in_units(1.0, time),
+                )
+                for point in points
             ]
 
         return WorkingSet(
-            ratio=moved(self.ratio),
+            ratio=moved(self.ratio, time),
             sensitivity=moved(self.sensitivity),
-            peak=moved(self.peak),
+            stability=self.stability,
+            peak=moved(self.peak, time),
+            tracked_peaks=moved(self.tracked_peaks),
             unmodelled=moved(self.unmodelled),
             in_hand=moved(self.in_hand),
         )
