@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,18 @@ Complex = NDArray[np.complex128]
 
 def plant_of(device: Device) -> SampledPlant:
     """Return the sampled plant of a device, or of several whose numbers are arrays."""
+    several = any(np.ndim(number) for number in device.numbers().values())
+    return _sampled(device) if several else _sampled_once(device)
+
+
+def _sampled(device: Device) -> SampledPlant:
     whole, fraction = split_delay(device.delay, device.sample_time)
     return sampled_plant(device, whole, FLOATS, fractional=bool(np.any(fraction)))
+
+
+_sampled_once = lru_cache(maxsize=1024)(_sampled)
+"""Of a device known exactly, of which all frequencies and all rounds of an exchange ask for the same exponential. As many
+as a box of devices has that are looked at; half and twice as many take the same time."""
 
 
 def return_difference_at(device: Device, omega: Floats, *, position: bool) -> ReturnDifference:

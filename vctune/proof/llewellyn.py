@@ -24,7 +24,7 @@ from vctune.proof.polynomials import prove as prove_polynomials
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
 the ratio falls below 1, but for the last digits that are shown."""
-FINEST_STEP = 1e-8
+FINEST_STEP = 1e-6
 """Where the extension of the proved band ends, relative: finer than what is shown. Half and twice it are a step."""
 LOWEST_EDGE = 1e-18
 """How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
@@ -162,11 +162,11 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
         rad/s, between both; everything between it and the edge is proved.
     """
     down = goal < edge
-    step = 4.0  # a ratio; squared after a success, its root taken after a failure
+    step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
         if holds(min(edge, ahead), max(edge, ahead)):
-            edge, step = ahead, min(step * step, 16.0)
+            edge, step, held = ahead, min(step * step, 16.0) if held else step, True
         else:
-            step = sqrt(step)
+            step, held = sqrt(step), False
     return edge
