@@ -18,8 +18,8 @@ import numpy as np
 from vctune.design.judge import Judgement, Status, judge_all
 from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
-from vctune.design.repair import CUT_SHORT, LONGEST, Repair, find_cures, find_repairs, has_design_in_use
-from vctune.design.result import Solved
+from vctune.design.repair import CUT_SHORT, LONGEST, find_cures, find_repairs, has_design_in_use
+from vctune.design.result import Repair, Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
 from vctune.document.codes import Note

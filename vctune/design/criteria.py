@@ -2,35 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vctune.design.judge import Status
 from vctune.design.optimum import WORTH_POLISHING, local_optima
 from vctune.design.prepared import of_one_device, pose, prepare
-from vctune.design.result import Solved
+from vctune.design.result import Alternative, Solved
 from vctune.design.scan import scan
 from vctune.design.theorems import impossible
 from vctune.design.variables import design_of
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.problem import Criterion, Problem
-
-
-@dataclass(frozen=True, slots=True)
-class Alternative:
-    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
-
-    Attributes
-    ----------
-    criterion : "hands" or "passive"
-    error : of its design
-    stiffness : of an impedance display's, N/m
-    """
-
-    criterion: Criterion
-    error: float
-    stiffness: float | None = None
 
 
 def with_alternatives(solved: Solved) -> Solved:

@@ -13,7 +13,7 @@ import numpy as np
 from vctune.design.ipopt import lagrangian, numbers_of
 from vctune.design.judge import Status
 from vctune.design.prepared import Prepared, compared, prepare
-from vctune.design.result import Polished, Solved
+from vctune.design.result import Polished, Price, Solved
 from vctune.design.variables import Point, coordinates, design_of
 from vctune.model.device import Device
 
@@ -22,23 +22,6 @@ STEP = 1e-5
 is far below. Half and twice give the same four digits."""
 BETTER = 0.01
 """By what share a better number is better: to so much the least error is linear, but for a bend at the optimum."""
-
-
-@dataclass(frozen=True, slots=True)
-class Price:
-    """What a better number of the device is worth, everything else of the problem as it is.
-
-    Attributes
-    ----------
-    key : of the number in the problem file
-    old, new : its value and one that is better by a hundredth, in SI units and hertz
-    change : of the least error, relative to it, to first order; at most 0
-    """
-
-    key: str
-    old: float
-    new: float
-    change: float
 
 
 @np.errstate(all="ignore")

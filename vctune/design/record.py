@@ -19,8 +19,8 @@ from vctune.analysis.margins import loop_margins, unstable_poles
 from vctune.design.claim_records import claim_records
 from vctune.design.judge import Judgement, judge
 from vctune.design.nlp_record import active, left_out, solver_record
-from vctune.design.repair import CUT_SHORT, LONGEST, Repair
-from vctune.design.result import Solved
+from vctune.design.repair import CUT_SHORT, LONGEST
+from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.rounding import near
 from vctune.design.uncertainty import uncertainty_record
 from vctune.design.variables import Point, keys_for, point, ranges
@@ -56,7 +56,6 @@ from vctune.version import __version__
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
-    from vctune.design.criteria import Alternative
 
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""

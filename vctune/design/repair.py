@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from vctune.analysis.in_hands import least_ratios
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
+from vctune.design.result import Repair, Solved
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.reading import ProblemFile, pose
@@ -26,9 +27,6 @@ from vctune.model.problem import Problem
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles
-
-if TYPE_CHECKING:
-    from vctune.design.result import Solved
 
 SHARE = 0.9
 """The share of a repair that must not suffice."""
@@ -45,34 +43,6 @@ SLACK = 1e-5
 """By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class Repair:
-    """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
-
-    Of a number that is 0 it may be that any other is enough; then it is a small one.
-
-    Attributes
-    ----------
-    key : dotted key
-    old, new : its values, in the unit of the file
-    change : what that means
-    needs : what the file has to say, a line of TOML
-    size : change relative to the greater of both values, by which repairs are compared (`ParameterChange.size`)
-    error : transparency error of the design that there is then
-    """
-
-    key: str
-    old: float
-    new: float
-    change: str
-    needs: str
-    size: float
-    error: float
-
-    def __str__(self) -> str:
-        return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
 
 
 @dataclass(frozen=True, slots=True)

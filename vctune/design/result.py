@@ -14,13 +14,10 @@ from vctune.design.start import Start
 from vctune.design.variables import Point
 from vctune.design.working_set import WorkingSet
 from vctune.markup import html_facts
-from vctune.model.problem import Problem
+from vctune.model.problem import Criterion, Problem
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
-    from vctune.design.criteria import Alternative
-    from vctune.design.prices import Price
-    from vctune.design.repair import Repair
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +80,67 @@ class Polished:
     solution: Solution
     tightening: float
     rounds: list[Round]
+
+
+@dataclass(frozen=True, slots=True)
+class Repair:
+    """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
+
+    Of a number that is 0 it may be that any other is enough; then it is a small one.
+
+    Attributes
+    ----------
+    key : dotted key
+    old, new : its values, in the unit of the file
+    change : what that means
+    needs : what the file has to say, a line of TOML
+    size : change relative to the greater of both values, by which repairs are compared (`ParameterChange.size`)
+    error : transparency error of the design that there is then
+    """
+
+    key: str
+    old: float
+    new: float
+    change: str
+    needs: str
+    size: float
+    error: float
+
+    def __str__(self) -> str:
+        return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """What a better number of the device is worth, everything else of the problem as it is.
+
+    Attributes
+    ----------
+    key : of the number in the problem file
+    old, new : its value and one that is better by a hundredth, in SI units and hertz
+    change : of the least error, relative to it, to first order; at most 0
+    """
+
+    key: str
+    old: float
+    new: float
+    change: float
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """The error of a design under one criterion alone, as the optimiser finds it: nothing of it is proved.
+
+    Attributes
+    ----------
+    criterion : "hands" or "passive"
+    error : of its design
+    stiffness : of an impedance display's, N/m
+    """
+
+    criterion: Criterion
+    error: float
+    stiffness: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
