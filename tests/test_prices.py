@@ -8,10 +8,11 @@ from dataclasses import replace
 import pytest
 from command import run
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
+from global_search import global_search, random_text
 
 from vctune import solve
 from vctune.design.judge import Status
-from vctune.design.prices import with_prices
+from vctune.design.prices import BETTER, with_prices
 from vctune.design.record import record_of
 from vctune.document.prices import PriceRecord
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
@@ -86,6 +87,20 @@ def test_prices_are_those_of_solving_again(name):
         changed = replace(problem, device=problem.device.with_numbers({key: price.new}))
         error = solve(changed).judgement.error
         assert price.change == pytest.approx(error / solved.judgement.error - 1, abs=tolerance), key
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 11])
+def test_prices_are_the_slopes_of_what_another_search_finds(seed):
+    """A global search that knows no derivative, on devices that differ by 6 % in a number."""
+    problem = parse_problem(random_text(seed), "x", "x")
+    solved = with_prices(solve(problem))
+    for price in solved.prices[:2]:
+        key = price.key.removeprefix("device.")
+        devices = (problem.device.with_numbers({key: factor * price.old}) for factor in (0.97, 1.03))
+        less, more = (global_search(replace(problem, device=device), 1, runs=1)[0] for device in devices)
+        slope = (more - less) / 0.06 / solved.judgement.error
+        assert price.change == pytest.approx(-abs(slope) * BETTER, rel=0.02), key
 
 
 def test_a_change_of_units_changes_nothing():
