@@ -23,8 +23,9 @@ from vctune.analysis.in_hands import least_ratios_in_any_hand, least_ratios_in_h
 from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.check import CheckVerdict, check
 from vctune.design.claim_records import claim_records
-from vctune.design.criteria import estimated, with_alternatives
+from vctune.design.criteria import with_alternatives
 from vctune.design.judge import Status, judge
+from vctune.design.optimum import estimated
 from vctune.design.prepared import pose
 from vctune.design.record import record_of
 from vctune.design.solve import solve

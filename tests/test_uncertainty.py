@@ -191,7 +191,7 @@ def test_a_robust_design_holds_on_every_device_and_a_nominal_one_does_not(case):
     assert not failing(given, numbers(found.judgement), devices).any()
     nominal = solve(replace(given, uncertainty=None)).judgement
     assert failing(given, numbers(nominal), devices).mean() > 0.5
-    assert found.nominal_error == pytest.approx(nominal.error, rel=1e-9)
+    assert found.nominal_error == pytest.approx(nominal.error, rel=1e-6)  # not rounded to decimals
 
 
 @pytest.mark.slow

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from vctune.design.judge import Status
-from vctune.design.optimum import WORTH_POLISHING, local_optima
-from vctune.design.prepared import of_one_device, pose, prepare
+from vctune.design.optimum import estimated
+from vctune.design.prepared import of_one_device, pose
 from vctune.design.result import Alternative, Solved
-from vctune.design.scan import scan
-from vctune.design.theorems import impossible
-from vctune.design.variables import design_of
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.problem import Criterion, Problem
+from vctune.model.gains import SpringDamper
+from vctune.model.problem import Criterion
 
 
 def with_alternatives(solved: Solved) -> Solved:
@@ -38,18 +33,3 @@ def with_alternatives(solved: Solved) -> Solved:
             stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
             found.append(Alternative(criterion, pose(problem).error(*alone), stiffness))
     return replace(solved, alternatives=found)
-
-
-@np.errstate(all="ignore")
-def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
-    """Return the best design of a problem, SI units; the demands are met in double precision, nothing is proved.
-
-    Parameters
-    ----------
-    problem : that leaves something free
-    """
-    if impossible(problem) is not None:
-        return None
-    prepared = prepare(problem)
-    optima = local_optima(prepared.scaled, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
-    return design_of(prepared.units.to_si(optima[0].values)) if optima else None

@@ -96,14 +96,29 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     return Optimum(judgement, best, len(optima), seconds)
 
 
+@np.errstate(all="ignore")
+def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
+    """Return the best design of a problem, SI units; the demands are met in double precision, nothing is proved.
+
+    Parameters
+    ----------
+    problem : that leaves something free
+    """
+    if impossible(problem) is not None:
+        return None
+    prepared = prepare(problem)
+    optima = local_optima(prepared.scaled, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    return design_of(prepared.units.to_si(optima[0].values)) if optima else None
+
+
 def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
     """Return the best design for the nominal device of an uncertain one, whose basin may be the best, and its error."""
     nominal = prepare(replace(prepared.problem, uncertainty=None))
-    judgement = optimum(nominal, scan(nominal.scaled)).judgement
-    if judgement is None:
+    law = estimated(nominal.problem)
+    if law is None:
         return None
-    law = design_of(prepared.units.to_dimensionless(point(judgement.gains, judgement.coupling)))
-    return Start(*law, nominal.scaled.error(*law)), judgement.error
+    scaled = design_of(nominal.units.to_dimensionless(point(*law)))
+    return Start(*scaled, nominal.scaled.error(*scaled)), nominal.given.error(*law)
 
 
 @np.errstate(all="ignore")

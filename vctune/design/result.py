@@ -157,7 +157,7 @@ class Solved:
     scanned : what the scan saw, None when nothing was scanned
     seconds : by stage
     optimality : how much better any design could be, None when nobody asked
-    nominal_error : of the best design for the nominal device alone, None when no device is uncertain
+    nominal_error : of the best design for the nominal device alone, not proved, None when no device is uncertain
     repairs : changes of the problem that would make a design possible, None when nobody asked
     alternatives : what either criterion alone would allow, None when there is one or nobody asked
     prices : what a better device would be worth, the greatest gain first, None when nobody asked or there is no optimum
