@@ -38,6 +38,10 @@ RADIUS = 2.0
 a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
 GROWTH = 2.0
 """By what the box grows after an answer that is worth something; it is halved after any other."""
+NEARER = 0.8
+"""An answer that misses the demands by less than this share of what the last one did is worth something: the box then
+holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to some, and 0.9
+creeps to none."""
 LEAST_RADIUS = 1e-3
 """Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9
@@ -118,6 +122,7 @@ class _Search:
     warm_start : where IPOPT starts
     radius : half the box's width in log coordinates
     known, known_error : the best admissible design that is known, an answer or the start
+    missed : by what the last answer missed the demands at most
     start_examined : whether the start was looked at for that
     unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
     """
@@ -136,6 +141,7 @@ class _Search:
     rounds: list[Round] = field(default_factory=list)
     best: Polished | None = None
     known_error: float = inf
+    missed: float = 0.0
     start_examined: bool = False
     unstable: bool = False
     finished: bool = False
@@ -184,7 +190,8 @@ def _step(posed: Posed, search: _Search) -> None:
     elif demands.positive:
         search.reference = values
     search.warm_start = search.reference
-    progress = not uphill and (joined or (admissible and solution.converged))
+    nearer, search.missed = demands.positive and demands.greatest < NEARER * search.missed, demands.greatest
+    progress = not uphill and (joined or nearer or (admissible and solution.converged))
     search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
 
 
