@@ -30,6 +30,7 @@ from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, h
 from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.jets import ENCLOSURES
+from vctune.proof.resonance import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.sampled_loop import in_rad_per_s
 from vctune.proof.taylor_functions import TAYLOR
 from vctune.proof.winding import turned_angle
@@ -79,13 +80,36 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     def tests(part: _Part, fixed: Values) -> list[Test]:
         slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
         test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
-        if not limp:
-            return [test]
-        return [next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)]
+        if limp:
+            test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
+        return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
+    near = resonance(design, demands.hands)
     found = _proved_over(design, demands, uncertain, rows, _ends(demands.hands, box, uncertain, limp=limp), tests)
+    if near and found.verdict is Verdict.PROVED:
+        others = found.boxes
+        found = _proved_next_to(near, design, demands, uncertain, _ends(demands.hands, box, uncertain))
+        found = replace(found, boxes=found.boxes + others)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
+
+
+def _proved_next_to(
+    near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: tuple[Floats, Floats]
+) -> Outcome:
+    """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
+    ratio = ROWS.index(RATIO)
+    for end, value in zip(ends, AROUND, strict=True):
+        end[ratio] = value
+
+    def tests(part: _Part, fixed: Values) -> list[Test]:
+        slopes, polynomials = (
+            near.margin(hands_margin(demands, uncertain, part.delays, ops)) for ops in (ENCLOSURES, TAYLOR)
+        )
+        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
+
+    return _proved_over(design, demands, uncertain, ROWS, ends, tests, near)
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
@@ -157,6 +181,7 @@ def _proved_over(
     hand_rows: tuple[str, ...],
     ends: tuple[Floats, Floats],
     tests: Callable[[_Part, Values], list[Test]],
+    near: Resonance | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's positive over all of them.
 
@@ -165,8 +190,10 @@ def _proved_over(
     uncertain, hand_rows : numbers of device and hand that are rows of the boxes
     ends : their least and greatest, the hand's first
     tests : of a part of the boxes, and of the values that are no rows
+    near : where the hands are those next to resonance
     """
-    names = hand_rows + tuple(f"device.{key}" for key in uncertain)
+    names = hand_rows + tuple(map(row_of, uncertain))
+    band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
     numbers = (*astuple(design.gains), *astuple(design.coupling))
     fixed = dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
     boxes, point = 0, None
@@ -174,7 +201,7 @@ def _proved_over(
         for test in tests(part, fixed):
             found = prove(
                 part.within(test, names),
-                over_band(names, part.low, part.high, band_of(0.0, HALF_TURN, STEP)),
+                over_band(names, part.low, part.high, band),
                 1,
                 halved=[True] * (1 + len(names)),
                 max_halvings=MAX_HALVINGS,
@@ -185,7 +212,7 @@ def _proved_over(
             boxes += int(found.boxes[0])
             if not found.proved[0]:
                 point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
-                return _in_doubt(design, demands, uncertain, names, part, point, boxes)
+                return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
     return Outcome(Verdict.PROVED, boxes)
 
 
@@ -197,6 +224,7 @@ def _in_doubt(
     part: _Part,
     point: Floats,
     boxes: int,
+    near: Resonance | None,
 ) -> Outcome:
     """Decide by balls about a point at which arrays have not proved the demand."""
     for row, name in enumerate(names):
@@ -209,13 +237,15 @@ def _in_doubt(
     if uncertain:
         device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
     theta = min(float(point[0]), pi)
+    if near:
+        hand = near.hand(theta, dict(zip(names, within, strict=True)))
 
     def fails(theta: float) -> bool:
         return bool(_margin_at(replace(design, device=device), hand, theta, demands.factor) < 0)
 
     refuted = fails(theta)
     if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
-        theta = next((near for off in NEAR_ENDS if fails(near := abs(theta - pi * off))), theta)
+        theta = next((beside for off in NEAR_ENDS if fails(beside := abs(theta - pi * off))), theta)
     outcome = Outcome(
         Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
     )
@@ -266,7 +296,12 @@ class _Part:
         return tested
 
 
-DELAY_ROWS = tuple(f"device.{key}" for key in DELAYS)
+def row_of(key: str) -> str:
+    """Return the name of the row of a number of the device."""
+    return f"device.{key}"
+
+
+DELAY_ROWS = tuple(map(row_of, DELAYS))
 
 
 def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
