@@ -58,9 +58,9 @@ def test_a_box_that_is_left_to_the_others_is_among_them(theta, shares, width, un
         assert AROUND[0] <= ratio <= AROUND[1] and at[0] >= near.first
         point = [*at[:3], ratio, *at[4:]]
         outside = near.in_range(nothing_known, there)(one_box(there, point, point)).proved[0]
-        assert not outside or at[3] > near.stiffest
+        assert not outside or at[3] > near.greatest
         hand = near.hand(at[0], dict(zip(there, point[1:], strict=True)))
-        assert astuple(hand) == pytest.approx((at[1], at[2], min(at[3], near.stiffest)))
+        assert astuple(hand) == pytest.approx((at[1], at[2], min(at[3], near.greatest)))
 
 
 def test_no_end_outside_the_range_is_taken_for_the_least():
@@ -88,9 +88,9 @@ def drawn(number: int) -> tuple[Design, Hands]:
     """Return a lightly damped device and a design of it, and hands."""
     rng = np.random.default_rng((97, number))
     impedance = number % 2 == 0
-    mass, stiffest, T = 10 ** rng.uniform(-1.5, 0), 10 ** rng.uniform(2.5, 3.5), 10 ** rng.uniform(-3.3, -2.8)
-    held = Hands(Hand(0.0, 0.0, rng.choice([0.0, 50.0])), Hand(rng.uniform(0, 0.5), 30.0, stiffest))
-    damping = rng.uniform(0.008, 0.025) * 2 * np.sqrt(stiffest * (mass + held.high.mass))
+    mass, K, T = 10 ** rng.uniform(-1.5, 0), 10 ** rng.uniform(2.5, 3.5), 10 ** rng.uniform(-3.3, -2.8)
+    held = Hands(Hand(0.0, 0.0, rng.choice([0.0, 50.0])), Hand(rng.uniform(0, 0.5), 30.0, K))
+    damping = rng.uniform(0.008, 0.025) * 2 * np.sqrt(K * (mass + held.high.mass))
     device = Device(
         mass, damping, T, display="impedance" if impedance else "admittance", delay=rng.choice([0.0, 0.3 * T])
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import astuple, dataclass
 from functools import lru_cache, partial
 from itertools import product
-from math import inf
+from math import inf, pi, sqrt
 from typing import ClassVar
 
 import numpy as np
@@ -32,6 +32,9 @@ SOFT = np.geomspace(1e-12, 1.0, 97)
 most at about K_p, small in slow loops. Half or twice as many find the same hand, which is looked at closer."""
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
+SHARP = 0.03
+"""Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets: from
+half of it the grid sees some, from twice as much all."""
 DRIVEN = 1e6
 """1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
 ROUNDS = 22
@@ -218,6 +221,8 @@ def least_ratios_in_hands(device: Device, hands: Hands, gains: Gains, coupling: 
     peaks = peaks[np.argsort(-worst[peaks], kind="stable")][:SEARCHED]
     starts = np.array([number[hand[peaks]] for number in astuple(where.hands)])
     theta, starts = np.append(where.theta[peaks], 0.0), np.column_stack((starts, _at_rest(device, hands, gains)))
+    sharp = _resonant(device, hands, gains)
+    theta, starts = np.append(theta, sharp[0]), np.column_stack((starts, sharp[1:]))
     return sorted(_closest(device, hands, gains, coupling, theta, starts), key=lambda each: each.ratio)
 
 
@@ -291,6 +296,21 @@ def _need(required: Floats, there: Floats) -> Floats:
     """Return 1/ratio, continuous where R changes its sign; of a coupling that drives, 0 or more than any other."""
     drives = np.where(required < there, 0.0, DRIVEN * (2 + (required - there) / (np.abs(required) - there)))
     return np.where(there < 0, drives, required / np.maximum(there, 1e-300))
+
+
+def _resonant(device: Device, hands: Hands, gains: Gains) -> Floats:
+    """Return angles at which hands resonate sharply with the device, and those hands: shape (4, n), n may be 0.
+
+    The stiffest of them, where the angle is greatest and the damping ratio least, and one a hundredth as stiff.
+    """
+    found = []
+    damping, hand = device.damping + hands.low.damping + gains.velocity, hands.low.damping
+    for mass, share in product((hands.low.mass, hands.high.mass), (1.0, 0.01)):
+        stiffness, moved = max(share * hands.high.stiffness, hands.low.stiffness), device.mass + mass
+        theta = device.sample_time * sqrt((stiffness + gains.position) / moved)
+        if damping < 2 * SHARP * sqrt(stiffness * moved) and theta < pi:
+            found.append((theta, mass, hand, stiffness))
+    return np.array(found).reshape(-1, 4).T
 
 
 def _at_rest(device: Device, hands: Hands, gains: Gains) -> tuple[float, ...]:

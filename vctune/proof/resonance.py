@@ -44,14 +44,14 @@ class Resonance:
     Attributes
     ----------
     mass, sample_time : m, kg, where that is no row, and T, s
-    softest, stiffest : stiffness of the hands, N/m
+    least, greatest : stiffness of the hands, N/m
     first : the angle from which on, rad, > 0
     """
 
     mass: float
     sample_time: float
-    softest: float
-    stiffest: float
+    least: float
+    greatest: float
     first: float
 
     def margin(self, margin: Margin) -> Margin:
@@ -107,11 +107,11 @@ class Resonance:
         def tested(boxes: Boxes) -> Decided:
             decided = test(boxes)
             low, high, at = stiffness(boxes.low), stiffness(boxes.high), stiffness(decided.point)
-            outside = (low > self.stiffest * (1 + WITHIN)) | (high < self.softest * (1 - WITHIN))
-            whole = (low >= self.softest) & (high <= self.stiffest)
+            outside = (low > self.greatest * (1 + WITHIN)) | (high < self.least * (1 - WITHIN))
+            whole = (low >= self.least) & (high <= self.greatest)
             side = decided.side.copy()
             side[np.ix_(tied, ~whole)] = 0.0  # an end may be outside, and be left out
-            had = (at >= self.softest) & (at <= self.stiffest)
+            had = (at >= self.least) & (at <= self.greatest)
             return replace(decided, proved=decided.proved | outside, fails=decided.fails & had, side=side)
 
         return tested
@@ -121,7 +121,7 @@ class Resonance:
         at = np.array([[theta], *([value] for value in numbers.values())])
         stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
         mass, damping = (numbers[name] for name in HAND[:2])
-        return Hand(mass, damping, min(max(stiffness, self.softest), self.stiffest))
+        return Hand(mass, damping, min(max(stiffness, self.least), self.greatest))
 
     def _resonant(self, names: tuple[str, ...], numbers: Floats) -> Floats:
         """Return (m + M) (theta/T)^2 of the frequency and the other rows."""
