@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import mostly_slow
 from device_pairs import real_of
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from random_hands import exact_need
 
@@ -28,6 +28,12 @@ HELD = Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
 SHARE = st.floats(0.0, 1.0)
 
 
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """Resonance is looked at apart wherever it is sharp, also where the other boxes would do."""
+    monkeypatch.setattr(in_hands, "EASY_BOXES", 0)
+
+
 def nothing_known(boxes: Boxes) -> Decided:
     none, zero = np.zeros(len(boxes), bool), np.zeros_like(boxes.low)
     return Decided(none, none.copy(), (boxes.low + boxes.high) / 2, zero, none.copy(), zero.copy())
@@ -38,6 +44,7 @@ def one_box(names, low, high):
     return Boxes((FREQUENCY, *names), *edges, np.zeros(1, np.intp), np.zeros(1, np.intp))
 
 
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.floats(1e-3, 3.14), st.lists(SHARE, min_size=4, max_size=4), st.floats(1e-6, 0.5), st.booleans())
 def test_a_box_that_is_left_to_the_others_is_among_them(theta, shares, width, uncertain):
     """Each of its points has the same angle, mass and stiffness there, within what is looked at."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from math import ceil, floor, pi
 
 import numpy as np
@@ -40,6 +41,9 @@ STEP = 1.4
 MAX_BOXES = 400_000
 """Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
 to give up."""
+EASY_BOXES = 20_000
+"""Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
+hundred do. They take a second or four; half or twice as many half or twice that, where they were in vain."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
@@ -77,19 +81,22 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     limp = not design.device.renders_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
     rows = (*HAND, SHARE) if limp else HAND
 
-    def tests(part: _Part, fixed: Values) -> list[Test]:
+    def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
         test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
         if limp:
             test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
         return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
-    near = resonance(design, demands.hands)
-    found = _proved_over(design, demands, uncertain, rows, _ends(demands.hands, box, uncertain, limp=limp), tests)
-    if near and found.verdict is Verdict.PROVED:
-        others = found.boxes
-        found = _proved_next_to(near, design, demands, uncertain, _ends(demands.hands, box, uncertain))
-        found = replace(found, boxes=found.boxes + others)
+    ends, near = partial(_ends, demands.hands, box, uncertain), resonance(design, demands.hands)
+    every = partial(_proved_over, design, demands, uncertain, rows)
+    found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
+    if near and found.verdict is Verdict.UNDECIDED:
+        found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
+        if found.verdict is Verdict.PROVED:
+            tried += found.boxes
+            found = _proved_next_to(near, design, demands, uncertain, ends())
+        found = replace(found, boxes=found.boxes + tried)
     found = replace(found, boxes=found.boxes + stable.boxes)
     return _and_without_reserve(found, prove_hands, design, demands, box)
 
@@ -109,7 +116,7 @@ def _proved_next_to(
         test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
         return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
 
-    return _proved_over(design, demands, uncertain, ROWS, ends, tests, near)
+    return _proved_over(design, demands, uncertain, ROWS, ends, tests, MAX_BOXES, near)
 
 
 def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
@@ -156,7 +163,7 @@ def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = Non
         margin, size = any_hand_margins(demands, uncertain, part.delays)
         return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
 
-    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), tests)
+    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), tests, MAX_BOXES)
     return _and_without_reserve(found, prove_any_hand, design, demands, box)
 
 
@@ -181,6 +188,7 @@ def _proved_over(
     hand_rows: tuple[str, ...],
     ends: tuple[Floats, Floats],
     tests: Callable[[_Part, Values], list[Test]],
+    max_boxes: int,
     near: Resonance | None = None,
 ) -> Outcome:
     """Prove margins of theta, the hand's numbers and the device's positive over all of them.
@@ -190,6 +198,7 @@ def _proved_over(
     uncertain, hand_rows : numbers of device and hand that are rows of the boxes
     ends : their least and greatest, the hand's first
     tests : of a part of the boxes, and of the values that are no rows
+    max_boxes : of each part, before it is left open
     near : where the hands are those next to resonance
     """
     names = hand_rows + tuple(map(row_of, uncertain))
@@ -205,7 +214,7 @@ def _proved_over(
                 1,
                 halved=[True] * (1 + len(names)),
                 max_halvings=MAX_HALVINGS,
-                max_boxes=MAX_BOXES,
+                max_boxes=max_boxes,
                 at_ends=True,
                 few=FEW,
             )
