@@ -134,6 +134,7 @@ def test_gains_that_are_given_have_no_prices():
     assert solved.status is Status.CERTIFIED and solved.prices is None
 
 
+@pytest.mark.slow
 def test_a_delay_of_whole_samples_is_priced_on_the_side_where_it_is_less():
     """The slopes differ there: less delay is worth twice what more of it costs."""
     problem = read_problem(ROOT / "problems/cobot-wrist.toml").problem
