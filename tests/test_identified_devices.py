@@ -128,7 +128,8 @@ def test_no_interval_is_wider_than_the_errors_that_are_made(trials, key):
 def test_a_floor_widens_an_interval_to_itself_and_not_beyond(trials, key, floor):
     for each in trials:
         if key in each.errors and each.half_widths[key] < 0.9:  # not one that reaches down to 0
-            assert each.half_widths[key] == pytest.approx(max(each.found[key], floor), rel=2e-3)
+            stated = each.half_widths[key]  # in five decimals, rounded up
+            assert 0 <= stated - max(each.found[key], floor) < 2e-5
 
 
 @pytest.mark.slow
