@@ -33,8 +33,8 @@ most at about K_p, small in slow loops. Half or twice as many find the same hand
 SEARCHED = 6
 """Local minima over the angle that are looked at closer; half miss none of the reference problems' worst hands."""
 SHARP = 0.03
-"""Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets: from
-half of it the grid sees some, from twice as much all."""
+"""Damping ratio below which the angles where a hand resonates with the device are looked at, which no grid meets. Half
+and twice it lead to the same design of a display of hardly any damping."""
 DRIVEN = 1e6
 """1/ratio from which on a coupling gives energy where none may be given. Half and twice it: the same designs."""
 ROUNDS = 22

@@ -40,8 +40,8 @@ GROWTH = 2.0
 """By what the box grows after an answer that is worth something; it is halved after any other."""
 NEARER = 0.8
 """An answer that misses the demands by less than this share of what the last one did is worth something: the box then
-holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to some, and 0.9
-creeps to none."""
+holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to that of a
+display of hardly any damping, 0.9 finds it in as many rounds."""
 LEAST_RADIUS = 1e-3
 """Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
 FIRST_FREQUENCIES = 9

@@ -14,7 +14,7 @@ from vctune.design.ipopt import lagrangian, numbers_of
 from vctune.design.judge import Status
 from vctune.design.prepared import Prepared, compared, prepare
 from vctune.design.result import Polished, Price, Solved
-from vctune.design.variables import Point, coordinates, design_of
+from vctune.design.variables import coordinates, design_of
 from vctune.model.device import Device
 
 STEP = 1e-5
@@ -36,15 +36,17 @@ def with_prices(solved: Solved) -> Solved:
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
         return solved
     prepared = prepare(solved.problem)
-    prices = [_price(prepared, polished, key) for key, old in solved.problem.device.numbers().items() if old > 0]
+    numbers = {key: old for key, old in solved.problem.device.numbers().items() if old > 0}
+    here = _changed(prepared, polished, "mass", 1.0)
+    prices = [_price(prepared, polished, here, key) for key in numbers]
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
 
 
-def _price(prepared: Prepared, polished: Polished, key: str) -> Price:
+def _price(prepared: Prepared, polished: Polished, here: _Changed, key: str) -> Price:
     """Return the price of a number: of more or less of it, whichever lowers the error."""
-    design, old = prepared.units.to_si(polished.values), prepared.problem.device.number(key)
-    less, here, more = (_changed(prepared, polished, design, key, factor) for factor in (1 - STEP, 1.0, 1 + STEP))
-    optimised = compared(prepared.given).error(*design_of(design)) ** 2
+    old = prepared.problem.device.number(key)
+    less, more = (_changed(prepared, polished, key, factor) for factor in (1 - STEP, 1 + STEP))
+    optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
 
     def error2(at: _Changed) -> float:
         return optimised * exp(2 * (at.lagrangian - here.lagrangian)) + at.others2
@@ -67,13 +69,14 @@ class _Changed:
     others2: float
 
 
-def _changed(prepared: Prepared, polished: Polished, design: Point, key: str, factor: float) -> _Changed:
+def _changed(prepared: Prepared, polished: Polished, key: str, factor: float) -> _Changed:
     """Return what there is on devices one of whose numbers is changed, all else the same in SI units."""
 
     def changed(device: Device) -> Device:
         return device.with_numbers({key: factor * device.number(key)})
 
-    problem, structure, law = prepared.problem, polished.structure, design_of(design)
+    problem, structure, design = prepared.problem, polished.structure, prepared.units.to_si(polished.values)
+    law = design_of(design)
     other = prepare(replace(problem, device=changed(problem.device)))
     posed, values = other.scaled, other.units.to_dimensionless(design)
     working_set = polished.working_set.on_devices(changed, other.units.time / prepared.units.time)

@@ -43,7 +43,7 @@ MAX_BOXES = 400_000
 to give up."""
 EASY_BOXES = 20_000
 """Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
-hundred do. They take a second or four; half or twice as many half or twice that, where they were in vain."""
+hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
 NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
 """How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
 more: none that is seen."""
