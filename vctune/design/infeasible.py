@@ -71,11 +71,20 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
         f"{opening}; the nearest miss has velocity {gains.velocity:.4g} {units.damping}, "
         f"position {gains.position:.4g} {units.stiffness}: "
     )
-    failures = (_first_failure(case, gains, coupling) for case in prepared.given.cases)
-    missed = next((failure for failure in failures if failure is not None), None)
-    unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not", "widen the bounds"
-    cause, advice = missed or unknown
-    return Infeasibility(prefix + cause, advice, proved)
+    for case in prepared.given.cases:
+        failure = _first_failure(case, gains, coupling)
+        if failure is not None:
+            cause, advice = failure
+            return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved)
+    unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not"
+    return Infeasibility(prefix + unknown, "widen the bounds", proved)
+
+
+def _on(case: Problem, problem: Problem) -> str:
+    """Return on which device a case fails where it is not the problem's own: the numbers in which it differs."""
+    own = problem.device
+    other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
+    return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
 
 
 def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp_structure import DEMANDS
-from vctune.design.prepared import acting_terms
+from vctune.design.prepared import acting_terms, pose
 from vctune.design.result import Polished, Solved
 from vctune.design.uncertainty import device_record
 from vctune.design.variables import design_of, keys_for, ranges
@@ -49,12 +49,13 @@ def active(solved: Solved) -> list[ActiveRecord]:
     for at in posed.tracked_peaks:
         where += [("|S| <= max_sensitivity", at), ("", None)]
     where += [("greatest error", None)] * solved.polished.structure.mean_errors
+    several = len(pose(solved.problem).cases) > 1
     held = [
         ActiveRecord(
             demand=demand,
             hz=place.omega * rate if place else None,
             multiplier=multiplier,
-            **({"device": _device(solved.problem, place)} if place and solved.problem.uncertainty else {}),
+            **({"device": _device(solved.problem, place)} if place and several else {}),
         )
         for (demand, place), multiplier in zip(where, multipliers, strict=True)
         if demand and multiplier > ACTIVE

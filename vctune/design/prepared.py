@@ -11,7 +11,8 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS, TermName, Terms
 from vctune.proof.array_claims import Demands
-from vctune.proof.devices import DeviceBox, device_box, in_longer_hands, moved_as_one
+from vctune.proof.devices import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
+from vctune.proof.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ class Posed:
     Attributes
     ----------
     problem : in SI or in the optimiser's units
-    cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices
+    cases : the problem of each device, known exactly: the nominal one and, if it is uncertain, its box's vertices; the
+        same of other delays for which the demands hold too
     hand_cases : the problem of each device whose hands are looked at: those of `cases`, and delays at which it matters
     objective : those of them whose greatest error is the objective
     box : all devices for which a design is to be proved; None for the problem's own alone
@@ -114,7 +116,30 @@ def prepare(problem: Problem) -> Prepared:
 
 def pose(problem: Problem) -> Posed:
     """Return a problem with its devices and demands, in the units that it has."""
+    posed = _posed(problem)
+    beside = [_posed(other) for other in problems_beside(problem)]
+    return replace(
+        posed,
+        cases=posed.cases + tuple(case for other in beside for case in other.cases),
+        hand_cases=posed.hand_cases + tuple(case for other in beside for case in other.hand_cases),
+    )
+
+
+def problems_beside(problem: Problem) -> list[Problem]:
+    """Return the problems of the device on both sides of a whole number of samples of delay that it is near.
+
+    An uncertain delay reaches that number within its box.
+    """
+    delays = () if problem.uncertainty is None else dict(problem.uncertainty.half_widths)
+    if problem.hands_met is None or any(problem.device.number(key) for key in DELAYS if key in delays):
+        return []
+    return [replace(problem, device=device) for device in beside_whole_sample(problem.device, problem.hands_met)]
+
+
+def _posed(problem: Problem) -> Posed:
     box = device_box(problem.device, problem.uncertainty) if problem.uncertainty else None
+    if box is not None and problem.hands_met is not None:
+        box = reaching_whole_sample(box, problem.hands_met)
     problem = replace(problem, device=box.nominal) if box is not None else problem
     cases = (problem,) if box is None else tuple(with_device(problem, device) for device in box.devices())
     worst = problem.uncertainty is not None and problem.uncertainty.objective == "worst"
@@ -130,7 +155,7 @@ def pose(problem: Problem) -> Posed:
     )
     held = cases if problem.hands_met is not None or problem.any_hand else ()
     if held and box is not None:
-        held += tuple(with_device(problem, device) for device in box.modelled.next_to_whole_samples())
+        held += tuple(with_device(problem, device) for device in next_to_whole_samples(box.modelled))
     return Posed(problem, cases, held, cases if worst else (problem,), box, demands, sampled_span(problem))
 
 

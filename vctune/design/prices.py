@@ -16,6 +16,7 @@ from vctune.design.prepared import Prepared, compared, prepare
 from vctune.design.result import Polished, Price, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.model.device import Device
+from vctune.proof.whole_samples import kept_at_whole_sample, sensed_force_jumps
 
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
@@ -75,11 +76,16 @@ def _changed(prepared: Prepared, polished: Polished, key: str, factor: float) ->
     def changed(device: Device) -> Device:
         return device.with_numbers({key: factor * device.number(key)})
 
+    def posed_on(device: Device) -> Device:
+        if problem.hands_met is None or not sensed_force_jumps(device, problem.hands_met):
+            return changed(device)
+        return kept_at_whole_sample(changed(device), device)
+
     problem, structure, design = prepared.problem, polished.structure, prepared.units.to_si(polished.values)
     law = design_of(design)
     other = prepare(replace(problem, device=changed(problem.device)))
     posed, values = other.scaled, other.units.to_dimensionless(design)
-    working_set = polished.working_set.on_devices(changed, other.units.time / prepared.units.time)
+    working_set = polished.working_set.on_devices(posed_on, other.units.time / prepared.units.time)
     free = coordinates(posed.problem, integrator=structure.integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
     given = numbers_of(posed, structure, free, values, box, working_set, polished.tightening)

@@ -31,6 +31,7 @@ from vctune.document.certificate_record import (
     HandsRecord,
     InnerLoopRecord,
     NyquistRecord,
+    WholeSampleRecord,
     WithoutOperatorRecord,
 )
 from vctune.document.codes import Note
@@ -50,8 +51,9 @@ from vctune.model.frequency import finite_hertz
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.proof.certificate import IN_HANDS, Claim
-from vctune.proof.interval import Verdict
+from vctune.proof.interval import Verdict, worst_verdict
 from vctune.proof.sampled_loop import spectral_radius
+from vctune.proof.whole_samples import delay_in_samples
 from vctune.version import __version__
 
 if TYPE_CHECKING:
@@ -209,7 +211,7 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
     worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
     somewhere = problem.passive and 0 < worst < inf
     also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
-    also |= _in_any_hand(problem, judgement)
+    also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
     display = _display(problem)
     return {
         "gains": GainsRecord(**asdict(gains)),
@@ -273,6 +275,17 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
             **_display(problem),
         )
     }
+
+
+def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
+    """Return what is proved about a whole number of samples of delay; nothing if the delay is not near one."""
+    beside = judgement.certificate.beside
+    if not beside:
+        return {}
+    verdict = worst_verdict(each.verdict for each in beside)
+    samples = round(delay_in_samples(problem.device))
+    delay = samples * problem.device.sample_time
+    return {"whole_sample": WholeSampleRecord(verdict=verdict.value, samples=samples, delay=float(f"{delay:.15g}"))}
 
 
 def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> dict[str, WithoutOperatorRecord]:

@@ -155,6 +155,16 @@ class AnyHandRecord(DisplayPart):
     promise: ClassVar[str] = f"in any passive hand, {ENVIRONMENTS}, at every frequency"
 
 
+class WholeSampleRecord(Part):
+    """What is proved on both sides of a whole number of samples of delay, where the sensed force jumps."""
+
+    verdict: Annotated[
+        Proof, Shown("either side", "of a delay of {samples} samples, {delay} s, where the sensed force jumps")
+    ]
+    samples: int
+    delay: float
+
+
 class CertificateRecord(DisplayPart):
     """What is proved of absolute stability and of the velocity loop."""
 
@@ -170,6 +180,7 @@ class CertificateRecord(DisplayPart):
     without_operator: WithoutOperatorRecord | None = None
     hands: HandsRecord | None = None
     any_hand: AnyHandRecord | None = None
+    whole_sample: WholeSampleRecord | None = None
 
     @property
     def beyond(self) -> str:
@@ -183,6 +194,7 @@ class CertificateRecord(DisplayPart):
         yield from self.any_hand.rows(units) if self.any_hand else ()
         yield from self.without_operator.rows(units) if self.without_operator else ()
         yield from self.hands.rows(units) if self.hands else ()
+        yield from self.whole_sample.rows(units) if self.whole_sample else ()
         for claim in self.claims:
             yield from claim.rows(units) if claim.verdict != "proved" else ()
 

@@ -22,9 +22,9 @@ from vctune.proof.arb_balls import PRECISION
 from vctune.proof.array_claims import Demands
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
-from vctune.proof.devices import DeviceBox
+from vctune.proof.devices import DELAYS, DeviceBox
 from vctune.proof.hands import prove_any_hand, prove_hands
-from vctune.proof.interval import Outcome, Verdict
+from vctune.proof.interval import Outcome, Verdict, worst_verdict
 from vctune.proof.llewellyn import conditions_at, prove_conditions, widest_band
 from vctune.proof.many_designs import prove
 from vctune.proof.poles import prove_model_poles
@@ -39,6 +39,7 @@ from vctune.proof.robust import (
     widest_band_for_all,
 )
 from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity, unmodelled_at
+from vctune.proof.whole_samples import beside_whole_sample
 
 
 class Claim(StrEnum):
@@ -76,6 +77,7 @@ class Certificate:
     outcomes : for each claim, its verdict, boxes and witness [rad/s]
     without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
     box : the devices that it is about, None for the design's own alone
+    beside : the same of the design with other delays, for which the outcomes hold as well
     """
 
     design: Design
@@ -83,12 +85,12 @@ class Certificate:
     outcomes: dict[Claim, Outcome]
     without_factor: Outcome | None = None
     box: DeviceBox | None = None
+    beside: tuple[Certificate, ...] = ()
 
     @property
     def verdict(self) -> Verdict:
         """The worst verdict of all claims."""
-        verdicts = {outcome.verdict for outcome in self.outcomes.values()}
-        return next(v for v in (Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED) if v in verdicts)
+        return worst_verdict(outcome.verdict for outcome in self.outcomes.values())
 
     @property
     def boxes(self) -> int:
@@ -108,6 +110,12 @@ class Certificate:
     @property
     def proved_band(self) -> tuple[float, float] | None:
         """The widest band around the demanded one with ratio >= 1, rad/s, proved on demand; None unless that is."""
+        bands = [self._own_band, *(each.proved_band for each in self.beside)]
+        known = [band for band in bands if band is not None]
+        return (max(low for low, _ in known), min(high for _, high in known)) if len(known) == len(bands) else None
+
+    @property
+    def _own_band(self) -> tuple[float, float] | None:
         conditions = self.without_factor or self.outcomes.get(Claim.CONDITIONS)
         if conditions is None or conditions.verdict is not Verdict.PROVED:
             return None
@@ -141,8 +149,14 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     Returns
     -------
     Certificate
-        Each claim proved, refuted or undecided.
+        Each claim proved, refuted or undecided. Where the device's delay is near a whole number of samples, and the
+        sensed force jumps there, a claim is proved only if it is on both sides of that number too.
     """
+    own, beside = _certificate(design, demands, box), _beside(design, demands, box)
+    return _holding_beside(own, [_certificate(*each) for each in beside]) if beside else own
+
+
+def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Certificate:
     (low, high), limit = demands.band, demands.max_sensitivity
     claim = _everywhere(design, box and box.modelled, demands)
 
@@ -174,6 +188,40 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
         without_factor = conditions(1.0) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
+
+
+def _beside(design: Design, demands: Demands, box: DeviceBox | None) -> list[tuple[Design, Demands, DeviceBox | None]]:
+    """Return what `_certificate` takes for the delays on both sides of a whole number of samples that is near.
+
+    An uncertain delay reaches that number within its box.
+    """
+    hands, found = demands.hands, list[tuple[Design, Demands, DeviceBox | None]]()
+    if hands is None or (box is not None and any(key in box.uncertain for key in DELAYS)):
+        return found
+    for device in beside_whole_sample(design.device, hands):
+        delays = {key: device.number(key) for key in DELAYS if device.number(key) is not None}
+        there = box and DeviceBox(*(each.with_numbers(delays) for each in (box.nominal, box.low, box.high)))
+        at = replace(demands, device=demands.device.with_numbers(delays))
+        found.append((replace(design, device=device), at, there))
+    return found
+
+
+def _holding_beside(certificate: Certificate, beside: Sequence[Certificate]) -> Certificate:
+    """Return a certificate whose claims are proved for all of several delays, each with the device where it is not."""
+    outcomes, without_factor = certificate.outcomes, certificate.without_factor
+    for other in beside:
+        device = other.design.device
+        outcomes = {claim: _worse(found, other.outcomes[claim], device) for claim, found in outcomes.items()}
+        factors = [found for found in (without_factor, other.without_factor) if found is not None]
+        without_factor = _worse(factors[0], factors[-1], device) if factors else None
+    return replace(certificate, outcomes=outcomes, without_factor=without_factor, beside=tuple(beside))
+
+
+def _worse(found: Outcome, other: Outcome, device: Device) -> Outcome:
+    boxes = found.boxes + other.boxes
+    if found.verdict is Verdict.REFUTED or other.verdict in (Verdict.PROVED, found.verdict):
+        return replace(found, boxes=boxes)
+    return replace(other, boxes=boxes, device=other.device or device)
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:

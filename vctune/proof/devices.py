@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
-from math import ceil, floor, inf, nextafter, pi
+from math import inf, nextafter, pi
 
 from vctune.model.arithmetic import Number
 from vctune.model.device import NUMBERS, Device, Unmodelled
@@ -78,34 +78,12 @@ class DeviceBox:
             found = [numbers | turn for numbers in found for turn in turns]
         return [self.nominal.with_numbers(numbers) for numbers in found]
 
-    def next_to_whole_samples(self) -> list[Device]:
-        """Return devices whose delay, or its sum with the force sensor's, is next to whole samples, on both sides.
-
-        There the force that is sensed jumps, or may bend, with the delay.
-        """
-        found: dict[Device, None] = {}
-        T = self.nominal.sample_time
-        for device, key in product(self.corners(), (key for key in DELAYS if key in self.uncertain)):
-            low, high = self.low.number(key), self.high.number(key)
-            others = {sum(device.number(name) or 0.0 for name in DELAYS if name != key)}
-            others |= {0.0} if key == "delay" else set()
-            for other in others:
-                for whole in range(ceil((low + other) / T), floor((high + other) / T) + 1):
-                    for side in (-NEXT_TO, NEXT_TO):
-                        delay = (whole + side) * T - other
-                        if low <= delay <= high:
-                            found[device.with_numbers({key: delay})] = None
-        return list(found)
-
     def devices(self) -> list[Device]:
         """Return the nominal device and those at the vertices."""
         return [self.nominal, *self.corners()]
 
 
 DELAYS = ("delay", "force_sensor.delay")
-NEXT_TO = 1e-7
-"""How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
-same designs."""
 PHASES = 8
 """Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
 worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""

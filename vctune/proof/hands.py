@@ -28,12 +28,13 @@ from vctune.proof.box_tests import FEW, next_to_zero, positive, positive_by_poly
 from vctune.proof.boxes import Boxes, Values, band_of, over_band
 from vctune.proof.branching import Decided, Test, prove
 from vctune.proof.claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
-from vctune.proof.devices import DELAYS, NEXT_TO, DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.devices import DELAYS, DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.jets import ENCLOSURES
 from vctune.proof.resonance import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.sampled_loop import in_rad_per_s
 from vctune.proof.taylor_functions import TAYLOR
+from vctune.proof.whole_samples import NEXT_TO
 from vctune.proof.winding import turned_angle
 
 STEP = 1.4
@@ -238,7 +239,7 @@ def _in_doubt(
     """Decide by balls about a point at which arrays have not proved the demand."""
     for row, name in enumerate(names):
         if name in DELAY_ROWS:  # at its ends the whole samples change
-            inwards = NEXT_TO * design.device.sample_time
+            inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
     within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
     count = len(names) - len(uncertain)
@@ -323,22 +324,25 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
         return [_Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
     parts, row = [], rows.get("device.delay")
-    loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T)
+    loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
         least, most = low.copy(), high.copy()
         if row is not None:
             least[row], most[row] = max(low[row, 0], loop * T), min(high[row, 0], (loop + 1) * T)
-        first, last = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
-        for felt in _whole(first, last, T):
+        shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
+        for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
             delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
             parts.append(_Part(least, most, delays, T, other))
     return parts
 
 
-def _whole(low: float, high: float, T: float) -> range:
-    """Return the whole samples of delays between two, the sample that ends at the greatest one counted with it."""
-    first = floor(low / T * (1 + NEXT_TO))
-    return range(first, max(first + 1, ceil(high / T * (1 - NEXT_TO))))
+def _whole(low: float, high: float, T: float, *, last: bool) -> range:
+    """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
+
+    What is sensed at a whole number is not the limit of what is sensed just below it.
+    """
+    first, end = floor(low / T * (1 + SNAP)), high / T
+    return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
 
 
 def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:

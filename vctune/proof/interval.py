@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from math import sqrt
@@ -40,6 +40,17 @@ class Verdict(StrEnum):
     PROVED = "proved"
     REFUTED = "refuted"
     UNDECIDED = "undecided"
+
+
+def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
+    """Return refuted where one is, else undecided where one is, else proved.
+
+    Parameters
+    ----------
+    verdicts : at least one
+    """
+    found = set(verdicts)
+    return next(verdict for verdict in (Verdict.REFUTED, Verdict.UNDECIDED, Verdict.PROVED) if verdict in found)
 
 
 @dataclass(frozen=True, slots=True)

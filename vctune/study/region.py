@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from enum import IntEnum
 from math import inf
@@ -14,7 +14,7 @@ from vctune.analysis.demands import response, sampled_span, slowest_resonance
 from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_hand, loops_in_hands
 from vctune.analysis.sampled_loop import sensitivity_of
-from vctune.design.prepared import of_one_device, pose
+from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -24,7 +24,7 @@ from vctune.model.hand_loop import offered
 from vctune.model.keys import KEYS
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem
-from vctune.proof.array_intervals import TINY
+from vctune.proof.array_intervals import TINY, Flags
 from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims import inwards
 from vctune.proof.damping import admissible_damping, no_damping
@@ -107,10 +107,11 @@ def region(
     """
     one, done = of_one_device(problem), list[tuple[Squares, Kinds, Floats]]()
     assert one is not None
+    problems = [one, *problems_beside(one)]
     while squares.shape[1] and not stopped():
         progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
         first, squares = np.split(squares, [TOGETHER], axis=1)
-        kinds, damping = _judged(one, plane, first)
+        kinds, damping = _judged(problems, plane, first)
         size = np.maximum(first[1] - first[0], first[3] - first[2])
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
@@ -155,8 +156,13 @@ def with_damping(cells: Cells, damping: Floats) -> Cells:
 
 
 @np.errstate(all="ignore")
-def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
+def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tuple[Kinds, Floats]:
     """Return what can be proved of each cell, and the b_c that serves a feasible one if it is free.
+
+    Parameters
+    ----------
+    problems : all of which a feasible cell meets: those of the stated delay and of others beside it
+    plane, squares : the cells
 
     Returns
     -------
@@ -164,22 +170,30 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     damping : N s/m, shape (n,); nan where the cell is not feasible, or b_c is fixed or an axis
     """
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
-    demands = pose(problem).demands
-    damping, places = _estimate(problem, cells, free=free)
+    damping, places = _estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
     hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
-    kinds[hopeful[prove(demands, served.subset(hopeful)).proved]] = Kind.FEASIBLE
-    left = np.flatnonzero(kinds != Kind.FEASIBLE)
-    rest, there = cells.subset(left), places.subset(left)
-    lost = refuted(demands, rest, there)
-    if free:
-        lost |= no_damping(demands, rest, there)
-    elif there.in_hands is not None and not lost.all():
-        near = np.flatnonzero(~lost)
-        lost[near] = refuted(demands, rest.subset(near), _closer(problem, rest.subset(near), there.subset(near)))
-    kinds[left[lost]] = Kind.INFEASIBLE
+    for problem in problems:
+        hopeful = hopeful[prove(pose(problem).demands, served.subset(hopeful)).proved]
+    kinds[hopeful] = Kind.FEASIBLE
+    for problem, hardest in zip(problems, places, strict=True):
+        left = np.flatnonzero(kinds == Kind.UNDECIDED)
+        kinds[left[_lost(problem, cells.subset(left), hardest.subset(left), free=free)]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+
+
+def _lost(problem: Problem, cells: Cells, places: Places, *, free: bool) -> Flags:
+    """Return which cells are proved to hold no design that meets a problem's demands."""
+    demands = pose(problem).demands
+    lost = refuted(demands, cells, places)
+    if free:
+        lost |= no_damping(demands, cells, places)
+    elif places.in_hands is not None and not lost.all():
+        near = np.flatnonzero(~lost)
+        some = cells.subset(near)
+        lost[near] = refuted(demands, some, _closer(problem, some, places.subset(near)))
+    return lost
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
@@ -208,17 +222,45 @@ class _Asked:
     place: Callable[[Integers], Floats]
 
 
-def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Places]:
+def _estimate(problems: Sequence[Problem], cells: Cells, *, free: bool) -> tuple[Floats, list[Places]]:
     """Look at the centres on a grid of frequencies.
 
     Returns
     -------
-    damping : a b_c with which the centre meets the demands; nan if there seems to be none
-    places : where they are hardest to meet
+    damping : a b_c with which the centre meets the demands of all problems; nan if there seems to be none
+    places : of each problem, where they are hardest to meet
     """
+    least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
+    meets, places = np.ones(len(cells), bool), []
+    for problem in problems:
+        at = _hardest(problem, cells, free=free)
+        least, most, meets = np.maximum(least, at.least), np.minimum(most, at.most), meets & at.meets
+        places.append(at.places)
+    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
+    return np.where(meets & (least <= most), damping, np.nan), places
+
+
+@dataclass(frozen=True, slots=True)
+class _Hardest:
+    """Where the demands on n cells are hardest to meet.
+
+    Attributes
+    ----------
+    least, most : b_c between which the coupling's demands are met where it is free, N s/m, shape (n,)
+    meets : whether the others are, shape (n,)
+    places : where
+    """
+
+    least: Floats
+    most: Floats
+    meets: Flags
+    places: Places
+
+
+def _hardest(problem: Problem, cells: Cells, *, free: bool) -> _Hardest:
     K_v, K_p, *of_coupling = cells.centres().low[:, :, None]
     coupling = coupling_from(of_coupling)
-    least, most = cells.low[DAMPING].copy(), cells.high[DAMPING].copy()
+    least, most = np.zeros(len(cells)), np.full(len(cells), inf)
     meets, found = np.ones(len(cells), bool), dict[str, Floats]()
     for name, asked in _asked(problem, K_v, K_p).items():
         if free and isinstance(coupling, Coupling):
@@ -231,14 +273,13 @@ def _estimate(problem: Problem, cells: Cells, *, free: bool) -> tuple[Floats, Pl
             meets &= scarcity.max(axis=1) <= 1
             hardest = [scarcity]
         found[name] = np.stack([asked.place(np.argmax(hard, axis=1)) for hard in hardest], axis=-2)
-    damping = np.clip(np.sqrt(least) * np.sqrt(most), least, most) if free else cells.low[DAMPING].copy()
     below = frequency_grid(
         *inwards((slowest_resonance(problem, problem.bounds.velocity.min), problem.nyquist)), POINTS_PER_DECADE
     )
     S = sensitivity_of(problem.device, Gains(K_v, K_p))(below)
-    meets &= (least <= most) & (S.max(axis=1) <= problem.stability.max_sensitivity)
+    meets &= S.max(axis=1) <= problem.stability.max_sensitivity
     theta_S = below[np.argmax(S, axis=1)] * problem.device.sample_time
-    return np.where(meets, damping, np.nan), Places(theta_S, **found)
+    return _Hardest(least, most, meets, Places(theta_S, **found))
 
 
 def _offered(coupling: AnyCoupling, device: Device, place: Floats) -> Floats:
