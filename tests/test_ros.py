@@ -109,6 +109,26 @@ def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
             assert w == pytest.approx(v, rel=1e-9, abs=1e-12)
 
 
+def test_what_the_joints_lose_is_a_damping_of_every_axis():
+    """Six joints, stepped as the controller does, against one axis each: joint_damping is 1/s and scales with M."""
+    rng = np.random.default_rng(5)
+    jacobian, joints = rng.normal(size=(6, 6)) + 3 * np.eye(6), 12.0
+    mass, ratio, stiffness = (rng.uniform(1.0, 5.0, 6) for _ in range(3))
+    axes = [Admittance("x", *map(float, numbers), joints, 1) for numbers in zip(mass, ratio, stiffness, strict=True)]
+    damping = np.array([axis.damping for axis in axes])
+    q = q_dot = np.zeros(6)
+    v = x = np.zeros(6)
+    for force in rng.normal(size=(300, 6)):
+        wanted = (
+            force - 2 * ratio * np.sqrt(mass * stiffness) * (jacobian @ q_dot) - stiffness * (jacobian @ q)
+        ) / mass
+        q_dot = q_dot + T * (np.linalg.solve(jacobian, wanted) - joints * q_dot)
+        q = q + T * q_dot
+        v = v + T * (force - damping * v - stiffness * x) / mass
+        x = x + T * v
+        assert jacobian @ q_dot == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
 def radius(problem, axis, coefficient, hand, *, smoothed=False):
     """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
     K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
@@ -158,12 +178,14 @@ def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
 
 
 @pytest.mark.slow
-def test_what_would_help_does(arm):
-    changed(arm, **LIGHT)
+@pytest.mark.parametrize("axis, words", [(LIGHT, "damping_ratio"), ({"stiffness": six(0.0)}, "joint_damping")])
+def test_what_would_help_does(arm, axis, words):
+    """In the parameter that has an effect: without stiffness damping_ratio has none."""
+    changed(arm, **axis)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert "coupling.drag" in done.stdout
-    better = float(done.stdout.split("damping_ratio ")[1].split()[0])
-    changed(arm, **LIGHT, damping_ratio=six(better))
+    better = float(done.stdout.split(f"in the file's words: {words} ")[1].split()[0])
+    changed(arm, **axis, damping_ratio=six(better) if words == "damping_ratio" else damped(2.5, better))
     assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
 
 

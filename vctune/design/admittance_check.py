@@ -64,7 +64,7 @@ def check_admittance(
     proved: dict[Admittance, Checked] = {}
     for axis in axes:
         if not _moves_as(axis, problem):
-            message = f"not looked at: {_misfit([axis], problem)}; or leave it out by {fitting}"
+            message = f"not looked at: {_misfit([axis], problem)}, or leave it out by {fitting}"
             checks.append(
                 _of_axis(_unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis)
             )
