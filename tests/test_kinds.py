@@ -132,6 +132,15 @@ def test_a_design_json_of_another_kind_is_refused(files, of, on):
             assert f"the design is for {given}" in done.stderr and f"{on}.toml has {here}" in done.stderr
 
 
+@pytest.mark.parametrize("command", ["check", "export", "simulate"])
+def test_a_design_json_in_the_place_of_gains_is_named(files, command):
+    (files / "design.json").write_text(json.dumps({"schema": "vctune/design/1"}, indent=2))
+    done = run(command, "admittance.toml", "design.json", cwd=files)
+    told = done.stdout + done.stderr
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "design.json:1: not valid TOML" in told and "are in the gains.toml beside it [not-toml]" in told
+
+
 @pytest.mark.parametrize("of, on", list(permutations(DEVICES, 2)))
 def test_a_region_of_another_kind_is_refused(files, of, on):
     design = {"schema": "vctune/region/1", "designs": [], "cells": [], "edges": {"x": [0.0, 1.0], "y": [0.0, 1.0]}}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
@@ -17,20 +16,6 @@ from vctune.model.units import UNITS, UnitSystem
 DISPLAYS: Mapping[Display, str] = MappingProxyType(
     {"admittance": "an admittance display", "impedance": "an impedance display"}
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Kind:
-    """What must agree between a problem and a design that is held against it.
-
-    Attributes
-    ----------
-    display : force in, motion out, or the reverse
-    units : along a line or about an axis; None if the file does not state it
-    """
-
-    display: Display
-    units: UnitSystem | None
 
 
 def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
@@ -51,7 +36,7 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
     keys = {"display": telling, "units": ("design", "units")}
     mistakes = [
         Mistake("other-kind", ".".join(keys[which]), message, lines.locate(keys[which]))
-        for which, message in _differences(file, Kind(given.display, given.units), "the gains are", "gains")
+        for which, message in _differences(file, given.display, given.units, "gains")
     ]
     if mistakes:
         raise InputError(given.source, mistakes)
@@ -75,20 +60,21 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
     display: Display = "impedance" if device.get("display") == "impedance" else "admittance"
-    differ = _differences(file, Kind(display, record.units), f"the {what} is", what)
+    differ = _differences(file, display, record.units, what)
     if differ:
         keys = {"display": "problem.text", "units": "problem.units"}
         raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])
 
 
-def _differences(file: ProblemFile, given: Kind, subject: str, what: str) -> list[tuple[str, str]]:
+def _differences(file: ProblemFile, display: Display, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
     """Return what differs, "display" or "units", each with what to say."""
     device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
-    sides = [("display", DISPLAYS[given.display], DISPLAYS[device.display])]
-    if given.units is not None:
-        sides.append(("units", _in_units(given.units), _in_units(device.units)))
+    verb = "are" if what == "gains" else "is"
+    sides = [("display", DISPLAYS[display], DISPLAYS[device.display])]
+    if units is not None:
+        sides.append(("units", _in_units(units), _in_units(device.units)))
     return [
-        (key, f"{subject} for {one}, and {file.source} has {other} (device.{key}); {remedy}")
+        (key, f"the {what} {verb} for {one}, and {file.source} has {other} (device.{key}); {remedy}")
         for key, one, other in sides
         if one != other
     ]
