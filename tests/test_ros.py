@@ -67,6 +67,11 @@ def six(value):
     return str([value] * 6)
 
 
+def damped(ratio, joint_damping):
+    """Return what to write behind damping_ratio to state joint_damping too."""
+    return f"{six(ratio)}\n        joint_damping: {joint_damping}"
+
+
 def test_it_reads_the_selected_axes(arm):
     changed(arm, selected_axes="[true, false, false, true, false, false]")
     found = read_admittance(arm / "ros.yaml")
@@ -74,8 +79,11 @@ def test_it_reads_the_selected_axes(arm):
     assert found.filter_coefficient == 0.05
     x = found.axes[0]
     assert (x.mass, x.stiffness, x.line) == (5.0, 50.0, 10)
-    assert x.damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0))
-    assert replace(x, joint_damping=5.0).damping == pytest.approx(x.damping + 25.0)
+    assert replace(x, joint_damping=0.0).damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0))
+    assert x.joint_damping == 5.0, "the controller's default"
+    assert x.damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0) + 5.0 * 5.0)
+    changed(arm, damping_ratio=damped(2.5, 0.5))
+    assert read_admittance(arm / "ros.yaml").axes[0].joint_damping == 0.5
     assert corner_hz(0.05, T) == pytest.approx(8.16, abs=0.01)
     assert corner_hz(0.05, T) == pytest.approx(-log(0.95) / (2 * pi * T))
 
@@ -85,11 +93,13 @@ def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
     rng = np.random.default_rng(3)
     for _ in range(20):
         mass, stiffness, ratio = rng.uniform(0.5, 20.0), 10 ** rng.uniform(0, 3), rng.uniform(0.3, 3.0)
-        axis = Admittance("x", float(mass), float(ratio), float(stiffness), 0.0, 1)
+        joints = rng.uniform(0.0, 20.0)
+        axis = Admittance("x", float(mass), float(ratio), float(stiffness), float(joints), 1)
         made = coupling_coefficients(coupling_of_admittance(axis, T), T)
         v = x = w = y = coupling = 0.0
         for force in rng.normal(size=500):
-            v += T * (force - axis.damping * v - stiffness * x) / mass
+            acceleration = (force - 2 * ratio * sqrt(mass * stiffness) * v - stiffness * x) / mass
+            v += T * (acceleration - joints * v)  # every joint loses of its own velocity, whatever mass is rendered
             x += T * v
             # f = f_c + b_0 w + spring, with the spring at the mean of both positions
             free = force + made["coupling_step"] * w - made["coupling_decay"] * coupling - stiffness * (y + T / 2 * w)
@@ -97,6 +107,26 @@ def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
             coupling = made["coupling_decay"] * coupling + made["coupling_step"] * (after - w)
             y, w = y + T / 2 * (w + after), after
             assert w == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
+def test_what_the_joints_lose_is_a_damping_of_every_axis():
+    """Six joints, stepped as the controller does, against one axis each: joint_damping is 1/s and scales with M."""
+    rng = np.random.default_rng(5)
+    jacobian, joints = rng.normal(size=(6, 6)) + 3 * np.eye(6), 12.0
+    mass, ratio, stiffness = (rng.uniform(1.0, 5.0, 6) for _ in range(3))
+    axes = [Admittance("x", *map(float, numbers), joints, 1) for numbers in zip(mass, ratio, stiffness, strict=True)]
+    damping = np.array([axis.damping for axis in axes])
+    q = q_dot = np.zeros(6)
+    v = x = np.zeros(6)
+    for force in rng.normal(size=(300, 6)):
+        wanted = (
+            force - 2 * ratio * np.sqrt(mass * stiffness) * (jacobian @ q_dot) - stiffness * (jacobian @ q)
+        ) / mass
+        q_dot = q_dot + T * (np.linalg.solve(jacobian, wanted) - joints * q_dot)
+        q = q + T * q_dot
+        v = v + T * (force - damping * v - stiffness * x) / mass
+        x = x + T * v
+        assert jacobian @ q_dot == pytest.approx(v, rel=1e-9, abs=1e-12)
 
 
 def radius(problem, axis, coefficient, hand, *, smoothed=False):
@@ -131,16 +161,15 @@ def test_what_is_proved_is_stable_as_it_is_stepped(arm):
         assert radius(problem, axis, 0.05, hand, smoothed=True) < 1
 
 
-ROTATION = {"selected_axes": "[false, false, false, true, false, false]", "filter_coefficient": "0.9"}
-"""An axis that is too light for a stiff hand, and is no translation."""
+LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
+"""An axis that is too light for a stiff hand."""
 
 
 def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])  # they are looked for below
-    changed(arm, **ROTATION)
+    changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
-    assert "a rotation" in done.stdout
     hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
     told = tuple(float(number.split()[0]) for number in hand)
     (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
@@ -149,32 +178,119 @@ def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
 
 
 @pytest.mark.slow
-def test_what_would_help_does(arm):
-    changed(arm, **ROTATION)
+@pytest.mark.parametrize("axis, words", [(LIGHT, "damping_ratio"), ({"stiffness": six(0.0)}, "joint_damping")])
+def test_what_would_help_does(arm, axis, words):
+    """In the parameter that has an effect: without stiffness damping_ratio has none."""
+    changed(arm, **axis)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert "coupling.drag" in done.stdout
-    better = float(done.stdout.split("damping_ratio ")[1].split()[0])
-    changed(arm, **ROTATION, damping_ratio=six(better))
+    better = float(done.stdout.split(f"in the file's words: {words} ")[1].split()[0])
+    changed(arm, **axis, damping_ratio=six(better) if words == "damping_ratio" else damped(2.5, better))
     assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
 
 
-def test_a_stiffness_of_nothing_is_no_damping_at_all(arm):
-    (arm / "arm.toml").write_text(ARM + "[operator]\ndamping = 60.0\n".replace("60.0", "{ min = 40.0, max = 60.0 }"))
-    changed(arm, stiffness=six(0.0), filter_coefficient="0.9")
+@pytest.mark.parametrize(
+    "ratio, joint_damping, code, said",
+    [
+        (1.0, 0.0, "[ros-no-damping]", "stiffness 0 and joint_damping 0 mean no damping at all"),
+        (1.0, 5.0, "[ros-unused-ratio]", "joint_damping 5 alone damps, by 25 N s/m"),
+        (0.0, 5.0, None, ""),
+    ],
+)
+def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code, said):
+    (arm / "arm.toml").write_text(ARM + "[operator]\ndamping = { min = 40.0, max = 60.0 }\n")
+    changed(arm, stiffness=six(0.0), filter_coefficient="0.9", damping_ratio=damped(ratio, joint_damping))
     done = vctune("check", "arm.toml", "ros.yaml", "--format", "json", cwd=arm)
-    (warned,) = strict(done.stdout)
-    assert "stiffness 0 means no damping at all" in str(warned["warnings"])
-    assert warned["coupling"]["drag"] == 0
+    (found,) = strict(done.stdout)
+    warned = [warning for warning in found["warnings"] if "[ros-" in warning]
+    assert found["coupling"]["drag"] == joint_damping * 5.0
+    assert len(warned) == (code is not None) and all(code in each and said in each for each in warned)
+
+
+def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
+    """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
+    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])
+    ratios = []
+    for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
+        changed(arm, damping_ratio=text)
+        (found,) = strict(vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm).stdout)
+        ratios.append((found["status"], found["certificate"]["hands"]["min_ratio"]))
+    assert ratios[1] == ratios[2] and ratios[1][0] == "certified" and ratios[1][1] > 1.05
+    assert ratios[0][0] == "violated" and ratios[0][1] < 1
+
+
+@pytest.fixture
+def proofs(monkeypatch):
+    """Return the problems that are proved."""
+    from vctune.design import admittance_check
+
+    seen, prove = [], admittance_check.check_problem
+    monkeypatch.setattr(admittance_check, "check_problem", lambda file: seen.append(file) or prove(file))
+    return seen
+
+
+def test_identical_axes_are_proved_once_and_reported_each(arm, proofs):
+    changed(arm, selected_axes="[true, true, true, false, false, false]", mass="[5.0, 6.0, 5.0, 1.0, 1.0, 1.0]")
+    done = vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm)
+    x, y, z = strict(done.stdout)
+    assert done.returncode == ExitCode.OK and len(proofs) == 2
+    assert [each["problem"]["name"] for each in (x, y, z)] == ["arm x", "arm y", "arm z"]
+    assert x | {"problem": 0} == z | {"problem": 0} and x["coupling"] != y["coupling"]
+    text = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    assert [f"ros.yaml: {axis}: proved" in text for axis in "xyz"] == [True] * 3
+
+
+def test_axes_are_selected_and_those_of_the_other_motion_are_not_looked_at(arm, proofs):
+    changed(arm, selected_axes="[true, true, false, true, false, false]")
+    whole = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert whole.returncode == ExitCode.UNDECIDED and len(proofs) == 1
+    (line,) = (line for line in whole.stdout.splitlines() if "not looked at" in line)
+    assert line.startswith("undecided  ros.yaml: rx: not looked at: a rotation, and arm.toml has a linear device")
+    assert line.endswith("by --axis x --axis y [ros-rotation]") and "2 passed, 1 undecided" in whole.stdout
+    for style, word in (("json", '"reason"'), ("github", "::warning"), ("junit", "<failure"), ("sarif", "undecided")):
+        done = vctune("check", "arm.toml", "ros.yaml", "--format", style, cwd=arm)
+        assert done.returncode == ExitCode.UNDECIDED and word in done.stdout and "not looked at" in done.stdout
+    chosen = vctune("check", "arm.toml", "ros.yaml", "--axis", "y", cwd=arm)
+    assert chosen.returncode == ExitCode.OK
+    assert "ros.yaml: y: proved" in chosen.stdout and "x:" not in chosen.stdout and "rx" not in chosen.stdout
+
+
+@pytest.mark.parametrize(
+    "selected, axis, complaint",
+    [
+        ("[true, false, false, true, false, false]", "rx", "[ros-rotation]"),
+        ("[false, false, false, true, true, false]", None, "rx, ry cannot be looked at: rotations, and arm.toml has a"),
+        ("[true, false, false, true, false, false]", "z", "selects x, rx, and --axis asks for z"),
+    ],
+)
+def test_axes_that_the_problem_or_the_file_does_not_have_are_refused(arm, proofs, selected, axis, complaint):
+    changed(arm, selected_axes=selected)
+    done = vctune("check", "arm.toml", "ros.yaml", *(("--axis", axis) if axis else ()), cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stderr and not done.stdout and not proofs
+    assert done.stderr.startswith("ros.yaml:9: ")
+
+
+def test_axes_without_a_file_that_has_any_are_bad_usage(arm):
+    done = vctune("check", "arm.toml", "--axis", "x", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and "[usage]" in done.stderr
+
+
+def test_an_impedance_display_is_no_admittance_controller(arm):
+    (arm / "arm.toml").write_text(ARM.replace("[device]", '[device]\ndisplay = "impedance"').replace("position", "#"))
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and "[other-kind]" in done.stderr
 
 
 @pytest.mark.parametrize(
     "values, complaint",
     [
-        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "needs a mass of more than D T"),
+        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "needs a mass of more than 0.505 kg, not 0.1"),
         ({"stiffness": six(1e5), "damping_ratio": six(0.01)}, "takes S T/2"),
+        ({"stiffness": six(0.0), "damping_ratio": damped(1.0, 1e4)}, "joint_damping must be below 1/T = 1000"),
     ],
 )
 def test_an_explicit_step_that_is_not_passive_fails(arm, values, complaint):
+    """The limits are those of M - D T > 0, D with the mass in it, and of D >= S T/2."""
     changed(arm, **values)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED and complaint in done.stdout
@@ -187,7 +303,8 @@ def test_an_explicit_step_that_is_not_passive_fails(arm, values, complaint):
             {"mass": "[1.0, 2.0]"},
             "ros.yaml:10: /**.admittance_controller.ros__parameters.admittance.mass: must be a list",
         ),
-        ({"mass": six(0.0)}, "of x is 0.0: must be a number of at least 0.0001"),
+        ({"mass": six(0.0)}, "of x is 0.0: must be a number of at least 0.0001 and at most 1e+06"),
+        ({"stiffness": six(2e8)}, "of x is 200000000.0: must be a number of at least 0 and at most 1e+08"),
         ({"stiffness": "[.nan, 1, 1, 1, 1, 1]"}, "of x is nan"),
         ({"damping_ratio": "[-1, 1, 1, 1, 1, 1]"}, "of x is -1"),
         ({"selected_axes": "[1, 0, 0, 0, 0, 0]"}, "must be true or false"),
@@ -278,5 +395,7 @@ def test_a_rotary_device_is_told_in_its_units(arm):
     changed(arm, selected_axes="[false, false, false, false, false, true]", mass=six(0.001), damping_ratio=six(20.0))
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED, done.stderr
-    assert re.search(r"a damping of [\d.]+ N m s/rad needs an inertia of more than D T = [\d.]+ kg m2", done.stdout)
+    assert re.search(
+        r"a damping of [\d.]+ N m s/rad needs an inertia of more than [\d.]+ kg m2, not 0.001", done.stdout
+    )
     assert "[ros-rotation]" not in done.stdout

@@ -27,6 +27,7 @@ from vctune.document.date import today
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
 from vctune.document.files import write_together
+from vctune.document.kinds import require_record_of
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.markup import html_facts
@@ -226,6 +227,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     """Return a design.json of the problem and what is proved of it today."""
     record = read_design(path)
     if record.problem.sha256 != file.sha256:
+        require_record_of(file, record.problem, str(path), "design")
         raise InputError.of(
             str(path), "other-version", "is of another version of the problem; solve it again", key="problem.sha256"
         )

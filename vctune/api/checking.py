@@ -6,24 +6,24 @@ import json
 from pathlib import Path
 
 from vctune.design.check import Checked, check_problem
-from vctune.document.building import ProblemSource
+from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.files import make_folder, write_together
-from vctune.model.gains import Coupling, Gains
+from vctune.model.gains import Coupling
 from vctune.study.region_check import Recheck
 from vctune.study.region_check import check_region as prove_again
 
 LOST = ("lost.json", "lost.svg")
 
 
-def check(problem: ProblemSource, gains: Gains | str | Path | None = None, coupling: Coupling | None = None) -> Checked:
+def check(problem: ProblemSource, gains: DesignSource | None = None, coupling: Coupling | None = None) -> Checked:
     """Prove a design that already exists.
 
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or the path of a gains file; None if the problem fixes every number
+    gains : N s/m and N/m, with their coupling; or a gains file or its path; None if the problem fixes every number
     coupling : N s/m and kg
 
     Returns
@@ -35,7 +35,7 @@ def check(problem: ProblemSource, gains: Gains | str | Path | None = None, coupl
     Raises
     ------
     InputError
-        If problem or design are none, or there is no design.
+        If problem or design are invalid or for different kinds of device, or there is no design.
     """
     return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from vctune.api.files import DESIGN_FILE
 from vctune.design.optimum import Progress
-from vctune.document.building import ProblemSource, plain_design
+from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
@@ -69,7 +69,7 @@ class Simulation:
 
 def simulate(
     problem: ProblemSource,
-    gains: Gains | str | Path | None = None,
+    gains: DesignSource | None = None,
     coupling: AnyCoupling | None = None,
     experiment: Experiment | str | None = None,
     *,
@@ -81,7 +81,7 @@ def simulate(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem
-    gains : N s/m and N/m, with their coupling; or the path of a gains file; None for what `solve` finds
+    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for what `solve` finds
     coupling : N s/m and kg
     experiment : the only one to simulate, by name or as it is; None for all of the problem
     controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
@@ -95,12 +95,17 @@ def simulate(
     Raises
     ------
     InputError
-        If problem or design are none, there is no such experiment or controller, or solving finds no design.
+        If problem or design are invalid or for different kinds of device, there is no such experiment or controller,
+        or solving finds no design.
     """
     compiled = CompiledController(Path(controller)) if isinstance(controller, str | Path) else controller
     file = problem_of(problem)
     chosen = (experiment,) if isinstance(experiment, Experiment) else chosen_experiments(file, experiment)
-    law, coupling = _found(file, progress) if gains is None else plain_design(gains, coupling)
+    if gains is None:
+        law, coupling = _found(file, progress)
+    else:
+        given = design_for(file, gains, coupling)
+        law, coupling = given.gains, given.coupling
     runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
     told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
     return Simulation(file, law, coupling, runs, *told)

@@ -11,7 +11,7 @@ from typing import Literal, get_args
 from vctune.api.files import claim_folder, known_record
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
-from vctune.document.building import ProblemSource, plain_design
+from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
@@ -43,7 +43,7 @@ class Exported:
 
 def export(
     source: ProblemSource | DesignRecord,
-    gains: Gains | str | Path | None = None,
+    gains: DesignSource | None = None,
     coupling: AnyCoupling | None = None,
     *,
     to: Format = "c",
@@ -56,8 +56,8 @@ def export(
     Parameters
     ----------
     source : path of a design.json or of a problem file, the tables of a problem, a problem, or the record of a design
-    gains : N s/m and N/m, with their coupling; or the path of a gains file; None for those of the design.json, or that
-        the problem fixes
+    gains : N s/m and N/m, with their coupling; or a gains file or its path; None for those of the design.json, or
+        that the problem fixes
     coupling : N s/m and kg
     to : "c" with vectors to replay, "fmu" or "json"
     precision : of the firmware's numbers
@@ -73,7 +73,8 @@ def export(
     NotCertifiedError
         If the design is not certified, and `unproved` was not asked for; an `InputError` as well.
     InputError
-        If there is no design, or an FMU is asked for where there is no C compiler.
+        If there is no design, or it is for another kind of device than the problem's, or an FMU is asked for where
+        there is no C compiler.
     """
     for name, value, known in (("to", to, Format), ("precision", precision, Precision)):
         if value not in get_args(known):
@@ -122,7 +123,7 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
 
 
 def stated_design(
-    source: ProblemSource | DesignRecord, gains: Gains | str | Path | None, coupling: AnyCoupling | None
+    source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None
 ) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
     """Return the problem and the design that are meant.
 
@@ -133,13 +134,14 @@ def stated_design(
     Raises
     ------
     InputError
-        If there is no problem, or no design, or more than one.
+        If there is no problem, or no design for it, or more than one.
     """
     record = known_record(source)
     if record is None:
         file = problem_of(source)  # type: ignore[arg-type]
         if gains is not None:
-            return file, plain_design(gains, coupling)
+            given = design_for(file, gains, coupling)
+            return file, (given.gains, given.coupling)
         if not file.problem.bounds.fixed:
             message = (
                 "nothing to export: not every gain is fixed; name a gains file, or a design.json of `vctune solve`"

@@ -173,7 +173,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path 
             "vctune": str(record.versions["vctune"]),
             "verdict": record.certificate.verdict,
         }
-        files[gains] = gains_text(*record.design, origin, record.units)
+        files[gains] = gains_text(*record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []
     write_together(files, report_paths(folder), earlier)
     return previous(gains) if earlier else None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from vctune.cli.options import out_option, output_options
+from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
     from vctune.design.check import Checked
@@ -18,17 +19,33 @@ if TYPE_CHECKING:
 @click.option(
     "--region", "baseline", type=click.Path(path_type=Path), help="Prove again what this region.json had proved."
 )
+@click.option(
+    "--axis",
+    "axes",
+    type=click.Choice(AXES),
+    multiple=True,
+    help="Axis of a ROS 2 file to check.  [default: all selected]",
+)
 @click.option("--strict", is_flag=True, help="A warning fails the check.")
 @out_option("NAME/lost.json and its picture when a region has lost cells")
 @output_options("github", "junit", "sarif")
-def check(paths: tuple[Path, ...], style: str, quiet: bool, baseline: Path | None, strict: bool, out: Path) -> int:
+def check(
+    paths: tuple[Path, ...],
+    style: str,
+    quiet: bool,
+    baseline: Path | None,
+    axes: tuple[str, ...],
+    strict: bool,
+    out: Path,
+) -> int:
     """Prove gains that already exist; the worst exit code of all checks wins.
 
     PROBLEM files whose numbers are all fixed are checked as they stand. One PROBLEM with GAINS files is checked with
     each of them. A folder stands for the .toml files in it.
 
     A YAML file in the place of GAINS is a parameter file of a ROS 2 admittance_controller: each of its selected axes is
-    checked with the device of one PROBLEM whose [gains] are fixed.
+    checked with the device of one PROBLEM whose [gains] are fixed. Rotations need a rotary device, translations a
+    linear one: other axes are not looked at, exit code 3, unless --axis selects those that fit.
 
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
     be proved.
@@ -44,8 +61,10 @@ def check(paths: tuple[Path, ...], style: str, quiet: bool, baseline: Path | Non
 
     files = [file for path in paths for file in _files(path)]
     admittances = [file for file in files if is_admittance(file)]
+    if axes and not admittances:
+        raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
     if admittances and baseline is None:
-        found = _admittances([file for file in files if file not in admittances], admittances)
+        found = _admittances([file for file in files if file not in admittances], admittances, axes)
     else:
         found = check_files(files) if baseline is None else _against(baseline, files, out)
     checks = [replace(checked, strict=strict) for checked in found]
@@ -75,7 +94,7 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     return [checked, *(check_files(files) if len(files) > 1 else [])]
 
 
-def _admittances(problems: list[Path], admittances: list[Path]) -> list[Checked]:
+def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str, ...]) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
     from vctune.design.admittance_check import check_admittance
     from vctune.document.errors import InputError
@@ -86,7 +105,7 @@ def _admittances(problems: list[Path], admittances: list[Path]) -> list[Checked]
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
         raise InputError.of(str(admittances[0]), "ambiguous-files", message)
     problem = read_problem(problems[0])
-    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path))]
+    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes)]
 
 
 def _files(path: Path) -> list[Path]:

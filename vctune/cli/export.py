@@ -56,10 +56,9 @@ def export(
     from vctune.firmware.c_source import statement
 
     given = read_gains(gains) if gains else None
-    design = (given.gains, given.coupling) if given else ()
     try:
         with progress_on_stderr(f"vctune export {source.name}", shown=not quiet) as progress:
-            exported = make(source, *design, to=to, precision=precision, unproved=unproved, progress=progress)
+            exported = make(source, given, to=to, precision=precision, unproved=unproved, progress=progress)
             place = write_export(exported, out / folder_name(exported.firmware.name))
     except NotCertifiedError as refused:
         click.echo(str(refused), err=True)

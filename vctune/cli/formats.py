@@ -129,8 +129,8 @@ RULES = {
         "undecided",
         "warning",
         "The proof is undecided.",
-        "A demand is met or missed by so little that ball arithmetic cannot tell.",
-        "Move the gains away from the limit, or lower the demand a little.",
+        "A demand is met or missed by so little that ball arithmetic cannot tell, or an axis was not looked at.",
+        "Move the gains away from the limit, lower the demand a little, or check the axis with a problem of its own.",
     ),
     CheckVerdict.BAD_INPUT: (
         "bad-input",

@@ -45,15 +45,16 @@ def simulate(
     from vctune.api.files import design_folder
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
+    from vctune.document.building import design_for
     from vctune.document.files import make_folder
-    from vctune.document.reading import read_gains, read_problem
+    from vctune.document.reading import read_problem
     from vctune.exit_codes import ExitCode
     from vctune.simulation.library import CompiledController
 
     compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
     chosen_experiments(file, name)
-    given = read_gains(gains) if gains else None
+    given = design_for(file, gains) if gains else None
     if given and given.sha256 not in (None, file.sha256):
         warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
     folder = design_folder(file, out)

@@ -8,6 +8,7 @@ among them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from math import exp, log, pi, sqrt
@@ -15,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from vctune.design.check import Checked, CheckVerdict, DesignFinding, check_problem
-from vctune.document.codes import Note
+from vctune.document.codes import Code, Note
 from vctune.document.errors import InputError
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
@@ -24,7 +25,7 @@ from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.gains import Coupling, series_coupling
 from vctune.model.hands import Hand
-from vctune.model.units import Units
+from vctune.model.units import UNITS, Units, UnitSystem
 from vctune.simulation.scene import designed_scene
 from vctune.simulation.stability import Mode, fastest_mode
 
@@ -33,32 +34,100 @@ SLOW = 0.1
 Hz and less, twice names some that a hand cannot tell from none."""
 
 
-def check_admittance(problem: ProblemFile, path: Path, given: AdmittanceFile) -> list[Checked]:
-    """Check every selected axis of a parameter file.
+def check_admittance(
+    problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str] = ()
+) -> list[Checked]:
+    """Check the selected axes of a parameter file, those with the same numbers once.
 
     Parameters
     ----------
     problem : the device, with its velocity loop: the gains are fixed
     path : of the parameter file
-    given : what it states
+    given : its selected axes
+    only : names of the axes to check; empty for all
 
     Returns
     -------
     list of Checked
-        One for each selected axis, in the file's order.
+        One for each axis, in the file's order. An axis that does not move as the device does, a rotation or a
+        translation, is undecided: it is not looked at.
 
     Raises
     ------
     InputError
-        If the problem lacks gains, or has a filter of its own.
+        If the problem is an impedance display, lacks gains, or has a filter of its own; if `only` names an axis that
+        the file does not select, or that does not move as the device does; or if no axis does.
     """
-    document = _device(problem, given)
-    return [_checked(problem, document, path, axis, given.filter_coefficient) for axis in given.axes]
+    document, axes = _device(problem, given), _chosen(problem, path, given, only)
+    fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
+    checks: list[Checked] = []
+    proved: dict[Admittance, Checked] = {}
+    for axis in axes:
+        if not _moves_as(axis, problem):
+            message = f"not looked at: {_misfit([axis], problem)}, or leave it out by {fitting}"
+            checks.append(
+                _of_axis(_unproved(CheckVerdict.UNDECIDED, "ros-rotation", message, axis), problem, path, axis)
+            )
+            continue
+        numbers = replace(axis, axis="")
+        if numbers not in proved:
+            proved[numbers] = _checked(problem, document, axis, given.filter_coefficient)
+        checks.append(_of_axis(proved[numbers], problem, path, axis))
+    return checks
+
+
+def _chosen(problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str]) -> list[Admittance]:
+    """Return the axes to look at and those to name as not looked at."""
+    selected = [axis.axis for axis in given.axes]
+    if unknown := [name for name in only if name not in selected]:
+        message = f"selects {', '.join(selected)}, and --axis asks for {', '.join(unknown)}; name axes that it selects"
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
+    axes = [axis for axis in given.axes if not only or axis.axis in only]
+    others = [axis for axis in axes if not _moves_as(axis, problem)]
+    if others and (only or len(others) == len(axes)):
+        message = f"{', '.join(axis.axis for axis in others)} cannot be looked at: {_misfit(others, problem)}"
+        raise InputError.of(str(path), "ros-rotation", message, key="admittance.selected_axes", line=given.line)
+    return axes
+
+
+def _moves_as(axis: Admittance, problem: ProblemFile) -> bool:
+    return axis.turns == (problem.problem.device.units == "rotary")
+
+
+def _misfit(axes: list[Admittance], problem: ProblemFile) -> str:
+    """Return why axes cannot be looked at with this problem."""
+    own = problem.problem.device.units
+    other: UnitSystem = "linear" if own == "rotary" else "rotary"
+    moves = "rotations" if other == "rotary" else "translations"
+    units = UNITS[other]
+    return (
+        f"{moves if len(axes) > 1 else f'a {moves[:-1]}'}, and {problem.source} has a {own} device (device.units); "
+        f"check with a problem of a {other} one, in {units.mass} and {units.damping}"
+    )
+
+
+def _unproved(verdict: CheckVerdict, code: Code, message: str, axis: Admittance) -> Checked:
+    """Return a check that ends before there is anything to judge."""
+    return Checked(Path(), "", verdict, Note(code, message).line, axis.line, None)
+
+
+def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittance) -> Checked:
+    """Return a check as that of an axis with the same numbers."""
+    name, message, finding = f"{problem.problem.name} {axis.axis}", f"{axis.axis}: {checked.message}", checked.finding
+    if isinstance(finding, DesignFinding):
+        named = replace(finding.file, problem=replace(finding.file.problem, name=name))
+        finding = replace(finding, file=named)
+    else:
+        message = f"{path}: {message}"
+    return replace(checked, source=path, name=name, message=message, line=axis.line, finding=finding)
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     """Return the problem's tables with the file's filter as force sensor and the criterion of hands."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
+    if problem.problem.device.renders_force:
+        message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
+        raise InputError.of(problem.source, "other-kind", message, key="device.display")
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
         raise InputError.of(problem.source, "not-fixed", message, key="gains")
@@ -103,14 +172,12 @@ def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
     return Coupling(2 * mass / sample_time, mass, axis.damping - axis.stiffness * sample_time / 2)
 
 
-def _checked(
-    problem: ProblemFile, document: dict[str, Any], path: Path, axis: Admittance, coefficient: float
-) -> Checked:
-    T, name = problem.problem.device.sample_time, f"{problem.problem.name} {axis.axis}"
+def _checked(problem: ProblemFile, document: dict[str, Any], axis: Admittance, coefficient: float) -> Checked:
+    """Check an axis; its name does not count."""
+    T = problem.problem.device.sample_time
     coupling = coupling_of_admittance(axis, T)
     if coupling.mass <= 0 or coupling.drag < 0:
-        message = Note("ros-step", f"{path}: {axis.axis}: {_explicit(axis, T, problem.problem.units)}").line
-        return Checked(path, name, CheckVerdict.FAILED, message, axis.line, None)
+        return _unproved(CheckVerdict.FAILED, "ros-step", _explicit(axis, T, problem.problem.units), axis)
     file = _pasted(document, coupling, problem)
     checked = check_problem(file)
     finding = checked.finding
@@ -119,14 +186,7 @@ def _checked(
     parts = [checked.message]
     if checked.verdict is not CheckVerdict.PASSED:
         parts += [_with_its_spring(file, axis, finding), *_in_its_words(document, axis, finding, problem)]
-    return replace(
-        checked,
-        source=path,
-        name=name,
-        line=axis.line,
-        message=f"{axis.axis}: {'; '.join(parts)}",
-        finding=replace(finding, warnings=told),
-    )
+    return replace(checked, message="; ".join(parts), finding=replace(finding, warnings=told))
 
 
 def _pasted(document: dict[str, Any], coupling: Coupling, problem: ProblemFile) -> ProblemFile:
@@ -136,12 +196,16 @@ def _pasted(document: dict[str, Any], coupling: Coupling, problem: ProblemFile) 
 
 def _explicit(axis: Admittance, T: float, units: Units) -> str:
     if axis.damping * T >= axis.mass:
-        needed = f"{units.translated('a mass')} of more than D T = {axis.damping * T:.4g} {units.mass}"
+        left = 1 - axis.joint_damping * T
+        if left <= 0:
+            return f"stepped explicitly, joint_damping must be below 1/T = {1 / T:.4g}, not {axis.joint_damping:.4g}"
+        needed = (2 * axis.damping_ratio * T / left) ** 2 * axis.stiffness
         return (
-            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} needs {needed}, not {axis.mass:.4g}; "
+            f"stepped explicitly, a damping of {axis.damping:.4g} {units.damping} needs {units.translated('a mass')} "
+            f"of more than {needed:.4g} {units.mass}, not {axis.mass:.4g}; "
             "make it heavier, or damping_ratio or sample time smaller"
         )
-    least = (axis.stiffness * T / 2 - axis.joint_damping * axis.mass) / (2 * sqrt(axis.mass * axis.stiffness))
+    least = (axis.stiffness * T / 2 - axis.joint_loss) / (2 * sqrt(axis.mass * axis.stiffness))
     taken = f"S T/2 = {axis.stiffness * T / 2:.4g} {units.damping}"
     return (
         f"stepped explicitly, a stiffness of {axis.stiffness:.4g} {units.stiffness} takes {taken} "
@@ -152,22 +216,22 @@ def _explicit(axis: Admittance, T: float, units: Units) -> str:
 def _traps(axis: Admittance, coefficient: float, device: Device) -> list[Note]:
     """Return what is easily overlooked in such a file."""
     found, T = [], device.sample_time
-    if axis.stiffness == 0:
+    if axis.damping == 0:
         said = (
-            f"stiffness 0 means no damping at all: D = 2 damping_ratio sqrt(M S) is 0 whatever damping_ratio "
-            f"({axis.damping_ratio:g}) says"
+            f"stiffness 0 and joint_damping 0 mean no damping at all: D = 2 damping_ratio sqrt(M S) is 0 whatever "
+            f"damping_ratio ({axis.damping_ratio:g}) says"
         )
         found.append(Note("ros-no-damping", said))
+    elif axis.stiffness == 0 < axis.damping_ratio:
+        loss = f"{axis.joint_loss:.4g} {UNITS[device.units].damping}"
+        said = (
+            f"stiffness 0 leaves damping_ratio ({axis.damping_ratio:g}) without effect: D = 2 damping_ratio sqrt(M S) "
+            f"is 0, and joint_damping {axis.joint_damping:g} alone damps, by {loss}"
+        )
+        found.append(Note("ros-unused-ratio", said))
     if coefficient < 1 and (corner := corner_hz(coefficient, T)) < SLOW / (2 * T):
         said = f"filter_coefficient {coefficient:g} at {1 / T:g} Hz is a low-pass of {corner:.2g} Hz"
         found.append(Note("ros-slow-filter", said))
-    turns = axis.axis.startswith("r")
-    if turns and device.units == "linear":
-        found.append(Note("ros-rotation", "a rotation: the problem file must be of this axis, in kg m^2 and N m s"))
-    elif not turns and device.units == "rotary":
-        found.append(
-            Note("ros-rotation", "a translation: the problem file must be of this axis, not of a rotary device")
-        )
     return found
 
 
@@ -204,12 +268,22 @@ def _in_its_words(
     """Return the repairs that the file itself can make, each proved again as the file would state it."""
     T, found = problem.problem.device.sample_time, []
     for repair in finding.repairs or []:
-        if repair.key == "coupling.drag" and repair.new is not None and axis.stiffness > 0:
-            lost = axis.stiffness * T / 2 - axis.joint_damping * axis.mass
-            ratio = float(f"{1.01 * (repair.new + lost) / (2 * sqrt(axis.mass * axis.stiffness)):.4g}")
-            coupling = coupling_of_admittance(replace(axis, damping_ratio=ratio), T)
+        if repair.key == "coupling.drag" and repair.new is not None:
+            better, said = _with_drag(axis, repair.new, T)
+            coupling = coupling_of_admittance(better, T)
             if coupling.mass > 0 and check_problem(_pasted(document, coupling, problem)).verdict is CheckVerdict.PASSED:
-                found.append(f"in the file's words: damping_ratio {ratio:g} instead of {axis.damping_ratio:g}")
+                found.append(f"in the file's words: {said}")
         if repair.key == "device.force_sensor.bandwidth_hz" and repair.new is not None:
             found.append(f"in the file's words: filter_coefficient {1 - exp(-2 * pi * repair.new * T):.4g}")
     return found
+
+
+def _with_drag(axis: Admittance, drag: float, T: float) -> tuple[Admittance, str]:
+    """Return the axis with a hundredth more than a drag, by the parameter that damps it, and what to change."""
+    lost = axis.stiffness * T / 2
+    if axis.stiffness == 0:
+        rate = float(f"{1.01 * drag / axis.mass:.4g}")
+        return replace(axis, joint_damping=rate), f"joint_damping {rate:g} instead of {axis.joint_damping:g}"
+    free = 1.01 * (drag + lost - axis.joint_loss)
+    ratio = float(f"{free / (2 * sqrt(axis.mass * axis.stiffness)):.4g}")
+    return replace(axis, damping_ratio=ratio), f"damping_ratio {ratio:g} instead of {axis.damping_ratio:g}"

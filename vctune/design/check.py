@@ -25,6 +25,7 @@ from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.errors import InputError, Mistake
 from vctune.document.gains import design_tables
+from vctune.document.kinds import require_gains_of
 from vctune.document.plausibility import doubts
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
@@ -177,10 +178,11 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     Raises
     ------
     InputError
-        If there is no design, and the problem does not fix every number.
+        If the design is for another kind of device, or there is none and the problem does not fix every number.
     """
     name = Path(file.problem.name)
     if design is not None:
+        require_gains_of(file, design)
         given = _Input(name, design.text, None, True)
         return _judged(file, [(given, (design.gains, design.coupling), design.sha256)])[0]
     if not file.problem.bounds.fixed:
@@ -228,6 +230,7 @@ def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
     for given in gains:
         try:
             read = gains_file(given.text, given.path)
+            require_gains_of(file, read)
             usable.append((given, (read.gains, read.coupling), read.sha256))
         except InputError as error:
             found[given.path] = _refused(given, error)

@@ -11,7 +11,7 @@ import numpy as np
 
 from vctune.document.device_contradictions import impossible_parts
 from vctune.document.errors import InputError
-from vctune.document.gains import gains_text
+from vctune.document.kinds import require_gains_of
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema import DeviceTable, GainsDocument, SpringGainsDocument
 from vctune.document.statement import statement, table_of
@@ -23,6 +23,8 @@ from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
 """What states a problem: the path of its file, the file's tables, or the problem itself."""
+DesignSource = Gains | GainsFile | str | Path
+"""What states a design: the path of a gains file, the file, or gains beside a coupling."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,19 +88,21 @@ def problem(source: ProblemSource) -> ProblemFile:
     return ProblemFile(posed, toml_text(document))
 
 
-def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> GainsFile:
+def design(gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
     """Return a design, read or built.
 
     Parameters
     ----------
-    gains : path of a gains file, or the gains of a coupling
-    coupling : None with a path
+    gains : a gains file or its path, or the gains of a coupling
+    coupling : None with a file
 
     Raises
     ------
     InputError
         Listing every mistake, each with dotted key, value and remedy, and the line if there is a file.
     """
+    if isinstance(gains, GainsFile) and coupling is None:
+        return gains
     if isinstance(gains, str | Path) and coupling is None:
         return read_gains(gains)
     if not (isinstance(gains, Gains) and isinstance(coupling, AnyCoupling)):
@@ -111,24 +115,25 @@ def design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> Ga
     if faults:
         raise refusal(faults, None, "design")
     gains, coupling = Gains(**{"position": 0.0, **raw["gains"]}), type(coupling)(**raw["coupling"])
-    return GainsFile(gains, coupling, None, gains_text(gains, coupling, {}))
+    return GainsFile(gains, coupling, None, None, toml_text(raw))
 
 
-def plain_design(gains: Gains | str | Path, coupling: AnyCoupling | None = None) -> tuple[Gains, AnyCoupling]:
-    """Return gains and coupling of a design, of what `design` takes.
+def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
+    """Return a design for a problem, read or built.
 
     Parameters
     ----------
-    gains : path of a gains file, or the gains of a coupling
-    coupling : None with a path
+    file : the problem
+    gains, coupling : as of `design`
 
     Raises
     ------
     InputError
-        As `design`.
+        As `design`, and if the design is for another kind of device than the problem's.
     """
     given = design(gains, coupling)
-    return given.gains, given.coupling
+    require_gains_of(file, given)
+    return given
 
 
 def plain(value: Any) -> Any:

@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import astuple
 
 from vctune.document.toml_text import quoted
+from vctune.model.device import Display
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.keys import keys_of, labelled
-from vctune.model.units import LINEAR, Units
+from vctune.model.units import UNITS, UnitSystem
 
 
 def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
@@ -29,19 +30,21 @@ def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, fl
     return tables
 
 
-def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: Units = LINEAR) -> str:
+def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: UnitSystem = "linear") -> str:
     """Return the text of a gains file.
 
     Parameters
     ----------
     gains, coupling : plain floats, written in their shortest exact decimals
-    origin : keys and texts of the [design] table
+    origin : keys and texts of the [design] table, beside the display and the units
     units : of the device
     """
+    display: Display = "impedance" if isinstance(coupling, SpringDamper) else "admittance"
+    stated = {**origin, "display": display, "units": units}
     written = [
         [
             f"[{table}]",
-            *(f"{name} = {value!r}  # {labelled(f'{table}.{name}', units)}" for name, value in numbers.items()),
+            *(f"{name} = {value!r}  # {labelled(f'{table}.{name}', UNITS[units])}" for name, value in numbers.items()),
             "",
         ]
         for table, numbers in design_tables(gains, coupling).items()
@@ -50,6 +53,6 @@ def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], unit
         "# Paste [gains] and [coupling] into a problem file to fix them.",
         *(line for table in written for line in table),
         "[design]",
-        *(f"{key} = {quoted(text)}" for key, text in origin.items()),
+        *(f"{key} = {quoted(text)}" for key, text in stated.items()),
     ]
     return "\n".join(lines) + "\n"

@@ -14,7 +14,7 @@ class NamedRecord(Part):
 
 
 class RefusalRecord(Document):
-    """In the list of `vctune check`, input that cannot be used, by its file, the line, and what is wrong."""
+    """In the list of `vctune check`, input that cannot be used or was not looked at: its file, the line, and why."""
 
     SCHEMA = "vctune/refusal/1"
 

@@ -13,10 +13,11 @@ from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
 from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
 from vctune.document.units import units_stated
-from vctune.document.validation import Fault, examined, refusal, validated
+from vctune.document.validation import Contradiction, Fault, examined, refusal, validated
+from vctune.model.device import Display
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.problem import Problem
-from vctune.model.units import Units
+from vctune.model.units import Units, UnitSystem
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,13 +139,22 @@ class GainsFile:
     ----------
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
+    units : that the numbers are in, if the file says so
     text : the file's text
+    source : the path of the file; "design" where there is none
     """
 
     gains: Gains
     coupling: AnyCoupling
     sha256: str | None
+    units: UnitSystem | None
     text: str
+    source: str = "design"
+
+    @property
+    def display(self) -> Display:
+        """The display that has such a coupling."""
+        return "impedance" if isinstance(self.coupling, SpringDamper) else "admittance"
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -165,12 +175,29 @@ def gains_file(text: str, path: Path) -> GainsFile:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    spring = isinstance(stated := toml.parse(text, str(path)).get("coupling"), dict) and "stiffness" in stated
+    path = toml.called(path)
+    spring = _coupling_is_spring(toml.parse(text, str(path)))
     model: type[GainsDocument | SpringGainsDocument] = SpringGainsDocument if spring else GainsDocument
-    document = validated(model, text, str(path), lambda _raw: [])
+    document = validated(model, text, str(path), _other_display)
     gains = Gains(document.gains.velocity, getattr(document.gains, "position", 0.0))
     coupling = (SpringDamper if spring else Coupling)(**document.coupling.model_dump())
-    return GainsFile(gains, coupling, document.design.get("sha256"), text)
+    return GainsFile(gains, coupling, document.design.sha256, document.design.units, text, str(path))
+
+
+def _coupling_is_spring(raw: dict[str, Any]) -> bool:
+    coupling = raw.get("coupling")
+    return isinstance(coupling, dict) and "stiffness" in coupling
+
+
+def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
+    """Return the display that a gains file states, where its coupling is that of the other."""
+    spring, origin = _coupling_is_spring(raw), raw.get("design")
+    stated = origin.get("display") if isinstance(origin, dict) else None
+    if stated == ("admittance" if spring else "impedance"):
+        key, other = ("stiffness", "impedance") if spring else ("mass", "admittance")
+        message = f'"{stated}" contradicts [coupling], in which {key} makes it that of an {other} display; correct one'
+        return [(("design", "display"), message)]
+    return []
 
 
 def _empty_default_band(problem: Problem) -> Fault:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,10 @@ from vctune.document import toml
 from vctune.document.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-COEFFICIENT = 0.05
-"""filter_coefficient where the file states none: that of the controller."""
+COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
+"""filter_coefficient and joint_damping where the file states none: the controller's own defaults."""
+HEAVIEST, STIFFEST = 1e6, 1e8
+"""The controller loads no greater mass and stiffness."""
 SUFFIXES = (".yaml", ".yml")
 
 
@@ -27,7 +29,7 @@ class Admittance:
     mass : M, kg; of a rotation kg m^2
     damping_ratio : zeta
     stiffness : S, N/m; N m
-    joint_damping : what the joints lose beside it, 1/s; 0 where the file states none
+    joint_damping : share of each joint's velocity that it loses beside D, 1/s
     line : of the file, with the masses
     """
 
@@ -39,17 +41,35 @@ class Admittance:
     line: int
 
     @property
+    def turns(self) -> bool:
+        """Whether the axis is a rotation."""
+        return self.axis.startswith("r")
+
+    @property
     def damping(self) -> float:
         """D = 2 zeta sqrt(M S), and what the joints lose, N s/m."""
-        return 2 * self.damping_ratio * sqrt(self.mass * self.stiffness) + self.joint_damping * self.mass
+        return 2 * self.damping_ratio * sqrt(self.mass * self.stiffness) + self.joint_loss
+
+    @property
+    def joint_loss(self) -> float:
+        """Damping that joint_damping comes to, which is an acceleration of every joint and so of the tool, N s/m."""
+        return self.joint_damping * self.mass
 
 
 @dataclass(frozen=True, slots=True)
 class AdmittanceFile:
-    """The selected axes of a parameter file, and the share of each new sample in its filter of the force."""
+    """The selected axes of a parameter file.
+
+    Attributes
+    ----------
+    axes : in the file's order, at least one
+    filter_coefficient : share of each new sample in the filter of the force
+    line : of the file, with the selection
+    """
 
     axes: tuple[Admittance, ...]
     filter_coefficient: float
+    line: int
 
 
 def is_admittance(path: Path) -> bool:
@@ -119,9 +139,9 @@ class _Reader:
             Listing all that is wrong.
         """
         selected = self._list("selected_axes", flags=True)
-        masses = self._list("mass", least=1e-4)
-        ratios, stiffnesses = self._list("damping_ratio", least=0.0), self._list("stiffness", least=0.0)
-        joint = self._number("admittance", "joint_damping", 0.0, most=1e6)
+        masses = self._list("mass", least=1e-4, most=HEAVIEST)
+        ratios, stiffnesses = self._list("damping_ratio"), self._list("stiffness", most=STIFFEST)
+        joint = self._number("admittance", "joint_damping", JOINT_DAMPING, most=1e6)
         coefficient = self._number("ft_sensor", "filter_coefficient", COEFFICIENT, most=1.0)
         if coefficient == 0:
             self._wrong("ft_sensor.filter_coefficient", "is 0: no force ever comes through; at most 1 is no filter")
@@ -129,15 +149,15 @@ class _Reader:
             self._wrong("admittance.selected_axes", "selects no axis: there is nothing to check")
         if self._mistakes:
             raise InputError(self._source, self._mistakes)
-        line = self._line("admittance.mass") or 1
+        line, selection = (self._line(f"admittance.{name}") or 1 for name in ("mass", "selected_axes"))
         axes = (
             Admittance(axis, mass, ratio, stiffness, joint, line)
             for axis, chosen, mass, ratio, stiffness in zip(AXES, selected, masses, ratios, stiffnesses, strict=True)
             if chosen
         )
-        return AdmittanceFile(tuple(axes), coefficient)
+        return AdmittanceFile(tuple(axes), coefficient, selection)
 
-    def _list(self, name: str, *, least: float = 0.0, flags: bool = False) -> list[Any]:
+    def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
         key, values = f"admittance.{name}", self._table("admittance").get(name)
         kind = "true or false" if flags else "numbers"
         if not isinstance(values, list) or len(values) != len(AXES):
@@ -146,8 +166,9 @@ class _Reader:
         for axis, each in zip(AXES, values, strict=True):
             if flags and not isinstance(each, bool):
                 self._wrong(key, f"of {axis} is {_shown(each)}: must be true or false")
-            elif not flags and not (_is_number(each) and each >= least):
-                self._wrong(key, f"of {axis} is {_shown(each)}: must be a number of at least {least:g}")
+            elif not flags and not (_is_number(each) and least <= each <= most):
+                limit = f" and at most {most:g}" if most < inf else ""
+                self._wrong(key, f"of {axis} is {_shown(each)}: must be a number of at least {least:g}{limit}")
         return [each if flags or not _is_number(each) else float(each) for each in values]
 
     def _number(self, table: str, name: str, default: float, most: float) -> float:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from vctune.document.experiment_schema import ExperimentTable
 from vctune.document.fields import Edge, NotNegative, Positive, Share, Table, Text
+from vctune.model.device import Display
+from vctune.model.units import UnitSystem
 
 
 class PositiveRange(Table):
@@ -86,7 +88,7 @@ class StructureTable(Table):
 class DeviceTable(Table):
     """The mechanism: Z_d = mass s + damping."""
 
-    display: Literal["admittance", "impedance"] = Field(
+    display: Display = Field(
         "admittance",
         description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
     )
@@ -278,16 +280,26 @@ class FixedCouplingTable(Table):
     drag: NotNegative = Field(0.0, description="b_0, N s/m.")
 
 
+class OriginTable(Table):
+    """Where gains come from, and for which kind of device they are; any other key is a remark."""
+
+    model_config = ConfigDict(extra="allow")
+    __pydantic_extra__: dict[str, Text] = Field(init=False)
+
+    display: Display | None = Field(None, description="Display that the gains are for. Default: told from [coupling].")
+    units: UnitSystem | None = Field(None, description="Units that the gains are in. Default: those of the problem.")
+    sha256: Text | None = Field(
+        None,
+        description="Digest of what the problem means: resolved, without comments, name, description and experiments.",
+    )
+
+
 class GainsDocument(Table):
     """A vctune gains file: a design as plain numbers, and where it comes from."""
 
     gains: FixedGainsTable
     coupling: FixedCouplingTable
-    design: dict[str, Text] = Field(
-        default_factory=dict,
-        description="Where the gains come from. sha256 is of what the problem means: resolved, without comments, name, "
-        "description and experiments.",
-    )
+    design: OriginTable = Field(default_factory=OriginTable)
 
 
 class FixedVelocityTable(Table):
@@ -308,7 +320,7 @@ class SpringGainsDocument(Table):
 
     gains: FixedVelocityTable = Field(default_factory=FixedVelocityTable)
     coupling: FixedSpringTable
-    design: dict[str, Text] = Field(default_factory=dict, description="As of any gains file.")
+    design: OriginTable = Field(default_factory=OriginTable)
 
 
 def json_schema() -> dict[str, Any]:

@@ -57,6 +57,11 @@ def called(path: Path) -> Path:
     return Path("stdin") if path == STDIN else path
 
 
+def _is_json(text: str) -> bool:
+    """Whether a text that is no TOML begins as a JSON object."""
+    return text.lstrip().startswith("{")
+
+
 def parse(text: str, source: str) -> dict[str, Any]:
     """Parse TOML.
 
@@ -82,6 +87,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
         line = int(found[1]) if found and found[1] else text.count("\n") + 1
         message = re.sub(r"\s*\(at .*\)$", "", str(error))
         hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
+        hint = "; this is JSON: the gains of a design.json are in the gains.toml beside it" if _is_json(text) else hint
         raise InputError.of(source, "not-toml", f"not valid TOML: {message[:200]}{hint}", line=line) from None
     except RecursionError:
         raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None

@@ -15,6 +15,7 @@ from vctune.design.variables import keys_for, point, ranges
 from vctune.document import toml
 from vctune.document.codes import Note
 from vctune.document.errors import InputError
+from vctune.document.kinds import require_record_of
 from vctune.document.reading import ProblemFile
 from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
 from vctune.model.gains import AnyCoupling, Gains
@@ -128,6 +129,7 @@ def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     """
     began = perf_counter()
     old = read_region(baseline)
+    require_record_of(file, old.problem, str(baseline), "region")
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
     again = recheck(file.problem, old)
