@@ -88,7 +88,12 @@ class Side:
 
 
 def comparison(a: Side, b: Side) -> ComparisonRecord:
-    """Return two designs side by side."""
+    """Return two designs side by side.
+
+    Parameters
+    ----------
+    a, b : the designs, measured alike
+    """
     return ComparisonRecord(
         a=_side(a), b=_side(b), problem=_differences(a.problem, b.problem), design=list(_values(a, b))
     )
