@@ -156,7 +156,7 @@ def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
     plan = study(tmp_path, f'"device.sample_time" = [1e-3, 5e-4]\n"stability.band_hz[{place}]" = [3.0]', BARE)
     for T in (1e-3, 5e-4):
         bare = BARE.replace("1e-3", repr(T))
-        edges = statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"]
+        edges = [plan.yardstick.band.hz[0], statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"][1]]
         edges[place] = 3.0
         own = parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
         assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick)
