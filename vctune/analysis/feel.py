@@ -173,7 +173,7 @@ def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> fl
 def _tracking_bandwidth(device: Device, gains: Gains) -> float:
     """Return the frequency up to which what is commanded is done, the velocity or the force at the handle, Hz."""
     grid = with_resonance(device, frequency_grid(LOWEST * pi / device.sample_time, pi / device.sample_time))
-    for _ in range(ZOOMS):
+    for _ in range(1 + ZOOMS):
         below = np.flatnonzero(_tracking(device, gains, grid) < HALF_POWER)
         if not below.size:
             return 0.5 / device.sample_time
