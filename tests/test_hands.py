@@ -18,7 +18,7 @@ from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.api.solving import solve
 from vctune.design.judge import Status, judge
 from vctune.design.prepared import prepare
-from vctune.design.record import design_record
+from vctune.design.record import design_record, record_of
 from vctune.design.scan import scan
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, problem_file, read_problem
@@ -85,11 +85,26 @@ def test_both_criteria_cost_more_than_either_and_say_so(gains):
         Claim.CONDITIONS,
     }
     errors = {each.criterion: each.error for each in both.alternatives}
-    assert set(errors) == {"hands", "passive"} and max(errors.values()) < both.judgement.error
-    for criterion in errors:  # of the file with that criterion, whose drag is 0 if it is "passive"
+    assert set(errors) == {"hands", "passive"} and errors["hands"] < both.judgement.error
+    for criterion, error in errors.items():
         alone = solve(problem_file(HANDS.replace('"hands"', f'"{criterion}"') + gains, Path("x.toml")))
-        assert errors[criterion] == pytest.approx(alone.judgement.error, rel=1e-6)
+        assert error == pytest.approx(alone.judgement.error, rel=1e-6)
         assert alone.alternatives is None
+
+
+def test_a_criterion_alone_is_that_of_the_file_whose_drag_it_decides_on():
+    """By default there is no drag for any passive hand; where the file states one it is free under both."""
+    text = HANDS.replace('"hands"', '"both"') + LOOP
+    default = problem_file(text, Path("x.toml"))
+    stated = problem_file(text + "[coupling]\ndrag = { min = 0.0, max = 9.7 }\n", Path("x.toml"))
+    of_default, of_stated = (solve(file) for file in (default, stated))
+    drags = [
+        each.drag for solved in (of_default, of_stated) for each in solved.alternatives if each.criterion != "hands"
+    ]
+    assert drags[0] == 0 < drags[1]
+    said = record_of(default, of_default).compared[1]
+    assert said.startswith('with criterion = "passive" alone: error') and said.endswith("without drag b_0")
+    assert max(each.error for each in of_stated.alternatives) < of_stated.judgement.error
 
 
 FLEXIBLE = "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 80.0\ndamping_ratio = 0.05\n"

@@ -49,5 +49,7 @@ def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:
     alone = None if one is None else estimated(one)
     if alone is None:
         return None
-    stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
-    return Alternative(criterion, pose(problem).error(*alone), stiffness)
+    error, coupling = pose(problem).error(*alone), alone[1]
+    if isinstance(coupling, SpringDamper):
+        return Alternative(criterion, error, stiffness=coupling.stiffness)
+    return Alternative(criterion, error, drag=coupling.drag)
