@@ -81,7 +81,7 @@ def test_latencies_are_those_of_the_parts():
 
 
 def test_tracking_ends_where_half_of_the_power_is_left():
-    """Of an undelayed P loop G_he is K_v/(m s + b + K_v), half of whose power is left at sqrt(2 K_v^2 - (b + K_v)^2)/m."""
+    """An undelayed loop without K_p has G_he = K_v/(m s + b + K_v)."""
     fast, K_v, b, mass = replace(WHEEL, sample_time=1e-6), 60.0, 2.0, 0.4
     corner = sqrt(2 * K_v * K_v - (b + K_v) ** 2) / mass
     assert feel(fast, Gains(K_v, 0.0), COUPLING).tracking_bandwidth == pytest.approx(corner / (2 * pi), rel=1e-3)

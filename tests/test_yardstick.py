@@ -165,6 +165,28 @@ def test_the_default_bound_does_not_hold_the_velocity_gain_up():
     assert solve(free).judgement.error < 0.01 * held.judgement.error
 
 
+def lower_and_former(number):
+    """Return the problem of a random device, and the same with the least K_v that followed its lag and damping."""
+    rng = np.random.default_rng(number)
+    T, mass, more = float(10 ** rng.uniform(-4.3, -2)), float(10 ** rng.uniform(-2, 1.5)), PASSIVE
+    damping, delay = float(mass / T * 10 ** rng.uniform(-5, 0.5)), float(T * rng.choice([0, 0.3, 1, 3, 10, 60, 190]))
+    more += f"max_sensitivity = {float(rng.uniform(1.02, 1.5))!r}\n" if number % 3 == 0 else ""
+    more += f"[device.actuator]\nbandwidth_hz = {0.05 / T!r}\n" if number % 4 == 0 else ""
+    point = {"mass": mass, "damping": damping, "delay": delay}
+    problem = parse_problem(text_of(point, more).replace("1e-3", repr(T)), "x", "x")
+    former = 1e-5 * (mass / problem.device.loop_lag + damping)
+    velocity = replace(problem.bounds.velocity, min=former)
+    return problem, replace(problem, bounds=replace(problem.bounds, velocity=velocity))
+
+
+@pytest.mark.parametrize("number", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 120))])
+def test_a_lower_default_bound_loses_no_design(number):
+    lower, former = (solve(problem) for problem in lower_and_former(number))
+    assert lower.status is former.status
+    if former.judgement is not None:
+        assert lower.judgement.error <= former.judgement.error * (1 + 1e-5)
+
+
 def test_b_is_measured_as_a_unless_it_states_its_own(tmp_path):
     for name, point, more in (
         ("a", BASE, ""), ("b", POINTS[2], ""), ("own", POINTS[2], stated(problem_of(POINTS[2]))),
