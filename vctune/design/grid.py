@@ -149,13 +149,16 @@ def _count(name: str, low: float, high: float) -> int:
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
-    """Return a logarithmic grid over the bounds; a range from far below `floor` starts with its end and `floor`."""
+    """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
+
+    A low end other than 0 comes on top of the count: it makes the grid above no coarser.
+    """
     if bounds.fixed:
         return np.array([bounds.min])
     floor = min(floor, bounds.max / 10)
     if bounds.min >= floor / 2:
         return np.clip(np.geomspace(bounds.min, bounds.max, count), bounds.min, bounds.max)
-    return np.concatenate(([bounds.min], np.geomspace(floor, bounds.max, count - 1)))
+    return np.concatenate(([bounds.min], np.geomspace(floor, bounds.max, count - (bounds.min == 0))))
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
