@@ -18,8 +18,7 @@ from pathlib import Path
 from gallery import gallery
 
 from vctune.document.log_schema import LogDocument
-from vctune.document.part import how_shown
-from vctune.document.rows import NumbersRecord
+from vctune.document.rows import COLUMNS
 from vctune.document.schema import json_schema, schema_of
 from vctune.model.units import LINEAR
 
@@ -93,8 +92,9 @@ def columns() -> str:
         "| column | meaning |",
         "|---|---|",
         "| `status` | as of a design; invalid where the numbers make no problem |",
+        "| `idle` | whether a certified design hardly uses its velocity loop: \\|1 - G_he\\| is above 0.5 |",
     ]
-    for name, shown in how_shown(NumbersRecord).items():
+    for name, shown in COLUMNS.items():
         label = shown.label.replace("|", "\\|")
         unit = LINEAR.of(shown.of)
         rows.append(f"| `{name}` | {label}{f', {unit}' if unit else ''} |")

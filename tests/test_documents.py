@@ -175,7 +175,7 @@ def test_defaults_are_the_documented_formulas():
     assert (problem.device.hold, problem.device.delay) == ("zoh", 0.0)
     assert problem.transparency.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 30))
     assert problem.transparency.reference_impedance == pytest.approx(Z_0)
-    assert problem.bounds.velocity == Range(pytest.approx(1e-5 * loop), pytest.approx(2 * loop))
+    assert problem.bounds.velocity == Range(pytest.approx(1e-8 * 0.4 / 1e-3), pytest.approx(2 * loop))
     assert problem.bounds.position == Range(0.0, pytest.approx(2 * loop / tau))
     assert problem.bounds.damping == Range(pytest.approx(1e-6 * Z_0), pytest.approx(1e6 * Z_0))
     assert problem.bounds.mass == Range(pytest.approx(1e-6 * 0.4), pytest.approx(1e6 * 0.4))

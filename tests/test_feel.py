@@ -80,6 +80,28 @@ def test_latencies_are_those_of_the_parts():
     assert feel(firm, Gains(1e6, 1e8), COUPLING).force_latency == pytest.approx(4e-4, rel=1e-2)
 
 
+def test_tracking_ends_where_half_of_the_power_is_left():
+    """An undelayed loop without K_p has G_he = K_v/(m s + b + K_v)."""
+    fast, K_v, b, mass = replace(WHEEL, sample_time=1e-6), 60.0, 2.0, 0.4
+    corner = sqrt(2 * K_v * K_v - (b + K_v) ** 2) / mass
+    assert feel(fast, Gains(K_v, 0.0), COUPLING).tracking_bandwidth == pytest.approx(corner / (2 * pi), rel=1e-3)
+    assert feel(fast, Gains(b, 0.0), COUPLING).tracking_bandwidth == 0  # half of the velocity even at rest
+    assert feel(WHEEL, *NO_LOOP).tracking_bandwidth == 0
+    sluggish = replace(WHEEL, sample_time=0.1)
+    assert feel(sluggish, Gains(8.0, 0.0), COUPLING).tracking_bandwidth <= 5.0
+
+
+@pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
+def test_tracking_ends_where_an_independent_model_says(device):
+    def tracked(hz):
+        at = response_at(real_of(device), Gains(60.0, 3000.0), 2j * pi * hz, DOUBLES)
+        return abs(1 - at.tracking)
+
+    ends = feel(device, Gains(60.0, 3000.0), COUPLING).tracking_bandwidth
+    assert tracked(ends) == pytest.approx(sqrt(0.5), rel=1e-5)
+    assert all(tracked(ends * k / 200) > sqrt(0.5) for k in range(1, 200))
+
+
 @pytest.mark.parametrize("device", [WHEEL, LATE, FLEXIBLE], ids=["ideal", "late", "flexible"])
 @pytest.mark.parametrize("gains", [Gains(60.0, 3000.0), Gains(60.0, 0.0)], ids=["PI", "P"])
 def test_numbers_are_those_of_an_independent_model(device, gains):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 
 import numpy as np
@@ -137,7 +138,7 @@ def test_both_ends_may_be_axes_where_the_problem_has_neither(tmp_path):
     ("key", "end"), [("gains.velocity", "max"), ("operator.mass", "max"), ("coupling.mass", "min")]
 )
 def test_one_end_of_a_range_at_its_default_may_be_an_axis(tmp_path, key, end):
-    """The other end is the default of the problem at each point, here of another mass."""
+    """The other end is the default of the device at each point, here of another mass; the yardstick is of none."""
     plan = study(tmp_path, f'"device.mass" = [0.2, 0.8]\n"{key}.{end}" = [0.3]', BARE)
     table, name = key.split(".")
     for mass in (0.2, 0.8):
@@ -145,7 +146,8 @@ def test_one_end_of_a_range_at_its_default_may_be_an_axis(tmp_path, key, end):
         default = statement(parse_problem(bare, "x", "x"))[table][name]
         ends = default | {end: 0.3}
         text = f"{bare}[{table}]\n{name} = {{ min = {ends['min']!r}, max = {ends['max']!r} }}\n"
-        assert plan.at((mass, 0.3))[0] == parse_problem(text, "x", "study")
+        here, own = plan.at((mass, 0.3))[0], parse_problem(text, "x", "study")
+        assert here == replace(own, transparency=plan.yardstick)
     assert plan.at((0.2, 0.3))[0] != plan.at((0.8, 0.3))[0]
 
 
@@ -154,9 +156,10 @@ def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
     plan = study(tmp_path, f'"device.sample_time" = [1e-3, 5e-4]\n"stability.band_hz[{place}]" = [3.0]', BARE)
     for T in (1e-3, 5e-4):
         bare = BARE.replace("1e-3", repr(T))
-        edges = statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"]
+        edges = [plan.yardstick.band.hz[0], statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"][1]]
         edges[place] = 3.0
-        assert plan.at((T, 3.0))[0] == parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
+        own = parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
+        assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick)
     assert "lower edge" in str(plan.at((1e-3, 1e-3 if place else 1e4))[1])
 
 

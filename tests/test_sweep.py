@@ -62,7 +62,7 @@ def write_study(folder, axes, problem=FREE, name="study"):
 def rows_in(path):
     """Return the rows of a file by key, without the seconds they took; every line must be whole, no key twice."""
     header, *lines = path.read_text().splitlines()
-    assert json.loads(header)["schema"] == "vctune/rows/2"
+    assert json.loads(header)["schema"] == "vctune/rows/3"
     rows = {}
     for line in lines:
         row = json.loads(line)
@@ -410,7 +410,10 @@ def test_what_is_refused_touches_nothing(tmp_path, finished, case):
     assert sorted(file.name for file in folder.iterdir()) == ["rows.jsonl", "table.csv"]
 
 
-@pytest.mark.parametrize("content", [b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b"\xff\xfe\n"])
+@pytest.mark.parametrize(
+    "content",
+    [b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b'{"schema": "vctune/rows/2", "study": "x"}\n', b"\xff\xfe\n"],
+)
 def test_a_file_that_is_no_file_of_rows_is_left_alone(tmp_path, finished, content):
     path = tmp_path / "rows.jsonl"
     path.write_bytes(content)
@@ -432,7 +435,7 @@ def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     path = write_study(tmp_path, MANY.format(6), FIXED)
     limited = (
         "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)); from vctune.cli import run; run()"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (14000, 14000)); from vctune.cli import run; run()"
     )
     done = subprocess.run(
         [sys.executable, "-c", limited, "sweep", str(path)], cwd=tmp_path, capture_output=True, text=True, check=False
@@ -451,12 +454,16 @@ def test_parquet_and_csv_say_the_same(tmp_path):
     table = swept(write_study(tmp_path, FEW, FIXED), tmp_path)
     read = pq.read_table(pa.BufferReader(parquet_bytes(table))).to_pylist()
     lines = list(csv.DictReader(csv_text(table).splitlines()))
-    assert [{name: "" if value is None else str(value) for name, value in row.items()} for row in read] == lines
+    texts = {None: "", True: "true", False: "false"}
+    assert [
+        {name: texts[value] if value is None or isinstance(value, bool) else str(value) for name, value in row.items()}
+        for row in read
+    ] == lines
 
 
 def test_summary_of_a_table(tmp_path):
-    table = swept(write_study(tmp_path, FEW, FIXED), tmp_path)
-    found = summary("x", table)
+    path = write_study(tmp_path, FEW, FIXED)
+    found = summary(read_study(path), swept(path, tmp_path))
     assert sum(found.status.values()) == found.points == 6
     assert found.corner.high["stability.band_hz[1]"] == 600.0
     json.dumps(found.to_json(), allow_nan=False)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 import numpy as np
 
 from vctune.analysis.demands import response
-from vctune.analysis.extrema import Floats
+from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.phases import force_phases
+from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex
 from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
@@ -25,6 +26,12 @@ WALL_HZ = 10.0
 """Where a wall and the force path are looked at, Hz: the upper end of what a hand moves and pushes by itself."""
 SPEED = 0.1
 """At which the handle is moved steadily, m/s or rad/s."""
+HALF_POWER = sqrt(0.5)
+"""What |G_he| falls below where tracking ends: to half of the power."""
+LOWEST = 1e-6
+"""Where tracking is looked at first, relative to the Nyquist frequency: half a millihertz at 1 kHz."""
+ZOOMS, ZOOM_POINTS = 3, 33
+"""Finer grids between the two frequencies where tracking ends, and points of each: 4 % apart become 1e-6."""
 NO_LOOP = Gains(0.0, 0.0), Coupling(0.0, 0.0, 0.0)
 """The bare device's design."""
 
@@ -40,6 +47,8 @@ class Feel:
     force : to move the handle steadily at `SPEED`, N
     loop_latency : around the loop at low frequency, s
     force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
+    tracking_bandwidth : up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0 where it
+        is nowhere; of an impedance display that of |A H/N|
     """
 
     mass: tuple[float | None, ...]
@@ -49,6 +58,7 @@ class Feel:
     force: float
     loop_latency: float | None
     force_latency: float | None
+    tracking_bandwidth: float
 
 
 def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
@@ -76,6 +86,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
         force=SPEED * abs(_free(device, gains, coupling, 0.0)),
         loop_latency=_loop_latency(device) if gains.closed or rendered else None,
         force_latency=-force_phases(device, gains, 2 * pi * WALL_HZ).total / (2 * pi * WALL_HZ) if late else None,
+        tracking_bandwidth=_tracking_bandwidth(device, gains),
     )
 
 
@@ -157,6 +168,30 @@ def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> fl
     loop = response(device, gains, np.zeros(1))
     N = 1.0 if loop.numerator is None else _complex(loop.numerator)
     return float(np.abs(_complex(loop.D_scaled) / N)[0])
+
+
+def _tracking_bandwidth(device: Device, gains: Gains) -> float:
+    """Return the frequency up to which what is commanded is done, the velocity or the force at the handle, Hz."""
+    grid = with_resonance(device, frequency_grid(LOWEST * pi / device.sample_time, pi / device.sample_time))
+    for _ in range(1 + ZOOMS):
+        below = np.flatnonzero(_tracking(device, gains, grid) < HALF_POWER)
+        if not below.size:
+            return 0.5 / device.sample_time
+        if below[0] == 0:
+            return 0.0
+        low, high = grid[below[0] - 1], grid[below[0]]
+        grid = np.geomspace(low, high, ZOOM_POINTS)
+    return float(high) / (2 * pi)
+
+
+def _tracking(device: Device, gains: Gains, omega: Floats) -> Floats:
+    """Return |G_he|, or of an impedance display |A H/N|."""
+    loop = response(device, gains, omega)
+    if device.renders_force:
+        at = device_response(device, omega, FLOATS)
+        N = 1.0 if loop.numerator is None else _complex(loop.numerator)
+        return np.abs((at.drive.re - 1j * omega * at.drive.lag) / N)
+    return np.abs(1 - _complex(loop.miss_scaled) / _complex(loop.D_scaled))
 
 
 def _loop_latency(device: Device) -> float:

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from math import isclose
 from pathlib import Path
 from typing import Any
 
+from vctune.analysis.demands import transparency_error
 from vctune.api.files import known_record
 from vctune.api.solving import solve
+from vctune.design.felt import felt_record
 from vctune.design.optimum import Progress
+from vctune.design.prepared import pose
 from vctune.design.record import record_of
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.comparison import ComparisonRecord, comparison
+from vctune.document.comparison import ComparisonRecord, MeasuredRecord, Side, comparison
+from vctune.document.reading import on_yardstick, parse_problem
 from vctune.document.record import DesignRecord
+from vctune.model.problem import Problem, Transparency
+
+SAME = 1e-9
+"""Relative difference of two numbers that are one, written out in a file or computed."""
 
 
 def compare(
     a: ProblemSource | DesignRecord, b: ProblemSource | DesignRecord, *, progress: Progress = lambda stage: None
 ) -> ComparisonRecord:
     """Set two designs side by side. A problem is solved for its design; nothing is written.
+
+    The error of both is measured over the band and with the Z_0 of `a`, which `b` is solved for too, unless `b` states
+    its own or is a design that was made on another; then both errors are given on either.
 
     Parameters
     ----------
@@ -35,17 +49,56 @@ def compare(
     InputError
         If one of them is none.
     """
-    records = [_designed(source, progress) for source in (a, b)]
-    return comparison(records[0], records[1], (_called(a, records[0]), _called(b, records[1])))
+    record_a, problem_a = _designed(a, None, progress)
+    record_b, problem_b = _designed(b, problem_a, progress)
+    yardsticks: list[Transparency | None] = [None]
+    if _alike(problem_a, problem_b):
+        yardsticks = [problem_a.transparency]
+        yardsticks += [problem_b.transparency] * (not _same(problem_a.transparency, problem_b.transparency))
+    return comparison(_side(a, record_a, problem_a, yardsticks), _side(b, record_b, problem_b, yardsticks))
 
 
-def _designed(source: Any, progress: Progress) -> DesignRecord:
+def _designed(source: Any, base: Problem | None, progress: Progress) -> tuple[DesignRecord, Problem]:
+    """Return a design with its problem; one that is to be solved is on the yardstick of the base if it states none."""
     known = known_record(source)
     if known is not None:
-        return known
+        return known, parse_problem(known.problem.text, known.problem.name, known.problem.name)
     file = problem_of(source)
-    return record_of(file, solve(file, progress=progress))
+    if base is not None and _alike(base, file.problem):
+        file = on_yardstick(file, base.transparency)
+    return record_of(file, solve(file, progress=progress)), file.problem
 
 
-def _called(source: Any, record: DesignRecord) -> str:
-    return str(source) if isinstance(source, str | Path) else record.problem.name
+def _alike(a: Problem, b: Problem) -> bool:
+    """Return whether the errors of two problems are of the same terms, in the same units."""
+    return (a.device.display, a.device.units) == (b.device.display, b.device.units)
+
+
+def _same(a: Transparency, b: Transparency) -> bool:
+    """Return whether two yardsticks are one, but for the last digits of numbers that are stated here, default there."""
+    numbers = [(each.band.min, each.band.max, each.reference_impedance) for each in (a, b)]
+    close = all(isclose(*pair, rel_tol=SAME) for pair in zip(*numbers, strict=True))
+    return close and (a.norm, a.weights) == (b.norm, b.weights)
+
+
+def _side(source: Any, record: DesignRecord, problem: Problem, yardsticks: Sequence[Transparency | None]) -> Side:
+    return Side(
+        source=str(source) if isinstance(source, str | Path) else record.problem.name,
+        record=record,
+        problem=problem,
+        felt=None if record.design is None else felt_record(problem.device, *record.design),
+        measured=tuple(_measured(record, problem, each or problem.transparency) for each in yardsticks),
+    )
+
+
+def _measured(record: DesignRecord, problem: Problem, yardstick: Transparency) -> MeasuredRecord | None:
+    """Return a design's error on a yardstick; None without a design, or where its device does not reach."""
+    if record.design is None or yardstick.band.max > problem.nyquist:
+        return None
+    posed = pose(replace(problem, transparency=yardstick)).problem
+    return MeasuredRecord(
+        **asdict(transparency_error(posed, *record.design)),
+        display=problem.device.display,
+        band_hz=list(yardstick.band.hz),
+        reference_impedance=yardstick.reference_impedance,
+    )

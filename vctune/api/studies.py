@@ -45,8 +45,8 @@ class Swept:
 
     @property
     def summary(self) -> SweepRecord:
-        """Counts by status, best and worst design, and the corner without designs."""
-        return summary(self.study.name, self.table)
+        """Counts by status, yardstick, best and worst design, and the corner without designs."""
+        return summary(self.study, self.table)
 
     def _repr_html_(self) -> str:
         return self.table._repr_html_()

@@ -171,18 +171,39 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
     folder : named at the end
     """
     with _page(LEAST_WIDTH, folder) as console:
-        counts = ", ".join(f"{count} {status}" for status, count in found.status.items())
+        idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
+        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
         console.print(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
         for label, row in (("best", found.best), ("worst", found.worst)):
             if row:
                 console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
+        console.print(f"over   {_yardstick_line(found)}", soft_wrap=True)
+        if found.stability_high_hz is not None:
+            console.print(f"held   {_demand_line(found.stability_high_hz)}", soft_wrap=True)
         if found.corner:
             console.print(_corner_line(found.corner), soft_wrap=True)
 
 
 def _design_line(row: Cells) -> str:
     axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
-    return escape(f"error {text(row['error'])} at {axes}")
+    return escape(f"error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}")
+
+
+def _yardstick_line(found: SweepRecord) -> str:
+    """Return what the errors of a sweep are measured on."""
+    on, unit = found.yardstick, found.units["reference_impedance"]
+    shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
+    if not on.varied:
+        return escape(f"{shared}, at every point")
+    return escape(f"{shared}, but for {', '.join(on.varied)}: errors at different values of it do not compare")
+
+
+def _demand_line(edges: list[float | None]) -> str:
+    low, high = (text(edge) for edge in edges)
+    return (
+        f"to a stability band that ends between {low} and {high} Hz, by the device of each point; state "
+        "stability.band_hz to ask the same of all"
+    )
 
 
 def _corner_line(corner: CornerRecord) -> str:

@@ -3,33 +3,53 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from vctune.design.judge import Status
 from vctune.design.optimum import estimated
 from vctune.design.prepared import of_one_device, pose
 from vctune.design.result import Alternative, Solved
+from vctune.document import reading
+from vctune.document.reading import ProblemFile
 from vctune.model.gains import SpringDamper
-from vctune.model.problem import Criterion
+from vctune.model.problem import Criterion, Problem
 
 
-def with_alternatives(solved: Solved) -> Solved:
+def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     """Return a solved problem with what either criterion alone would allow; unchanged where it has one anyway.
+
+    That is what its file would give with the other criterion, defaults that depend on it included, measured on the same
+    band and Z_0.
 
     Parameters
     ----------
+    file : the problem
     solved : certified, or there is nothing to compare with
     """
-    problem = solved.problem
+    problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
-    one = of_one_device(problem) if problem.device.renders_force else problem
-    if one is None:
+    if problem.device.renders_force and of_one_device(problem) is None:
         return solved  # a box of devices in a box of hands may take minutes
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
-    found = []
-    for criterion in others:
-        alone = estimated(replace(one, stability=replace(problem.stability, criterion=criterion)))
-        if alone is not None:
-            stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
-            found.append(Alternative(criterion, pose(problem).error(*alone), stiffness))
-    return replace(solved, alternatives=found)
+    tables = file.document
+    posed = {criterion: _under(criterion, tables, problem) for criterion in others}
+    found = [_alternative(criterion, each) for criterion, each in posed.items() if each is not None]
+    return replace(solved, alternatives=[each for each in found if each is not None])
+
+
+def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
+    """Return the problem of a file that asks for one criterion; None if it contradicts the rest of it."""
+    stability = {**tables.get("stability", {}), "criterion": criterion}
+    return reading.pose({**tables, "stability": stability}, problem.name, problem.transparency)[0]
+
+
+def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:
+    one = of_one_device(problem) if problem.device.renders_force else problem
+    alone = None if one is None else estimated(one)
+    if alone is None:
+        return None
+    error, coupling = pose(problem).error(*alone), alone[1]
+    if isinstance(coupling, SpringDamper):
+        return Alternative(criterion, error, stiffness=coupling.stiffness)
+    return Alternative(criterion, error, drag=coupling.drag)

@@ -139,7 +139,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
     if device.renders_force and bounds.damping.min == 0 < longest:
         tau_c = np.append(0.0, tau_c)  # a spring alone
-    # below, K_v is no loop and the drag no error: the next point is 0 itself
+    # below, K_v is hardly a loop and the drag no error: the next point is the least there may be, if not 0 itself
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
     return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
 
@@ -149,12 +149,16 @@ def _count(name: str, low: float, high: float) -> int:
 
 
 def _axis(bounds: Range, count: int, floor: float) -> Floats:
-    """Return a logarithmic grid over the bounds; a range from 0 starts with 0 and `floor`."""
+    """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
+
+    A low end other than 0 comes on top of the count: it makes the grid above no coarser.
+    """
     if bounds.fixed:
         return np.array([bounds.min])
-    if bounds.min > 0:
+    floor = min(floor, bounds.max / 10)
+    if bounds.min >= floor / 2:
         return np.clip(np.geomspace(bounds.min, bounds.max, count), bounds.min, bounds.max)
-    return np.concatenate(([0.0], np.geomspace(min(floor, bounds.max / 10), bounds.max, count - 1)))
+    return np.concatenate(([bounds.min], np.geomspace(floor, bounds.max, count - (bounds.min == 0))))
 
 
 def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:

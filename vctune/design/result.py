@@ -136,11 +136,13 @@ class Alternative:
     criterion : "hands" or "passive"
     error : of its design
     stiffness : of an impedance display's, N/m
+    drag : of an admittance display's, N s/m
     """
 
     criterion: Criterion
     error: float
     stiffness: float | None = None
+    drag: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
-from vctune.document.part import Document, Part, Shown, filled, how_shown
-from vctune.document.reading import parse_problem
+from vctune.document.gains_record import TransparencyRecord
+from vctune.document.part import Document, Pair, Part, Shown, filled, how_shown
 from vctune.document.record import DesignRecord
+from vctune.document.rows import FeltRecord
 from vctune.document.statement import statement
 from vctune.document.validation import KeyPath, dotted
+from vctune.model.problem import Problem
 from vctune.model.units import Units
 
 UNCOMPARED = ("name", "description", "experiment")
@@ -57,28 +60,55 @@ class ComparisonRecord(Document):
     design: list[ValueRecord]
 
 
-def comparison(a: DesignRecord, b: DesignRecord, sources: tuple[str, str]) -> ComparisonRecord:
+class MeasuredRecord(TransparencyRecord):
+    """The error and its terms on a yardstick, and what that is."""
+
+    band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
+    reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One of two designs to be compared.
+
+    Attributes
+    ----------
+    source : what it is called
+    record : the design
+    problem : that it was made for, on the yardstick on which it was
+    felt : what it does; None where there is no design
+    measured : its error on the yardstick of both, or on that of A and on that of B; None where there is none
+    """
+
+    source: str
+    record: DesignRecord
+    problem: Problem
+    felt: FeltRecord | None
+    measured: tuple[MeasuredRecord | None, ...]
+
+
+def comparison(a: Side, b: Side) -> ComparisonRecord:
     """Return two designs side by side.
 
     Parameters
     ----------
-    a, b : the designs, each with its problem
-    sources : what they are called
+    a, b : the designs, measured alike
     """
     return ComparisonRecord(
-        a=_side(a, sources[0]), b=_side(b, sources[1]), problem=_differences(a, b), design=list(_values(a, b))
+        a=_side(a), b=_side(b), problem=_differences(a.problem, b.problem), design=list(_values(a, b))
     )
 
 
-def _side(record: DesignRecord, source: str) -> SideRecord:
+def _side(side: Side) -> SideRecord:
+    record = side.record
     return SideRecord(
-        source=source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
+        source=side.source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
     )
 
 
-def _differences(a: DesignRecord, b: DesignRecord) -> list[DifferenceRecord]:
+def _differences(a: Problem, b: Problem) -> list[DifferenceRecord]:
     """Return the keys that differ, every default written out."""
-    one, other = ({dotted(path): value for path, value in _leaves(_stated(record), ())} for record in (a, b))
+    one, other = ({dotted(path): value for path, value in _leaves(_stated(problem), ())} for problem in (a, b))
     return [
         DifferenceRecord(key=key, a=one.get(key), b=other.get(key))
         for key in dict.fromkeys([*one, *other])
@@ -86,9 +116,8 @@ def _differences(a: DesignRecord, b: DesignRecord) -> list[DifferenceRecord]:
     ]
 
 
-def _stated(record: DesignRecord) -> dict[str, Any]:
-    stated = statement(parse_problem(record.problem.text, record.problem.name, record.problem.name))
-    return {key: value for key, value in stated.items() if key not in UNCOMPARED}
+def _stated(problem: Problem) -> dict[str, Any]:
+    return {key: value for key, value in statement(problem).items() if key not in UNCOMPARED}
 
 
 def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
@@ -101,10 +130,20 @@ def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
         yield path, node
 
 
-def _values(a: DesignRecord, b: DesignRecord) -> Iterator[ValueRecord]:
-    """Yield the numbers and verdicts that either design shows, by group."""
+def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
+    """Yield the numbers and verdicts that either design shows, by group; the error on one yardstick, or on both."""
+    units = (a.record.units, b.record.units)
+    on = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
+    titles = {"transparency": "transparency", "on_a": "measured as A", "on_b": "measured as B"}
     for name, title in DesignRecord.GROUPS.items():
-        yield from _compared(title, name, ((getattr(a, name), a.units), (getattr(b, name), b.units)))
+        if name != "transparency":
+            yield from _compared(
+                title, name, list(zip((getattr(a.record, name), getattr(b.record, name)), units, strict=True))
+            )
+            continue
+        for key, *parts in zip(on, a.measured, b.measured, strict=True):
+            yield from _compared(titles[key], key, list(zip(parts, units, strict=True)))
+        yield from _compared("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
 
 
 def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:

@@ -5,6 +5,7 @@ See document/README.md, section 1.
 With tau = T/2 + delay and the lags of actuator and velocity estimate, and Z = m/tau + b, the impedance at which the
 loop runs out of phase: the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of
 the sampling rate without delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
+The least K_v, 1e-8 m/T, is below 1e-5 Z at any delay that is supported, so that no delay moves it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,14 @@ from math import inf, pi, sqrt
 from typing import Literal
 
 from vctune.document.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
-from vctune.document.schema import DeviceTable, OperatorTable, ProblemDocument, StabilityTable, UncertaintyTable
+from vctune.document.schema import (
+    DeviceTable,
+    OperatorTable,
+    ProblemDocument,
+    StabilityTable,
+    TransparencyTable,
+    UncertaintyTable,
+)
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
@@ -25,13 +33,15 @@ from vctune.model.transparency import Terms
 from vctune.model.units import UnitSystem
 
 
-def resolve(document: ProblemDocument, default_name: str) -> Problem:
+def resolve(document: ProblemDocument, default_name: str, yardstick: Transparency | None = None) -> Problem:
     """Return the problem that a valid document states, every default filled in.
 
     Parameters
     ----------
     document : the tables of a problem file, in its units
     default_name : of the problem, where the document states none
+    yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
+        the scales of the device in either case
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
@@ -39,19 +49,39 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
     device = replace(device_of(document.device), operator=counted)
     late = lags(device, FLOATS)
     lag = float(late.drive + late.estimate)
-    loop_impedance = device.mass / lag + device.damping
 
     objective = document.transparency
     f1, f2 = objective.band_hz or (0.00025 / lag, 0.015 / lag)
     middle = 2 * pi * sqrt(f1 * f2)
     Z_0 = objective.reference_impedance or device.mass * middle
-    weights = objective.weights
+    own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
+    transparency = _on(yardstick, own, objective)
+    return Problem(
+        name=document.name if document.name is not None else default_name,
+        description=document.description,
+        device=device,
+        bounds=_bounds(document, device, lag, Z_0, middle),
+        transparency=transparency,
+        stability=_stability(document.stability, device, lag, transparency.band.min),
+        uncertainty=_uncertainty(document.uncertainty, device),
+        experiments=tuple(_experiment(table, device) for table in document.experiment),
+        hands=hands,
+    )
 
+
+def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
+    """Return the ranges of the design variables.
+
+    Parameters
+    ----------
+    document : which states some
+    device : whose scales the others have
+    lag : of its loop, s
+    Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
+    """
     gains, coupling = document.gains, document.coupling
-    stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
-    dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
     if device.renders_force:
-        bounds = Bounds(
+        return Bounds(
             velocity=_range(gains.velocity, 0.0, 0.0),
             damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
             stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle, 1e6 * Z_0 * middle),
@@ -59,29 +89,27 @@ def resolve(document: ProblemDocument, default_name: str) -> Problem:
             mass=ABSENT,
             drag=ABSENT,
         )
-    else:
-        bounds = Bounds(
-            velocity=_range(gains.velocity, 1e-5 * loop_impedance, 2 * loop_impedance),
-            position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
-            damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
-            mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
-            drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
-        )
-    return Problem(
-        name=document.name if document.name is not None else default_name,
-        description=document.description,
-        device=device,
-        bounds=bounds,
-        transparency=Transparency(
-            Band(2 * pi * f1, 2 * pi * f2),
-            Z_0,
-            objective.norm,
-            Terms(weights.admittance, weights.tracking, weights.coupling),
-        ),
-        stability=_stability(document.stability, lag, f1, 0.5 / device.sample_time if device.renders_force else None),
-        uncertainty=_uncertainty(document.uncertainty, device),
-        experiments=tuple(_experiment(table, device) for table in document.experiment),
-        hands=hands,
+    loop_impedance = device.mass / lag + device.damping
+    least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
+    stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
+    dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
+    return Bounds(
+        velocity=_range(gains.velocity, least, 2 * loop_impedance),
+        position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
+        damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+        mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+        drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
+    )
+
+
+def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTable) -> Transparency:
+    """Return the objective whose band and Z_0 are a yardstick's where a table leaves them at their defaults."""
+    if yardstick is None:
+        return own
+    return replace(
+        own,
+        band=own.band if table.band_hz else yardstick.band,
+        reference_impedance=table.reference_impedance or yardstick.reference_impedance,
     )
 
 
@@ -99,15 +127,21 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
 
 
-def _stability(table: StabilityTable, lag: float, f1: float, nyquist: float | None) -> Stability:
-    """Return the demands; those of an impedance display, of which the Nyquist frequency is given, are up to there."""
-    low, high = table.band_hz or (f1, nyquist if nyquist is not None else 0.05 / lag)
-    return Stability(
-        Band(2 * pi * low, 2 * pi * high if high < inf else inf),
-        table.safety_factor,
-        table.max_sensitivity,
-        table.criterion,
-    )
+def _stability(table: StabilityTable, device: Device, lag: float, slowest: float) -> Stability:
+    """Return the demands; those of an impedance display are up to the Nyquist frequency.
+
+    Parameters
+    ----------
+    table : as stated
+    device, lag : whose loop it is, and its lag, s
+    slowest : lower edge of the transparency band, rad/s
+    """
+    if table.band_hz is not None:
+        low, high = table.band_hz
+        band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
+    else:
+        band = Band(slowest, 2 * pi * (0.5 / device.sample_time if device.renders_force else 0.05 / lag))
+    return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
 
 
 def device_of(table: DeviceTable) -> Device:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from vctune.document.units import units_stated
 from vctune.document.validation import Contradiction, Fault, examined, refusal, validated
 from vctune.model.device import Display
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Transparency
 from vctune.model.units import Units, UnitSystem
 
 
@@ -104,13 +104,17 @@ def parse_problem(text: str, source: str, default_name: str) -> Problem:
     return problem
 
 
-def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[Fault]]:
+def pose(
+    raw: dict[str, Any], default_name: str, yardstick: Transparency | None = None
+) -> tuple[Problem | None, list[Fault]]:
     """Return the problem that parsed TOML states, or None and everything that is wrong with it.
 
     Parameters
     ----------
     raw : tables
     default_name : of the problem, unless they have one
+    yardstick : by whose band and Z_0 its designs are compared with others, unless the tables state them; None for its
+        own
 
     Returns
     -------
@@ -120,10 +124,24 @@ def pose(raw: dict[str, Any], default_name: str) -> tuple[Problem | None, list[F
     document, faults = examined(ProblemDocument, raw, contradictions)
     if document is None or faults:
         return None, [_told(fault, units_stated(raw)) for fault in faults]
-    problem = resolve(document, default_name)
+    problem = resolve(document, default_name, yardstick)
     if problem.stability.band.min >= problem.stability.band.max:
         return None, [_empty_default_band(problem)]
+    if yardstick is not None and problem.transparency.band.max > problem.nyquist * (1 + 1e-12):
+        return None, [_beyond_nyquist(problem)]
     return problem, []
+
+
+def on_yardstick(file: ProblemFile, yardstick: Transparency) -> ProblemFile:
+    """Return a problem whose designs are compared by another's band and Z_0, unless it states its own.
+
+    Parameters
+    ----------
+    file : the problem
+    yardstick : the other's objective; one whose band the sample time does not reach is of no account
+    """
+    problem, _ = pose(file.document, file.problem.name, yardstick)
+    return file if problem is None else replace(file, problem=problem)
 
 
 def _told(fault: Fault, units: Units) -> Fault:
@@ -205,5 +223,14 @@ def _empty_default_band(problem: Problem) -> Fault:
     message = (
         f"with the lower edge {low:g} Hz the default stability band, from there to 0.05/tau with tau = "
         f"sample_time/2 + delay ({high:g} Hz), is empty; set stability.band_hz"
+    )
+    return Fault(("transparency", "band_hz"), message, "contradiction")
+
+
+def _beyond_nyquist(problem: Problem) -> Fault:
+    high, nyquist = problem.transparency.band.max / (2 * pi), problem.nyquist / (2 * pi)
+    message = (
+        f"the errors are compared up to {high:g} Hz, which is above the Nyquist frequency {nyquist:g} Hz; state a band "
+        "that every sample time reaches"
     )
     return Fault(("transparency", "band_hz"), message, "contradiction")

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from vctune.document.certificate_record import CertificateRecord, DeviceRecord, InnerLoopRecord
 from vctune.document.gains_record import (
     AnyCouplingRecord,
+    CouplingRecord,
     GainsRecord,
     ProblemRecord,
     SpringRecord,
@@ -55,6 +56,7 @@ class AlternativeRecord(Part):
     criterion: Literal["passive", "hands"]
     error: float
     stiffness: float | None = None
+    drag: float | None = None
 
 
 class GlanceRecord(Part):
@@ -201,6 +203,8 @@ class DesignRecord(Document):
             if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
                 stiffness = f"k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)}"
                 changes.append(f"{stiffness} {self.units.stiffness}")
+            if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
+                changes.append("without drag b_0")
             found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
         return found
 

@@ -8,16 +8,38 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Annotated
 
-from vctune.document.part import Document, Number, Part, Shown, how_shown
+from vctune.document.part import Document, Number, Pair, Part, Shown, how_shown
 
 
 class RowsHeader(Document):
     """The first line of rows.jsonl: the digest of the study and the keys that vary."""
 
-    SCHEMA = "vctune/rows/2"
+    SCHEMA = "vctune/rows/3"
 
     study: str
     axes: list[str]
+
+
+class FeltRecord(Part):
+    """What a design does, whatever it is measured by (`vctune.analysis.feel`); null without a design, or above Nyquist.
+
+    The wall is looked at at 10 Hz; tracking ends where |G_he|, of an impedance display |A H/N|, falls below 1/sqrt 2.
+    """
+
+    felt_mass_1hz: Annotated[Number, Shown("mass felt at 1 Hz", of="mass")]
+    felt_mass_10hz: Annotated[Number, Shown("mass felt at 10 Hz", of="mass")]
+    felt_damping_1hz: Annotated[Number, Shown("damping felt at 1 Hz", of="damping")]
+    felt_damping_10hz: Annotated[Number, Shown("damping felt at 10 Hz", of="damping")]
+    stiffest_wall: Annotated[Number, Shown("stiffest wall felt, at 10 Hz", of="stiffness")]
+    tracking_bandwidth_hz: Annotated[Number, Shown("bandwidth of tracking", of="frequency")]
+
+
+class YardstickRecord(Part):
+    """What the error is measured on, beside norm and weights: the transparency band and Z_0."""
+
+    yardstick_low_hz: Annotated[Number, Shown("lower edge of the transparency band", of="frequency")]
+    yardstick_high_hz: Annotated[Number, Shown("upper edge of the transparency band", of="frequency")]
+    reference_impedance: Annotated[Number, Shown("Z_0", of="damping")]
 
 
 class NumbersRecord(Part):
@@ -36,10 +58,13 @@ class NumbersRecord(Part):
     min_ratio: Annotated[Number, Shown("least Re Z_c / R")]
     worst_hz: Annotated[Number, Shown("where the ratio is least", of="frequency")]
     peak_sensitivity: Annotated[Number, Shown("peak |S|")]
+    stability_high_hz: Annotated[Number, Shown("upper edge of the stability band, if any is asked for", of="frequency")]
 
 
-NUMBERS = {name: shown.of for name, shown in how_shown(NumbersRecord).items()}
-"""Which quantities the columns are (`vctune.model.units`), in their order."""
+COLUMNS = how_shown(NumbersRecord) | how_shown(FeltRecord) | how_shown(YardstickRecord)
+"""How the columns of numbers are shown, in their order."""
+NUMBERS = {name: shown.of for name, shown in COLUMNS.items()}
+"""Which quantities they are (`vctune.model.units`)."""
 DESIGN = {
     "gains.velocity": "velocity_gain",
     "gains.position": "position_gain",
@@ -51,18 +76,19 @@ DESIGN = {
 """The columns of a design by the keys of its numbers; one display has not got those of the other."""
 
 
-class RowRecord(NumbersRecord):
+class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
     """A line of rows.jsonl: a finished point, by the digest of all that determines it."""
 
     key: str
     point: dict[str, float | str]
     status: str
+    idle: bool
     reason: str | None
     seconds: float = 0.0
 
 
-Cells = dict[str, float | str | None]
-"""A row of a table: the axes by dotted key, `status`, the numbers, `reason`."""
+Cells = dict[str, bool | float | str | None]
+"""A row of a table: the axes by dotted key, `status`, `idle`, the numbers, `reason`."""
 
 
 class CornerRecord(Part):
@@ -75,14 +101,32 @@ class CornerRecord(Part):
     reason: str
 
 
+class ObjectiveRecord(Part):
+    """The yardstick of a study: what the errors of all its points are measured on, but for what an axis states."""
+
+    band_hz: Pair
+    reference_impedance: float
+    norm: str
+    weights: dict[str, float]
+    varied: list[str]
+
+
 class SweepRecord(Document):
-    """What a sweep found, in a few numbers; `units` are those of axes and numbers."""
+    """What a sweep found, in a few numbers.
+
+    `units` are those of axes and numbers, `idle` counts certified designs, and `stability_high_hz` is the least and the
+    greatest upper edge of the stability band where neither problem nor axes state it and the points' own devices differ
+    in it.
+    """
 
     SCHEMA = "vctune/sweep/2"
 
     study: str
     points: int
     status: dict[str, int]
+    idle: int
+    yardstick: ObjectiveRecord
+    stability_high_hz: Pair | None
     units: dict[str, str]
     best: Cells | None
     worst: Cells | None

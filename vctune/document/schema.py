@@ -132,8 +132,8 @@ class GainsTable(Table):
 
     velocity: Variable | None = Field(
         None,
-        description="K_v, N s/m. Default { min = 1e-5 Z, max = 2 Z } with Z = mass/tau + damping and tau = "
-        "sample_time/2 + delay and the lags of actuator and velocity estimate.",
+        description="K_v, N s/m. Default { min = 1e-8 mass/sample_time, max = 2 Z } with Z = mass/tau + damping and "
+        "tau = sample_time/2 + delay and the lags of actuator and velocity estimate; min is at most 1e-5 Z.",
     )
     position: Variable | None = Field(None, description="K_p, N/m. Default { min = 0, max = 2 Z/tau }.")
 

@@ -21,7 +21,7 @@ from vctune.document.schema import ProblemDocument
 from vctune.document.statement import statement
 from vctune.document.study_schema import StudyDocument
 from vctune.document.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Transparency
 
 FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
 """What the problem must have for an element of a list or an end of a range to have a place."""
@@ -50,12 +50,15 @@ class Study:
     ----------
     name : of the study
     document : the problem file, parsed
-    axes, sample : what varies and how
+    axes : what varies
+    yardstick : the objective of the problem as it is, whose band and Z_0 every point has unless an axis states others
+    sample : how the axes vary
     """
 
     name: str
     document: dict[str, Any]
     axes: tuple[Axis, ...]
+    yardstick: Transparency
     sample: Sample = Sample()
 
     @property
@@ -77,23 +80,13 @@ class Study:
         """Return the document of the problem at a point, which may be none.
 
         Where the document leaves a band or a range at its default, one of whose numbers varies, the other is that of
-        the default at this point.
+        the default at this point, or of the yardstick.
         """
-        varied = dict(zip((axis.path for axis in self.axes), values, strict=True))
-        defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(self.document, path, varied))
-        if not defaults:
-            return placed(self.document, varied.items())
-        others = placed(self.document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
-        problem, _ = pose(others, self.name)
-        if problem is None:
-            return others
-        stated = statement(problem)
-        filled = placed(others, ((path, _at(stated, path)) for path in defaults))
-        return placed(filled, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
+        return _posed(self.document, self.axes, values, self.yardstick)
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None and why there is none."""
-        return pose(self.posed(values), self.name)
+        return pose(self.posed(values), self.name, self.yardstick)
 
 
 def read_study(path: Path) -> Study:
@@ -115,14 +108,17 @@ def read_study(path: Path) -> Study:
         unread = Fault(("problem",), f"{target}: {error.mistakes[0].message}", "unreadable-file")
         raise refusal([unread], text, str(path)) from None
     name = path.stem.encode("utf-8", "replace").decode()
-    study = _planned(name, toml.parse(problem_text, str(target)), document)
-    homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
+    problem, (axes, sample) = toml.parse(problem_text, str(target)), _planned(document)
+    homeless = [fault for axis in axes for fault in _homeless(problem, axis)]
     if homeless:
         raise refusal(homeless, text, str(path))
-    own = _problem_faults(study)
+    own = _problem_faults(problem, axes)
     if own:
         raise refusal(own, problem_text, str(target))
-    return study
+    yardstick, faults = _yardstick(problem, axes)
+    if yardstick is None:
+        raise refusal(faults, text, str(path))
+    return Study(name, problem, axes, yardstick, sample)
 
 
 def build_study(
@@ -146,19 +142,36 @@ def build_study(
     document, faults = examined(StudyDocument, raw, _contradictions)
     if document is None or faults:
         raise refusal(faults, None, name)
-    study = _planned(name, problem.document, document)
-    homeless = [fault for axis in study.axes for fault in _homeless(study, axis)]
+    tables, (axes_, sample_) = problem.document, _planned(document)
+    homeless = [fault for axis in axes_ for fault in _homeless(tables, axis)]
     if homeless:
         raise refusal(homeless, None, name)
-    return study
+    return Study(name, tables, axes_, problem.problem.transparency, sample_)
 
 
-def _planned(name: str, problem: dict[str, Any], document: StudyDocument) -> Study:
-    """Return the study that a valid document states of a problem's tables."""
+def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
+    """Return what a valid document varies, and how."""
     sampled = document.sample.kind == "lhs"
     axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
     sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
-    return Study(name, problem, tuple(axis for axis in axes if axis), sample)
+    return tuple(axis for axis in axes if axis), sample
+
+
+def _posed(
+    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Transparency | None = None
+) -> dict[str, Any]:
+    """Return the document with the values of axes in it, and the other ends of bands and ranges at their defaults."""
+    varied = dict(zip((axis.path for axis in axes), values, strict=True))
+    defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
+    if not defaults:
+        return placed(document, varied.items())
+    others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
+    problem, _ = pose(others, "study", yardstick)
+    if problem is None:
+        return others
+    stated = statement(problem)
+    filled = placed(others, ((path, _at(stated, path)) for path in defaults))
+    return placed(filled, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
 
 
 def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
@@ -194,9 +207,9 @@ def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
     return faults
 
 
-def _homeless(study: Study, axis: Axis) -> list[Fault]:
+def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
     """Return why an element of a list, or an end of a range, has no place in the problem."""
-    node: Any = study.document
+    node: Any = problem
     for i, (step, inner) in enumerate(pairwise(axis.path), 1):
         owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
         if step not in node and inner in FORM_OF:
@@ -227,12 +240,29 @@ def _no_place(axis: Axis, message: str) -> Fault:
     return Fault(("axes", axis.key), message, "contradiction")
 
 
-def _problem_faults(study: Study) -> list[Fault]:
+def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
+    """Return the problem with the first value of each axis."""
+    return _posed(problem, axes, (axis.values[0] for axis in axes))
+
+
+def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transparency | None, list[Fault]]:
+    """Return the objective of the problem as it is or, where axes give what it lacks, at their first values."""
+    for document in (problem, _first(problem, axes)):
+        found, faults = pose(document, "study")
+        if found is not None:
+            return found.transparency, []
+    message = (
+        "neither the problem alone nor that at the first value of each axis is one, which all errors could be compared "
+        f"on: {dotted(faults[0].path)}: {faults[0].message}; begin with values that are possible"
+    )
+    return None, [Fault(("axes",), message, "contradiction")]
+
+
+def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
     """Return what is wrong with the problem wherever the axes stand."""
-    first = study.posed(axis.values[0] for axis in study.axes)
-    _, faults = examined(ProblemDocument, first, lambda _raw: [])
+    _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
 
     def varied(path: KeyPath) -> bool:
-        return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in study.axes)
+        return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in axes)
 
     return [fault for fault in faults if not varied(fault.path)]

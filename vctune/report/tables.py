@@ -274,6 +274,8 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     ]
     force = f"{units.force_name} for a steady {SPEED:g} {units.speed}"
     lines.append(FeelLine(force, _number(here.force), _number(bare.force), units.force))
+    ends = _number(here.tracking_bandwidth), _number(bare.tracking_bandwidth)
+    lines.append(FeelLine("bandwidth of tracking", ends[0], ends[1], "Hz"))
     late = [
         ("loop latency", here.loop_latency),
         (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),

@@ -36,14 +36,15 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     document, problem : the problem file, parsed and resolved
     """
     if problem.device.renders_force:  # K_v costs free motion and stiffens the coupling, which no weight moves else
-        return Study("terms", document, (_list("gains.velocity", _values(problem.bounds.velocity)),))
+        velocity = _list("gains.velocity", _values(problem.bounds.velocity))
+        return Study("terms", document, (velocity,), problem.transparency)
     weight = problem.transparency.weights.coupling or 1.0
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
         _list("gains.position", _values(problem.bounds.position)),
         _list("transparency.weights.coupling", weights),
     )
-    return Study("terms", document, axes)
+    return Study("terms", document, axes, problem.transparency)
 
 
 def _values(bounds: Range) -> list[float]:
@@ -73,7 +74,7 @@ def band_study(document: dict[str, Any], problem: Problem) -> Study:
         _list("stability.band_hz[0]", [float(f"{low:.12g}")]),
         _list("stability.band_hz[1]", [*(edge for edge in edges if edge > low), nyquist]),
     )
-    return Study("band", document, axes)
+    return Study("band", document, axes, problem.transparency)
 
 
 def _list(key: str, values: list[float]) -> Axis:

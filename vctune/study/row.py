@@ -7,10 +7,11 @@ from math import isfinite, pi
 from time import perf_counter
 from typing import Any
 
+from vctune.design.felt import felt_record
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.document.rows import DESIGN, NUMBERS
+from vctune.document.rows import DESIGN, NUMBERS, YardstickRecord
 from vctune.model.problem import Problem
 from vctune.study.rows import FAILED
 
@@ -39,14 +40,16 @@ def row_without_design(status: str, reason: str) -> dict[str, Any]:
     status : what became of the point
     reason : why it has none
     """
-    return {"status": status, "reason": reason, **dict.fromkeys(NUMBERS)}
+    return {"status": status, "idle": False, "reason": reason, **dict.fromkeys(NUMBERS)}
 
 
 def row_of(solved: Solved) -> dict[str, Any]:
     """Return what a row says of a solved problem."""
     judgement = solved.judgement
+    yardstick = _yardstick(solved.problem)
     if judgement is None:
-        return row_without_design(solved.status.value, solved.infeasibility.reason if solved.infeasibility else "")
+        reason = solved.infeasibility.reason if solved.infeasibility else ""
+        return {**row_without_design(solved.status.value, reason), **yardstick}
     numbers = dict(zip(NUMBERS, (getattr(judgement.transparency, term) for term in TERMS), strict=False))
     design = zip(keys_for(solved.problem), point(judgement.gains, judgement.coupling), strict=True)
     numbers |= {DESIGN[key]: number for key, number in design}
@@ -55,10 +58,22 @@ def row_of(solved: Solved) -> dict[str, Any]:
         "worst_hz": judgement.worst / (2 * pi),
         "peak_sensitivity": judgement.peak_sensitivity,
     }
+    if solved.problem.passive:
+        numbers["stability_high_hz"] = solved.problem.stability.band.hz[1]
     finite = {name: number if isfinite(number) else None for name, number in numbers.items()}
     return {
         "status": solved.status.value,
+        "idle": judgement.idle,
         "reason": "; ".join(judgement.open_claims) or None,
         **dict.fromkeys(NUMBERS),
         **finite,
+        **felt_record(solved.problem.device, judgement.gains, judgement.coupling).model_dump(),
+        **yardstick,
     }
+
+
+def _yardstick(problem: Problem) -> dict[str, float]:
+    """Return the columns of what the error is measured on."""
+    low, high = problem.transparency.band.hz
+    impedance = problem.transparency.reference_impedance
+    return YardstickRecord(yardstick_low_hz=low, yardstick_high_hz=high, reference_impedance=impedance).model_dump()

@@ -3,35 +3,60 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import asdict
 
 import numpy as np
 
-from vctune.document.rows import CornerRecord, SweepRecord
+from vctune.document.rows import CornerRecord, ObjectiveRecord, SweepRecord
+from vctune.document.study import Study
 from vctune.study.table import Table
 
 
-def summary(name: str, table: Table) -> SweepRecord:
-    """Return what a sweep found: counts by status, best and worst design, corner without designs.
+def summary(study: Study, table: Table) -> SweepRecord:
+    """Return what a sweep found: counts by status, yardstick, best and worst design, corner without designs.
 
     The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
     much of it they fill.
 
     Parameters
     ----------
-    name : of the study
+    study : what was solved
     table : a row a point
     """
     certified, error = table.certified, table.numbers["error"]
     order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
     return SweepRecord(
-        study=name,
+        study=study.name,
         points=len(table.status),
         status=dict(sorted(Counter(table.status).items())),
+        idle=int(table.idle.sum()),
+        yardstick=_yardstick(study),
+        stability_high_hz=_edges(study, table),
         units=table.units,
         best=table.row(int(order[0])) if order.size else None,
         worst=table.row(int(order[-1])) if order.size else None,
         corner=_corner(table) if not certified.all() else None,
     )
+
+
+def _yardstick(study: Study) -> ObjectiveRecord:
+    measured = study.yardstick
+    return ObjectiveRecord(
+        band_hz=list(measured.band.hz),
+        reference_impedance=measured.reference_impedance,
+        norm=measured.norm,
+        weights=asdict(measured.weights),
+        varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
+    )
+
+
+def _edges(study: Study, table: Table) -> list[float | None] | None:
+    """Return the least and the greatest upper edge of the points' own stability bands; None where all have one."""
+    stated = "band_hz" in study.document.get("stability", {}) or any(axis.path[0] == "stability" for axis in study.axes)
+    edges = table.numbers["stability_high_hz"][table.certified]
+    if stated or not edges.size or not edges.min() < edges.max():
+        return None
+    return [float(edges.min()), float(edges.max())]
 
 
 def _corner(table: Table) -> CornerRecord:

@@ -36,12 +36,15 @@ class Table:
     ----------
     axes : values of the axes, by dotted key
     status, reason : texts; a certified point has no reason, ""
-    numbers : error, terms, design and ratio (`vctune.document.rows.NumbersRecord`), nan where there is none
+    idle : which designs are certified and hardly use their velocity loop
+    numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.rows.COLUMNS`), nan where
+        there is none
     system : of units, the problem's
     """
 
     axes: dict[str, Floats]
     status: list[str]
+    idle: NDArray[np.bool_]
     reason: list[str]
     numbers: dict[str, Floats]
     system: UnitSystem = "linear"
@@ -53,7 +56,7 @@ class Table:
 
     def columns(self) -> dict[str, Any]:
         """Return every column by its name."""
-        return {**self.axes, "status": self.status, **self.numbers, "reason": self.reason}
+        return {**self.axes, "status": self.status, "idle": self.idle, **self.numbers, "reason": self.reason}
 
     @property
     def units(self) -> dict[str, str]:
@@ -90,6 +93,7 @@ class Table:
         return Table(
             {key: column[chosen] for key, column in self.axes.items()},
             [self.status[i] for i in chosen],
+            self.idle[chosen],
             [self.reason[i] for i in chosen],
             {name: column[chosen] for name, column in self.numbers.items()},
             self.system,
@@ -99,6 +103,8 @@ class Table:
 def _plain(value: Any) -> Any:
     if isinstance(value, str):
         return value or None
+    if isinstance(value, np.bool_):
+        return bool(value)
     return None if isnan(value) else float(value)
 
 
@@ -113,14 +119,15 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
     """
     values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
     numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
-    status, reason = [], []
+    status, idle, reason = [], [], []
     for i, row in enumerate(rows.read(keys)):
         status.append(row["status"])
+        idle.append(row["idle"])
         reason.append(row["reason"] or "")
         for name, column in numbers.items():
             column[i] = nan if row[name] is None else row[name]
     axes, system = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"].get("units")
-    return Table(axes, status, reason, numbers, system or "linear")
+    return Table(axes, status, np.array(idle, dtype=bool), reason, numbers, system or "linear")
 
 
 def _columns(study: Study) -> list[str]:
@@ -138,7 +145,9 @@ def csv_text(table: Table) -> str:
     writer.writerow(columns)
     for i in range(len(table.status)):
         plain = (_plain(column[i]) for column in columns.values())
-        writer.writerow("" if value is None else value for value in plain)
+        writer.writerow(
+            str(value).lower() if isinstance(value, bool) else "" if value is None else value for value in plain
+        )
     return stream.getvalue()
 
 
@@ -151,7 +160,9 @@ def parquet_bytes(table: Table) -> bytes | None:
         return None
     stream = pa.BufferOutputStream()
     columns = {name: [_plain(value) for value in column] for name, column in table.headed().items()}
-    types = {name: pa.string() if name in ("status", "reason") else pa.float64() for name in columns}
+    types = (
+        dict.fromkeys(columns, pa.float64()) | dict.fromkeys(("status", "reason"), pa.string()) | {"idle": pa.bool_()}
+    )
     pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
     return bytes(stream.getvalue().to_pybytes())
 
