@@ -17,8 +17,9 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
-from vctune.firmware.firmware import Firmware, Precision, certified, firmware
+from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.simulation.stepped import Precision
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"
