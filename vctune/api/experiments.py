@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.api.files import DESIGN_FILE
+from vctune.api.folders import DESIGN_FILE
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design
 from vctune.document.building import problem as problem_of

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from vctune.api.files import claim_folder, known_record
+from vctune.api.files import known_record
+from vctune.api.folders import claim_folder
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.document.building import ProblemSource, plain_design

@@ -58,7 +58,7 @@ def simulate(
         raise click.UsageError("--tolerance is of a firmware; name it by --controller")
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
-    from vctune.api.files import design_folder
+    from vctune.api.folders import design_folder
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.files import make_folder
