@@ -36,7 +36,7 @@ def test_three_numbers_are_solved_strictly(tmp_path):
     ids=["both", "hands", "all frequencies"],
 )
 def test_a_design_at_the_edge_of_its_band_is_warned_of_with_passive_alone(tmp_path, remedy):
-    """Not where the claim in hands, which has no band, is proved too, nor where the band ends at the Nyquist frequency."""
+    """Not where the claim in hands, which has no band, is proved too, nor where the band ends at half the rate."""
     assert warned(DEVICE + PASSIVE, tmp_path) == {"warn-band-edge"}
     assert "warn-band-edge" not in warned(DEVICE + remedy, tmp_path)
 

@@ -46,7 +46,7 @@ def solve(
         require_gap(gap)
     file = problem_of(problem)
     solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
-    solved = with_alternatives(solved)
+    solved = with_alternatives(file, solved)
     return with_prices(solved) if prices else solved
 
 
