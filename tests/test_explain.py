@@ -221,8 +221,9 @@ def test_every_label_of_the_table_of_a_design_is_explained():
         assert explain(label).entries, label
 
 
-PLAIN = {"asked", "better", "change", "date", "found", "from", "is", "now", "number", "structure", "to", "unit", "value"} | {
-    "at, Hz", "in the problem file", "instead of", "limited by", "standard deviation",
+PLAIN = {
+    "asked", "at, Hz", "better", "change", "date", "found", "from", "in the problem file", "instead of", "is",
+    "limited by", "now", "number", "standard deviation", "structure", "to", "unit", "value",
     "casadi", "ipopt", "numpy", "python-flint", "vctune",
 }  # fmt: skip
 """Headings that say what they are, and libraries."""
