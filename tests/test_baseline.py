@@ -44,7 +44,7 @@ def record_of(folder):
 def test_the_file_holds_the_region(baseline):
     record = record_of(baseline)
     written = {path.name for path in (baseline / "results/device").iterdir()}
-    assert written == {"region.json", "region.svg"}
+    assert written == {"problem-file.txt", "region.json", "region.svg"}
     assert record["problem"]["text"] == for_passive_hands(PLAIN)
     assert record["axes"] == {"x": K_V, "y": K_P}
     assert record["others"] == {B_C: {"min": 10.0, "max": 3000.0}, M_C: {"min": 0.05, "max": 4.0}, B_0: 0.0}
@@ -308,7 +308,8 @@ def test_an_interrupted_region_holds_what_was_decided(baseline, interrupted):
         "interrupted: some of what is undecided was not looked at"
         in (interrupted / "results/device/region.svg").read_text()
     )
-    assert {path.name for path in (interrupted / "results/device").iterdir()} == {"region.json", "region.svg"}
+    left = {path.name for path in (interrupted / "results/device").iterdir()}
+    assert left == {"problem-file.txt", "region.json", "region.svg"}
 
 
 def test_an_interrupted_region_is_a_baseline_of_what_it_has(interrupted):
@@ -325,7 +326,7 @@ def test_no_whole_region_is_lost_to_an_interrupted_one(baseline, tmp_path, monke
     """Not by the first interrupted run, and not by the next; a run that ends replaces the interrupted one."""
     shutil.copytree(baseline, tmp_path, dirs_exist_ok=True)
     place = tmp_path / "results/device"
-    whole = {path.name: path.read_bytes() for path in place.iterdir()}
+    whole = {path.name: path.read_bytes() for path in place.glob("region.*")}
     for batch, said in ((2, "; the earlier one is region.previous.json now"), (1, "")):
         with monkeypatch.context() as patched:
             struck(patched, signal.SIGINT, batch)

@@ -150,7 +150,7 @@ def test_file_size_limit_leaves_the_old_design(device, tmp_path):
     assert done.returncode == ExitCode.BAD_INPUT
     assert "cannot be written" in done.stderr
     assert design.read_text() == before
-    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml"]
+    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml", "problem-file.txt"]
 
 
 @pytest.mark.parametrize(
@@ -261,7 +261,7 @@ def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
     assert done.returncode == ExitCode.FAILED
     assert "gains.previous.toml" in done.stderr
     names = sorted(path.name for path in (tmp_path / "results/device").iterdir())
-    assert names == ["design.json", "gains.previous.toml"]
+    assert names == ["design.json", "gains.previous.toml", "problem-file.txt"]
     assert (tmp_path / "results/device/gains.previous.toml").read_text() == before
 
 
@@ -278,7 +278,8 @@ def reported(device, tmp_path) -> Path:
 def test_no_report_leaves_no_stale_report(device, reported, tmp_path):
     """The earlier report and the files of its figures are removed; what is not vctune's stays."""
     assert run("solve", device, "--quiet", cwd=tmp_path).stderr == ""
-    assert sorted(path.name for path in reported.iterdir()) == ["design.json", "gains.toml", "mine.png"]
+    kept = ["design.json", "gains.toml", "mine.png", "problem-file.txt"]
+    assert sorted(path.name for path in reported.iterdir()) == kept
 
 
 def test_a_place_that_is_taken_is_said(device, reported, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import html
 import os
 import re
 import shlex
@@ -28,7 +29,10 @@ from vctune.design.repair import CUT_SHORT
 from vctune.document.codes import ENDING, Code
 from vctune.document.design import read_design
 from vctune.document.errors import InputError
+from vctune.document.record import DesignRecord
+from vctune.document.simulation import SimulationRecord
 from vctune.exit_codes import ExitCode
+from vctune.report.experiments import HEADINGS
 
 GUIDES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))}
 CODES = get_args(Code)
@@ -215,6 +219,55 @@ def test_every_label_of_the_table_of_a_design_is_explained():
     assert {"velocity K_v", "stiffness k_c", "|1 - G_he|", "|1 - A H/N|", "gain margin", "worst error"} <= labels
     for label in labels:
         assert explain(label).entries, label
+
+
+PLAIN = {
+    "asked", "at, Hz", "better", "change", "date", "found", "from", "in the problem file", "instead of", "is",
+    "limited by", "now", "number", "standard deviation", "structure", "to", "unit", "value",
+    "casadi", "ipopt", "numpy", "python-flint", "vctune",
+}  # fmt: skip
+"""Headings that say what they are, and libraries."""
+
+
+def test_every_label_of_the_pages_and_of_the_table_of_experiments_is_explained():
+    """What heads a row or a column on the pages of results/ and in the templates that they are made of."""
+    pages = [*(ROOT / "results").rglob("report.html"), *(ROOT / "vctune/report").glob("*.html.j2")]
+    heads = {text for page in pages for text in re.findall(r"<th[^>]*>(.*?)</th>", page.read_text(), re.DOTALL)}
+    labels = {html.unescape(re.sub(r"<[^>]+>", "", text)).strip() for text in heads if "{" not in text}
+    assert {"Rollett's K there", "stiffest wall felt, at rest", "active demand", "felt"} <= labels
+    for label in {*labels, *HEADINGS} - PLAIN - {""}:
+        assert not label.startswith("sha256 of ") or label == "sha256 of the problem"
+        assert explain(label).entries, label
+
+
+NAMED = {"high", "hz", "low", "new", "old", "phase_deg", "share", "size", "value", "zero", "asked", "change"}
+"""Numbers of design.json and simulation.json whose record says what they are of."""
+
+
+def numbers_of(kind):
+    """Return the keys of all numbers in a record and its parts."""
+    schema = kind.model_json_schema()
+    found = set()
+    for part in (schema, *schema.get("$defs", {}).values()):
+        for key, entry in part.get("properties", {}).items():
+            if {form.get("type") for form in entry.get("anyOf", [entry])} & {"number"}:
+                found.add(key)
+    return found
+
+
+@pytest.mark.parametrize("kind", [DesignRecord, SimulationRecord], ids=lambda kind: kind.__name__)
+def test_every_number_of_a_document_is_explained(kind):
+    keys = numbers_of(kind)
+    assert len(keys) > 15
+    for key in keys - NAMED:
+        assert explain(key).entries, key
+
+
+@pytest.mark.parametrize(
+    "symbol", ["b_c", "m_c", "k_c", "b_0", "K_v", "K_p", "Z_c", "Z_0", "G_hh", "R", "u", "x_e", "v_e"]
+)
+def test_every_symbol_of_the_tables_is_explained(symbol):
+    assert explain(symbol).entries
 
 
 def test_a_name_that_there_is_not_is_told_the_nearest(tmp_path):

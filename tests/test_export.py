@@ -397,20 +397,59 @@ def test_the_compiled_controller_runs_as_the_simulated_one(made, library, tmp_pa
 
 
 @has("make", "gcc")
-def test_a_firmware_that_was_changed_by_hand_is_simulated_and_compared(library, tmp_path):
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
+def test_a_firmware_that_commands_something_else_fails_and_one_that_rounds_otherwise_passes(made, precision, tmp_path):
+    """K_v ten times too small is far beyond the tolerance; a product that is multiplied out is within it."""
+    folder = made("filtered", precision)
+    path = folder.parent.parent / "device.toml"
+    found = {}
+    for name, file, old, new in (
+        ("exported", "Makefile", "", ""),
+        (
+            "rounded",
+            "vctune_controller.c",
+            "GAIN * (desired - velocity)",
+            "GAIN * desired - VCTUNE_VELOCITY_GAIN * velocity",
+        ),
+        ("tenth", "vctune_controller.h", "VCTUNE_VELOCITY_GAIN (150.0", "VCTUNE_VELOCITY_GAIN (15.0"),
+    ):
+        place = shutil.copytree(folder, tmp_path / name)
+        text = (place / file).read_text()
+        assert old in text
+        (place / file).write_text(text.replace(old, new))
+        assert done("make", "-s", "shared", cwd=place).returncode == 0
+        found[name] = simulate(path, controller=place, experiment="everything at once")
+    for name, agrees in (("exported", True), ("rounded", True), ("tenth", False)):
+        (one,) = found[name].experiments
+        assert (found[name].agrees, one.difference.passes, one.difference.precision) == (agrees, agrees, precision), (
+            name
+        )
+    exported, other, tenth = (made.experiments[0].difference for made in found.values())
+    assert exported.force == 0 < other.force <= other.tolerance and tenth.force > 10 * tenth.tolerance
+    strict = simulate(path, controller=tmp_path / "rounded", experiment="everything at once", tolerance=other.force / 2)
+    assert not strict.agrees
+
+
+@has("make", "gcc")
+def test_simulating_a_firmware_that_commands_something_else_exits_1(library, tmp_path):
     shutil.copytree(library, tmp_path / "c")
     header = tmp_path / "c/vctune_controller.h"
     header.write_text(header.read_text().replace("VCTUNE_VELOCITY_GAIN (150.0)", "VCTUNE_VELOCITY_GAIN (75.0)"))
     assert done("make", "-s", "shared", cwd=tmp_path / "c").returncode == 0
     (tmp_path / "device.toml").write_text(DEVICE + PARTS["filtered"] + FIXED.format(160.0) + EXPERIMENTS)
     (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
-    found = vctune(
-        "simulate", "device.toml", "gains.toml", "--controller", "c", "--experiment", "lossless", cwd=tmp_path
-    )
-    assert "vctune_controller.so" in found.stdout and "N of the design's own" in found.stdout
+    command = ("simulate", "device.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
+    found = vctune(*command, cwd=tmp_path)
+    assert found.returncode == ExitCode.FAILED
+    assert "vctune_controller.so" in found.stdout and "FAILED" in found.stdout and "the tolerance is" in found.stdout
     record = json.loads((tmp_path / "results/device/in-the-loop/simulation.json").read_text())
     assert record["controller"] == "vctune_controller.so"
-    assert record["experiments"][0]["difference"]["force"] > 0.01
+    difference = record["experiments"][0]["difference"]
+    assert difference["force"] > 0.01 > difference["tolerance"] and difference["precision"] == "double"
+    allowed = vctune(*command, "--tolerance", 100, cwd=tmp_path)
+    assert allowed.returncode == ExitCode.OK and "the tolerance is 100 N" in allowed.stdout
+    alone = vctune("simulate", "device.toml", "--tolerance", 1, cwd=tmp_path)
+    assert alone.returncode == ExitCode.BAD_INPUT and "--controller" in alone.stderr
 
 
 @pytest.mark.parametrize(

@@ -148,8 +148,12 @@ def test_files_that_are_replaced_and_kept(tmp_path, number):
 
 
 def digests(folder):
-    """Return of which problem each file of a design says that it is."""
-    texts = {name: content.decode() for name, content in visible(folder).items() if not name.endswith(".npz")}
+    """Return of which problem each file of a design says that it is, those that are set aside apart."""
+    texts = {
+        name: content.decode()
+        for name, content in visible(folder).items()
+        if not name.endswith((".npz", ".txt")) and ".previous" not in name
+    }
     found = {name: re.search(r"[0-9a-f]{64}", text)[0] for name, text in texts.items()}
     assert "design.json" in found
     if "gains.toml" in texts:
@@ -186,17 +190,15 @@ def test_a_design_and_what_shows_it_are_of_one_run(earlier, tmp_path, command, n
     for code, folder in ends:
         left = digests(folder / "results/device")
         hidden = [path.name for path in (folder / "results/device").glob(".*")]
-        shown = {name: digest for name, digest in left.items() if not name.startswith("simulation.")}
-        assert len(set(shown.values())) == 1, left
+        is_old = left["design.json"] == old["design.json"]
+        assert len(set(left.values())) == 1, left
         if "report.html" in left:
-            assert shown.keys() == old.keys() - {"simulation.json", "simulation.svg"}
-        measured = {digest for name, digest in left.items() if name.startswith("simulation.")}
-        assert len(measured) <= 1
+            assert left.keys() | {"simulation.json", "simulation.svg"} == old.keys()
         if (traces := folder / "results/device/traces.npz").exists():
-            assert (traces.read_bytes() == b"old") == (measured == {old["simulation.json"]})
+            assert (traces.read_bytes() == b"old") == is_old
         if number != signal.SIGKILL:
             assert code in (ExitCode.OK, ExitCode.INTERRUPTED) and not hidden
-        kinds.add((shown["design.json"] == old["design.json"], "report.html" in left))
+        kinds.add((is_old, "report.html" in left))
     assert ends[-1][0] == ExitCode.OK
     assert kinds == {(True, True), (True, False), (False, False), (False, True)} or number != signal.SIGKILL
 
@@ -215,7 +217,7 @@ def test_ctrl_c_while_the_report_is_drawn(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.strip()) == (ExitCode.INTERRUPTED, "interrupted")
     assert done.stdout == ""
-    assert set(visible(tmp_path / "results/device")) == {"design.json", "gains.toml"}
+    assert set(visible(tmp_path / "results/device")) == {"design.json", "gains.toml", "problem-file.txt"}
 
 
 @pytest.mark.parametrize(
@@ -228,7 +230,7 @@ def test_solving_again_changes_no_byte(tmp_path, design):
         done = way("solve", "device.toml", "--json", cwd=tmp_path, report=True)
         written.append(visible(tmp_path / "results/device"))
         assert done.stdout.encode() == written[-1]["design.json"]
-    assert written[0] == written[1] and len(written[0]) == 8
+    assert written[0] == written[1] and len(written[0]) == 9
     assert b"seconds" not in written[0]["design.json"]
 
 

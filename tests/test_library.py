@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import vctune
-from vctune.api import files
+from vctune.api import folders
 from vctune.document.schema import DeviceTable
 from vctune.document.toml_text import toml_text
 
@@ -283,7 +283,7 @@ def test_the_example_script():
 
 
 def test_paths_of_a_design(tmp_path, wheel):
-    assert files.design_folder(wheel, tmp_path) == tmp_path / "_wheel_"
+    assert folders.design_folder(wheel, tmp_path) == tmp_path / "_wheel_"
 
 
 def test_a_device_with_parts_is_stated_as_in_a_file():

@@ -9,7 +9,8 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.api.files import DESIGN_FILE, json_text, write_record
+from vctune.api.files import json_text, write_record
+from vctune.api.folders import DESIGN_FILE
 from vctune.api.solving import require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.api.files import DESIGN_FILE
+from vctune.api.folders import DESIGN_FILE
 from vctune.design.optimum import Progress
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
@@ -49,6 +49,11 @@ class Simulation:
     made_for: str | None = None
 
     @property
+    def agrees(self) -> bool:
+        """Whether a compiled controller commanded what the design does, but for rounding; true without one."""
+        return all(one.difference is None or one.difference.passes for one in self.experiments)
+
+    @property
     def stable(self) -> bool:
         """Whether the design neither diverges nor is unstable with any experiment's hand and environment."""
         runs = [one.design for one in self.experiments]
@@ -74,6 +79,7 @@ def simulate(
     experiment: Experiment | str | None = None,
     *,
     controller: str | Path | CompiledController | None = None,
+    tolerance: float | None = None,
     progress: Progress = lambda stage: None,
 ) -> Simulation:
     """Simulate a design in the experiments of a problem.
@@ -86,6 +92,7 @@ def simulate(
     experiment : the only one to simulate, by name or as it is; None for all of the problem
     controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
         each experiment then has its `difference`
+    tolerance : greatest difference of its commands from the design's that passes, N; None for what rounding explains
     progress : told the stage of the work
 
     Returns
@@ -106,7 +113,7 @@ def simulate(
     else:
         given = design_for(file, gains, coupling)
         law, coupling = given.gains, given.coupling
-    runs = tuple(run(file.problem, law, coupling, one, progress=progress, controller=compiled) for one in chosen)
+    runs = tuple(run(file.problem, law, coupling, one, progress, compiled, tolerance) for one in chosen)
     told = (None, None) if compiled is None else (compiled.path.name, compiled.problem_sha256)
     return Simulation(file, law, coupling, runs, *told)
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, reduce
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Literal
@@ -23,6 +23,10 @@ KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
+LABEL_ENDS = (r"(,| at) ([\d.]+ Hz|at rest)$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
+"""What a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
+TURNING = (("inertia", "mass"), ("torque", "force"))
+"""Words for a rotary device, and those for a linear one."""
 CELLS = re.compile(r"(?<!\\)\|")
 
 
@@ -63,7 +67,8 @@ def explain(name: str) -> ExplanationRecord:
         If there is no such name, with the nearest that there are.
     """
     asked = _plain(name)
-    found = _called(asked) or _called(asked.lower(), str.lower)
+    found = next(filter(None, map(_called, _alike(asked))), [])
+    found = found or next(filter(None, (_called(each.lower(), str.lower) for each in _alike(asked))), [])
     if not found:
         names = [name for entry in entries() for name in entry.names]
         known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
@@ -72,6 +77,13 @@ def explain(name: str) -> ExplanationRecord:
         raise InputError.of(name, "unknown-name", f"is no code, key or word of the glossary; {hint}")
     records = [EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in found]
     return ExplanationRecord(name=name, entries=records)
+
+
+def _alike(asked: str) -> Iterator[str]:
+    """Yield what a label may be explained as: itself, or without what differs from design to design."""
+    linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)
+    stems = [re.sub(end, "", linear) for end in ("", *LABEL_ENDS)]
+    yield from dict.fromkeys([asked, *stems, *(stem.replace("_", " ") for stem in stems)])
 
 
 def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
@@ -122,7 +134,10 @@ def _term(guide: str, heads: list[str], cells: list[str]) -> Entry:
     """Return a row of the glossary; several words or symbols in it are names of it each."""
     row = {head: cell.replace("\\|", "|") for head, cell in zip(heads, cells, strict=True)}
     symbols = [part for part in re.findall(r"\$([^$]*)\$|([^$,]+)", row.get("symbol", "")) for part in part if part]
-    names = [*row["term"].split(", "), *(symbol.split(" = ")[0] for symbol in symbols)]
+    terms = row["term"].split(", ")
+    names = [*terms, *(symbol.split(" = ")[0] for symbol in symbols)]
+    names += [term.split()[-1] for term in terms if re.search(r" [A-Za-z]_\w+$", term)]
+    names += re.findall(r"`(?:\w+\.)*([a-z]+_\w+)`", row.get("in the code", ""))
     said = [f"{label}: {row[label]}" for label in ("symbol", "unit", "in the code") if row.get(label)]
     text = "\n\n".join([row["meaning"], "; ".join(said)]) if said else row["meaning"]
     return Entry("term", (row["term"], *names), text, guide)

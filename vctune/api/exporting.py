@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from vctune.api.files import claim_folder, known_record
+from vctune.api.files import known_record
+from vctune.api.folders import claim_folder
 from vctune.design.judge import Status
 from vctune.design.optimum import Progress
 from vctune.document.building import DesignSource, ProblemSource, design_for
@@ -17,8 +18,9 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.document.record import DesignRecord
-from vctune.firmware.firmware import Firmware, Precision, certified, firmware
+from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.simulation.stepped import Precision
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"

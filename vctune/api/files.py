@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from vctune.api.folders import DESIGN_FILE, GAINS_FILE, claim_folder, outdated
 from vctune.design.record import record_of
 from vctune.design.result import Solved
 from vctune.document.building import ProblemSource
@@ -14,14 +15,12 @@ from vctune.document.building import problem as problem_of
 from vctune.document.date import today
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
-from vctune.document.files import folder_name, make_folder, previous, write_together
+from vctune.document.files import make_folder, previous, write_together
 from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.document.simulation import simulation_beside
 from vctune.report.contents import REPORT, report_paths
-
-DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 
 
 def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
@@ -31,7 +30,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     ----------
     problem : that was solved
     solved : what came of it
-    folder : made if it is not there; without a design, gains.toml of an earlier one is renamed
+    folder : made if it is not there; what is of an earlier design in it is renamed
 
     Returns
     -------
@@ -41,7 +40,7 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     Raises
     ------
     InputError
-        If the folder cannot be written, or holds the design of another problem; what is there stays.
+        If the folder cannot be written, or holds the design of another problem or file; what is there stays.
     """
     from vctune.design.nlp import ipopt_version
 
@@ -105,53 +104,11 @@ def known_record(source: Any) -> DesignRecord | None:
     return None
 
 
-def design_folder(file: ProblemFile, out: Path) -> Path:
-    """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
-
-    Parameters
-    ----------
-    file : the problem
-    out : in which the folder is to be, under the problem's name
-
-    Raises
-    ------
-    InputError
-        If it cannot be written, holds the design of another problem, or the problem itself.
-    """
-    folder = out / folder_name(file.problem.name)
-    claim_folder(file, folder)
-    return folder
-
-
-def claim_folder(file: ProblemFile, folder: Path) -> None:
-    """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
-
-    Parameters
-    ----------
-    file : the problem
-    folder : made if it is not there
-
-    Raises
-    ------
-    InputError
-        If not.
-    """
-    make_folder(folder)
-    if Path(file.source).resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
-        raise InputError.of(
-            file.source, "folder-in-use", "would be overwritten by its own design; choose another folder"
-        )
-    try:
-        owner = json.loads((folder / DESIGN_FILE).read_text())["problem"]["name"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return
-    if owner != file.problem.name:
-        message = f"holds the design of {owner!r}, not of {file.problem.name!r}; choose another name or folder"
-        raise InputError.of(str(folder), "folder-in-use", message)
-
-
-def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path | None:
+def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
     """Write design.json, and gains.toml with it, and remove the report of an earlier design.
+
+    What else is of the earlier design, such as its firmware, is renamed where the design is another one now; so is
+    gains.toml where there is no design now.
 
     Parameters
     ----------
@@ -161,8 +118,8 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path 
 
     Returns
     -------
-    Path or None
-        What gains.toml of an earlier design was renamed to, where there is no design now.
+    dict
+        What was renamed, and to what.
     """
     files = {folder / DESIGN_FILE: json_text(record)}
     gains = folder / GAINS_FILE
@@ -175,8 +132,9 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> Path 
         }
         files[gains] = gains_text(*record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []
+    earlier += outdated(folder, record)
     write_together(files, report_paths(folder), earlier)
-    return previous(gains) if earlier else None
+    return {place: previous(place) for place in earlier}
 
 
 def json_text(record: DesignRecord) -> str:

@@ -38,7 +38,8 @@ def bound(
 
     from vctune.api.bounding import bound as search
     from vctune.api.bounding import known_design, require_free, write_bounded
-    from vctune.api.files import DESIGN_FILE, design_folder, write_report
+    from vctune.api.files import write_report
+    from vctune.api.folders import DESIGN_FILE, design_folder
     from vctune.api.solving import solve
     from vctune.cli.output import answer
     from vctune.cli.progress import progress_on_stderr

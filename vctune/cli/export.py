@@ -11,7 +11,7 @@ from vctune.cli.options import out_option, output_options
 
 if TYPE_CHECKING:
     from vctune.api.exporting import Format
-    from vctune.firmware.firmware import Precision
+    from vctune.simulation.stepped import Precision
 
 
 @click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")

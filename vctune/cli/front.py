@@ -24,16 +24,16 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, style: str,
     interrupted run goes on. Where hands are to be met, and no others, there is no band to trade.
     """
     from vctune.api.bounding import require_free
+    from vctune.api.folders import design_folder
     from vctune.api.studies import front as find
     from vctune.cli.output import answer
     from vctune.cli.progress import bar_on_stderr
     from vctune.document.errors import printable
-    from vctune.document.files import folder_name
     from vctune.document.reading import read_problem
     from vctune.exit_codes import ExitCode
 
     file = require_free(read_problem(problem), "trade")
-    folder = out / folder_name(file.problem.name) / "front"
+    folder = design_folder(file, out) / "front"
 
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)

@@ -37,13 +37,13 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved. Ctrl-C leaves what was
     decided before it, exit code 3; a second one ends at once.
     """
+    from vctune.api.folders import design_folder
     from vctune.api.regions import REGION_FILE, axes_of, require_plane, write_region
     from vctune.api.regions import region as find
     from vctune.cli.exits import of_status
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.solve import solve
-    from vctune.document.files import folder_name, make_folder
     from vctune.document.reading import read_problem
     from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
@@ -51,8 +51,7 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     read = read_problem(problem)
     x, y = axes_of(read.problem, x, y)
     file = require_plane(read, x, y)
-    folder = out / folder_name(file.problem.name)
-    make_folder(folder)
+    folder = design_folder(file, out)
     with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
         solved = solve(file.problem, progress)
         with interrupt_noted() as stopped:  # from here on something would be lost

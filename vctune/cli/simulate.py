@@ -28,21 +28,37 @@ IN_THE_LOOP = "in-the-loop"
     type=click.Path(path_type=Path),
     help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
 )
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0.0),
+    metavar="FORCE",
+    help="Greatest difference, N or N m, of its commands from the design's.  [default: what rounding explains]",
+)
 @output_options()
 def simulate(
-    problem: Path, gains: Path | None, name: str | None, controller: Path | None, out: Path, style: str, quiet: bool
+    problem: Path,
+    gains: Path | None,
+    name: str | None,
+    controller: Path | None,
+    tolerance: float | None,
+    out: Path,
+    style: str,
+    quiet: bool,
 ) -> int:
     """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
 
     Writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's report. Exit
     code 1 if the design diverges or is unstable with an experiment's hand and environment, or if there is none.
 
-    With --controller a compiled firmware runs in the place of the design's own, and is compared with it; the files then
-    are in the folder `in-the-loop` beside the design's.
+    With --controller a compiled firmware runs in the place of the design's own, and its commands are compared with the
+    design's on the same measurements: exit code 1 if they differ by more than the tolerance. The files then are in the
+    folder `in-the-loop` beside the design's.
     """
+    if tolerance is not None and controller is None:
+        raise click.UsageError("--tolerance is of a firmware; name it by --controller")
     from vctune.api.experiments import chosen_experiments, write_simulation
     from vctune.api.experiments import simulate as run
-    from vctune.api.files import design_folder
+    from vctune.api.folders import design_folder
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.building import design_for
@@ -63,7 +79,7 @@ def simulate(
         design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
         if design is None:
             return ExitCode.FAILED
-        simulation = run(file, *design, name, controller=compiled, progress=progress)
+        simulation = run(file, *design, name, controller=compiled, tolerance=tolerance, progress=progress)
         if simulation.made_for not in (None, file.sha256):
             warn("other-version", f"{controller}: made for another version of the problem (sha256 differs)")
         progress("writing and drawing")
@@ -79,7 +95,7 @@ def simulate(
         print_simulation(simulation_of(record), folder)
 
     answer(style, quiet, lambda: record, table)
-    return ExitCode.OK if simulation.stable else ExitCode.FAILED
+    return ExitCode.OK if simulation.stable and simulation.agrees else ExitCode.FAILED
 
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:

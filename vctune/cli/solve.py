@@ -53,7 +53,8 @@ def solve(
 
 
 def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
-    from vctune.api.files import design_folder, write_record, write_report
+    from vctune.api.files import write_record, write_report
+    from vctune.api.folders import design_folder
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import progress_on_stderr
     from vctune.document.plausibility import doubts
@@ -92,7 +93,7 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else of_status(solved.status)
 
 
-def say_renamed(gains: Path | None) -> None:
-    """Say that gains of an earlier run were renamed, if so."""
-    if gains is not None:
-        click.echo(f"{gains.with_name('gains.toml')}: gains of an earlier run, renamed to {gains.name}", err=True)
+def say_renamed(renamed: dict[Path, Path]) -> None:
+    """Say what of an earlier design was renamed."""
+    for place, kept in renamed.items():
+        click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

@@ -107,14 +107,16 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
 
 
 def _apart(difference: DifferenceRecord, units: Units) -> str:
-    if difference.force is None:
-        return "the firmware's commands are not finite"
+    own = f"the design's own in {difference.precision} precision on the same measurements"
+    if difference.force is None or difference.tolerance is None:
+        return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
-        return "the firmware's commands are those of the design to the last bit"
-    return (
-        f"the firmware's commands are within {difference.force:.3g} {units.force} of the design's own on the same "
-        f"measurements, farthest at {difference.time_s:.4g} s"
-    )
+        return f"the firmware's commands are {own} to the last bit"
+    apart = f"{difference.force:.3g} {units.force} of {own}, farthest at {difference.time_s:.4g} s"
+    allowed = f"the tolerance is {difference.tolerance:.3g} {units.force}"
+    if difference.passes:
+        return f"the firmware's commands are within {apart}; {allowed}"
+    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
 
 
 def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:

@@ -46,7 +46,7 @@ def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Pr
 
 def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:
     one = of_one_device(problem) if problem.device.renders_force else problem
-    alone = None if one is None else estimated(one)
+    alone = None if one is None else one.fixed_design if one.bounds.fixed else estimated(one)
     if alone is None:
         return None
     error, coupling = pose(problem).error(*alone), alone[1]

@@ -176,10 +176,11 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
-    edged = not problem.device.renders_force  # whose demands have no band
+    # an impedance display's demands have no band; what meets every hand at every frequency needs no wider one
+    edged = problem.hands_met is None and not problem.device.renders_force
     if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
-            if judgement.worst == edge and 0 < edge < inf:
+            if judgement.worst == edge and 0 < edge < problem.nyquist:
                 said = (
                     f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
                     "outside the proved band a passive hand or environment can make it oscillate"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -29,8 +30,8 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
     ----------
     files : contents by place
     stale : files of an earlier run that the new one has not; they go first
-    aside : files that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to NAME.previous.SUFFIX,
-        also where a new one takes their place
+    aside : files and folders that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to
+        NAME.previous.SUFFIX, also where a new one takes their place
 
     Raises
     ------
@@ -43,7 +44,7 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
         complete: dict[Path, str] = {}
         place = first
         try:
-            for place in (*files, *stale, *renamed.values()):
+            for place in (*files, *stale, *(kept for path, kept in renamed.items() if not path.is_dir())):
                 if place.is_dir():
                     raise IsADirectoryError(21, "Is a directory")
             for place, content in files.items():
@@ -52,6 +53,8 @@ def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), as
                 os.chmod(complete[place], 0o666 & ~_umask())
             older = (place for place in reversed(others) if place not in renamed)
             for place in (*stale, *renamed.values(), *older):
+                if place.is_dir():
+                    shutil.rmtree(place)
                 place.unlink(missing_ok=True)
             for place, kept in renamed.items():
                 os.replace(place, kept)

@@ -95,10 +95,16 @@ class RunRecord(Part):
 
 
 class DifferenceRecord(Part):
-    """By how much a firmware's command differs at most from the design's on what was measured, and when, s."""
+    """By how much a firmware's command differs at most from the design's on what was measured, and when, s.
+
+    Both are in the precision of the firmware; a difference up to `tolerance` passes.
+    """
 
     force: Number
     time_s: float
+    tolerance: Number
+    precision: Literal["double", "single"]
+    passes: bool
 
 
 class ExperimentRecord(Part):

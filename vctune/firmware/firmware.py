@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
 from math import log, pi
-from typing import Literal
 
 import numpy as np
 
@@ -20,11 +19,11 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.units import UNITS, Units
 from vctune.simulation.coefficients import coupling_of
-from vctune.simulation.controller import coefficients_of, parts_of
+from vctune.simulation.controller import coefficients_of
 from vctune.simulation.equations import Parts
 from vctune.simulation.scene import designed_law
+from vctune.simulation.stepped import Precision, exported_parts
 
-Precision = Literal["double", "single"]
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 
 
@@ -92,15 +91,12 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
         problem, design = rounded(file.problem, coefficients)
     judgement = judged(problem, design)
     record = record_of(file, Solved(problem=problem, judgement=judgement))
-    parts = parts_of(law)
     return Firmware(
         record=record,
         device=device,
         gains=gains,
         coupling=coupling,
-        parts=replace(
-            Parts(), difference=parts.difference, low_passes=parts.low_passes, renders_force=parts.renders_force
-        ),
+        parts=exported_parts(law),
         precision=precision,
         coefficients=coefficients,
         problem_sha256=file.sha256,

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import inf
 
 import numpy as np
 
 from vctune.document.reading import ProblemFile
 from vctune.firmware.firmware import Firmware
-from vctune.model.arithmetic import Number
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
 from vctune.model.units import Units
-from vctune.simulation import equations
 from vctune.simulation.arithmetic import FLOATS
-from vctune.simulation.coefficients import environment_coefficients, limit_coefficients
 from vctune.simulation.controller import encoded
-from vctune.simulation.equations import STATE
-from vctune.simulation.expression import Symbol, value
 from vctune.simulation.motion import Floats
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
+from vctune.simulation.stepped import Start, SteppedFirmware
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,41 +111,20 @@ def greatest_difference(firmware: Firmware, made: list[Replay]) -> float:
     firmware : in single precision
     made : what it is to replay
     """
-    return max(float(np.abs(np.array(list(commands(firmware, one, np.float32))) - one.command).max()) for one in made)
+    return max(float(np.abs(commands(firmware, one) - one.command).max()) for one in made)
 
 
-def commands(firmware: Firmware, one: Replay, number: Callable[[float], Number]) -> Iterator[float]:
-    """Yield what a firmware commands to an experiment's measurements.
+def commands(firmware: Firmware, one: Replay) -> Floats:
+    """Return what a firmware, in its own precision, commands to an experiment's measurements.
 
     Parameters
     ----------
     firmware : with its coefficients
     one : what it is to replay
-    number : makes a float one of the arithmetic, in which everything is calculated
     """
-    parts, experiment, T = firmware.parts, one.experiment, firmware.coefficients["sample_time"]
-    blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
-    written = [equation for block in blocks for equation in block(parts)]
-    rendered = experiment.environment
-    held = replace(
-        rendered, **{name: number(getattr(rendered, name)) for name in ("mass", "damping", "stiffness", "zero")}
-    )
-    position_gain = number(firmware.coefficients.get("position_gain", 0.0))
-    limit = limit_coefficients(number(experiment.limit or inf), position_gain, 0.0)
-    given = firmware.coefficients | environment_coefficients(held, number(T)) | limit
-    known = {Symbol(name): number(constant) for name, constant in given.items()}
-    known |= {Symbol(name, before=True): number(0.0) for name in STATE}
-    known[Symbol("reference", before=True)] = number(one.reference)
-    known[Symbol("measured", before=True)] = number(one.position)
-    for row in one.measured.tolist():
-        for name, read in zip(("position", "velocity", "force"), row, strict=True):
-            known[Symbol(f"measured_{name}")] = number(read)
-        for equation in written:
-            known[Symbol(equation.quantity.name)] = value(equation.right, known, FLOATS)
-        for name in STATE:
-            if Symbol(name) in known:
-                known[Symbol(name, before=True)] = known[Symbol(name)]
-        yield float(known[Symbol("command")])
+    start = Start(one.experiment.environment, one.experiment.limit, one.position, one.reference)
+    stepped = SteppedFirmware(firmware.parts, firmware.coefficients, start, firmware.precision)
+    return np.array([stepped.command(row) for row in one.measured.tolist()])
 
 
 def experiment_line(one: Replay, *, difference: bool) -> str:

@@ -20,6 +20,7 @@ from vctune.model.frequency import hertz
 from vctune.model.gains import Gains
 from vctune.proof.arb_balls import PRECISION
 from vctune.proof.array_claims import Demands
+from vctune.proof.band_edges import edge_in_hertz
 from vctune.proof.boxes import Cells
 from vctune.proof.claims import Design
 from vctune.proof.devices import DELAYS, DeviceBox
@@ -127,14 +128,14 @@ class Certificate:
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
-        """The proved band, Hz, its edges rounded inwards where the ratio may be 1 next to them; None unless proved."""
+        """The proved band, Hz, its edges beyond the demanded one rounded inwards to few digits; None unless proved."""
         proved, (low, high) = self.proved_band, self.demands.band
         if proved is None:
             return None
         nyquist = pi / self.design.device.sample_time
-        least = proved[0] if proved[0] in (0.0, low) else min(proved[0] * (1 + 1e-9), low)
-        greatest = proved[1] if proved[1] in (inf, high, nyquist) else max(proved[1] * (1 - 1e-9), high)
-        return hertz(least), hertz(greatest)
+        at_least, at_most = proved[0] in (0.0, low), proved[1] in (inf, high, nyquist)
+        least = hertz(proved[0]) if at_least else min(edge_in_hertz(proved[0], upper=False), hertz(low))
+        return least, hertz(proved[1]) if at_most else max(edge_in_hertz(proved[1], upper=True), hertz(high))
 
 
 def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> Certificate:

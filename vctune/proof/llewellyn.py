@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from math import pi, sqrt
+from math import pi
 
 from flint import arb
 
 from vctune.model.arithmetic import Number
 from vctune.model.coupling import coupling_impedance
 from vctune.proof.arb_balls import BALLS, as_series, design_ball, design_series
+from vctune.proof.band_edges import extend_band
 from vctune.proof.claims import Design, conditions_margin, outwards, resistance_apart, resistance_margin
 from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.near_zero import low_end_verdict, prove_low_end
@@ -24,8 +25,6 @@ from vctune.proof.polynomials import prove as prove_polynomials
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
 the ratio falls below 1, but for the last digits that are shown."""
-FINEST_STEP = 1e-6
-"""Where the extension of the proved band ends, relative: finer than what is shown. Half and twice it are a step."""
 LOWEST_EDGE = 1e-18
 """How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
 reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the
@@ -146,27 +145,3 @@ def _lowest(design: Design, margins: list[Margin], low: float) -> float:
         if start is not None and (start >= low or _proved(margins, start, low)):
             return 0.0
     return extend_band(partial(_proved, margins), low, low * LOWEST_EDGE)
-
-
-def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
-    """Return how far from edge towards goal a proof holds, to `FINEST_STEP`.
-
-    Parameters
-    ----------
-    holds : whether the proof holds between two frequencies, the lower one first
-    edge, goal : rad/s, > 0
-
-    Returns
-    -------
-    float
-        rad/s, between both; everything between it and the edge is proved.
-    """
-    down = goal < edge
-    step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
-    while step - 1 > FINEST_STEP and edge != goal:
-        ahead = max(goal, edge / step) if down else min(goal, edge * step)
-        if holds(min(edge, ahead), max(edge, ahead)):
-            edge, step, held = ahead, min(step * step, 16.0) if held else step, True
-        else:
-            step, held = sqrt(step), False
-    return edge

@@ -14,6 +14,7 @@ from vctune.model.device import Device
 from vctune.model.keys import keys_of
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Enclosure, Floats, between, decimal
+from vctune.proof.band_edges import extend_band
 from vctune.proof.bands import STEP
 from vctune.proof.box_tests import Margin, misses_zero, positive
 from vctune.proof.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
@@ -23,7 +24,7 @@ from vctune.proof.devices import DeviceBox
 from vctune.proof.encirclements import model_curve_end
 from vctune.proof.interval import Outcome, Verdict
 from vctune.proof.jets import ENCLOSURES
-from vctune.proof.llewellyn import EXTENSION_BOXES, LOWEST_EDGE, extend_band
+from vctune.proof.llewellyn import EXTENSION_BOXES, LOWEST_EDGE
 from vctune.proof.poles import NEAR
 from vctune.proof.polynomials import is_rational
 

@@ -57,6 +57,7 @@ def simulate(
     experiment: Experiment,
     progress: Callable[[str], None] = lambda stage: None,
     controller: Controller | None = None,
+    tolerance: float | None = None,
 ) -> Simulated:
     """Simulate an experiment with a design and with its regular PID.
 
@@ -67,6 +68,7 @@ def simulate(
     experiment : one of the problem's, or any other
     progress : told the stage of the work
     controller : a firmware in the place of the design's own; None for none
+    tolerance : greatest difference of its commands from the design's that passes, N; None for what rounding explains
 
     Returns
     -------
@@ -88,7 +90,7 @@ def simulate(
         design = ran(scene, "design")
     else:
         traces, difference = run_in_the_loop(
-            scene, controller, lambda share: progress(f"{experiment.name}, firmware {share:.0%}")
+            scene, controller, lambda share: progress(f"{experiment.name}, firmware {share:.0%}"), tolerance
         )
         design = judged(scene, traces)
     pid = experiment.baseline

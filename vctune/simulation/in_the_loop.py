@@ -4,21 +4,32 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import Protocol
 
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
 from vctune.simulation.arithmetic import FLOATS
-from vctune.simulation.controller import Measurement, State, control, encoded
+from vctune.simulation.controller import coefficients_of, encoded
 from vctune.simulation.motion import Floats, sample_count
 from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
 from vctune.simulation.scene import Scene, equilibrium
 from vctune.simulation.step import ANSWER, CHUNK, OpenStep, build_open, columns
+from vctune.simulation.stepped import Precision, Start, SteppedFirmware, exported_parts
+
+REWRITTEN = 1e-9
+"""Share of the greatest command by which firmware in double precision may differ: what another order of operations
+makes is some 1e-12, a constant in seven correct digits 1e-7."""
+ROUNDED = 2.0
+"""How many times what single precision makes of the design's own commands firmware in it may differ, as in replay.c."""
 
 
 class Controller(Protocol):
-    """A firmware that is called sample by sample."""
+    """A firmware that is called sample by sample; `precision` is that of its numbers."""
+
+    @property
+    def precision(self) -> Precision: ...
 
     def start(self, scene: Scene) -> None:
         """Begin a run of a scene."""
@@ -29,20 +40,33 @@ class Controller(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """By how much a firmware's command differs at most from that of the design, both on what was measured.
+    """By how much a firmware's commands differ from those of the design, both in its precision, on what was measured.
 
     Attributes
     ----------
-    force : N
+    force : the greatest difference, N
     time : when, s
+    tolerance : the greatest difference that passes, N
+    precision : of the firmware
     """
 
     force: float
     time: float
+    tolerance: float
+    precision: Precision
+
+    @property
+    def passes(self) -> bool:
+        """Whether the commands are those of the design, but for rounding."""
+        return isfinite(self.force) and self.force <= self.tolerance
 
 
+@np.errstate(all="ignore")
 def run_in_the_loop(
-    scene: Scene, controller: Controller, progress: Callable[[float], None] = lambda share: None
+    scene: Scene,
+    controller: Controller,
+    progress: Callable[[float], None] = lambda share: None,
+    tolerance: float | None = None,
 ) -> tuple[Traces, Difference]:
     """Simulate a scene with a firmware in the place of its law.
 
@@ -51,6 +75,7 @@ def run_in_the_loop(
     scene : Scene
     controller : the firmware
     progress : told the share of the samples that is done
+    tolerance : greatest difference of a command that passes, N; None for what rounding explains
 
     Returns
     -------
@@ -60,27 +85,32 @@ def run_in_the_loop(
     samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
     with interrupt_deferred():
         step = build_open(scene)
-    beside, noise = _Beside(scene), np.random.default_rng(scene.seed)
+    beside, noise = _Beside(scene, controller.precision), np.random.default_rng(scene.seed)
     recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
     reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
     controller.start(scene)
     state, done, diverged = step.start, 0, False
-    apart = np.zeros(samples)
+    given, own, exact = np.zeros((3, samples))
     while done < samples and not diverged:
         count = min(CHUNK, samples - done)
         inputs = motion_inputs(scene, done, noise)
         for k in range(count):
-            state, recorded[done + k], measured, command = _sample(step, controller, state, inputs[:, k])
-            apart[done + k] = abs(command - beside.command(measured))
+            at = done + k
+            state, recorded[at], measured, given[at] = _sample(step, controller, state, inputs[:, k])
+            own[at], exact[at] = beside.commands(measured)
         block = recorded[done : done + count]
         wanted[done : done + count] = inputs[0, :count]
         done += count
         diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
         progress(done / samples)
     traces = traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
-    apart = apart[: len(traces.time)]
+    given, own, exact = (commands[: len(traces.time)] for commands in (given, own, exact))
+    apart = np.abs(given - own)
+    if tolerance is None:
+        single = controller.precision == "single"
+        tolerance = float(ROUNDED * np.abs(own - exact).max() if single else REWRITTEN * np.abs(own).max())
     at = int(apart.argmax())
-    return traces, Difference(float(apart[at]), at * T)
+    return traces, Difference(float(apart[at]), at * T, tolerance, controller.precision)
 
 
 def _sample(
@@ -95,14 +125,17 @@ def _sample(
 
 
 class _Beside:
-    """The design's own firmware, which sees what the other one sees."""
+    """The design's own firmware, which sees what the other one sees, in the precision of that one and in double."""
 
-    def __init__(self, scene: Scene) -> None:
-        begin, self._law = equilibrium(scene), scene.law
-        position = encoded(scene.law, begin.position, FLOATS)
-        self._state = State(begin.reference, 0.0, 0.0, 0.0, position, 0.0, 0.0)
+    def __init__(self, scene: Scene, precision: Precision) -> None:
+        begin, law = equilibrium(scene), scene.law
+        start = Start(law.environment, law.limit, encoded(law, begin.position, FLOATS), begin.reference)
+        parts, coefficients = exported_parts(law), coefficients_of(law)
+        self._own = SteppedFirmware(parts, coefficients, start, precision)
+        self._exact = SteppedFirmware(parts, coefficients, start, "double") if precision != "double" else None
 
-    def command(self, measured: Floats) -> float:
-        """Return the force that the design commands to position, velocity and force."""
-        self._state, command = control(self._law, self._state, Measurement(*measured.tolist()), FLOATS)
-        return float(command.force)
+    def commands(self, measured: Floats) -> tuple[float, float]:
+        """Return the force that the design commands, in either precision, after position, velocity and force."""
+        read = measured.tolist()
+        own = self._own.command(read)
+        return own, own if self._exact is None else self._exact.command(read)

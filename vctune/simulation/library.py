@@ -13,14 +13,25 @@ from vctune.simulation.arithmetic import FLOATS
 from vctune.simulation.controller import encoded
 from vctune.simulation.motion import Floats
 from vctune.simulation.scene import Scene, equilibrium
+from vctune.simulation.stepped import Precision
 
 LIBRARY = "vctune_controller.so"
 MOST_BYTES = 1_000_000
 """Of a controller's memory: one that says it needs more is none."""
 
+PRECISIONS: dict[int, Precision] = {4: "single", 8: "double"}
+"""By the bytes of a number."""
+
 
 class CompiledController:
-    """A controller in a shared library; `problem_sha256` is the digest of the problem that it was made for."""
+    """A controller in a shared library.
+
+    Attributes
+    ----------
+    path : of the library
+    problem_sha256 : digest of the problem that it was made for
+    precision : of its numbers
+    """
 
     def __init__(self, path: Path) -> None:
         """Load a library.
@@ -42,20 +53,23 @@ class CompiledController:
         self.path = place
         try:
             library = ctypes.CDLL(str(place.resolve()))
-            size, problem = library.vctune_bridge_size, library.vctune_bridge_problem
+            size, problem, real = (getattr(library, f"vctune_bridge_{name}") for name in ("size", "problem", "real"))
             self._start, self._step = library.vctune_bridge_start, library.vctune_bridge_step
         except OSError as error:
             raise InputError.of(str(place), "no-controller", f"cannot be loaded: {error}") from None
         except AttributeError as error:
             message = f"is no controller of `vctune export`: {error}; link it with vctune_bridge.c"
             raise InputError.of(str(place), "no-controller", message) from None
-        size.restype, problem.restype = c_size_t, c_char_p
+        size.restype, problem.restype, real.restype = c_size_t, c_char_p, c_size_t
         self._start.argtypes, self._start.restype = (c_void_p, POINTER(c_double)), None
         self._step.argtypes, self._step.restype = (c_void_p, POINTER(c_double), POINTER(c_double)), None
         if not 0 < size() <= MOST_BYTES:
             raise InputError.of(
                 str(place), "no-controller", f"says that it needs {size()} bytes; that is no controller"
             )
+        if real() not in PRECISIONS:
+            raise InputError.of(str(place), "no-controller", f"calculates in numbers of {real()} bytes, not of 4 or 8")
+        self.precision = PRECISIONS[real()]
         self.problem_sha256 = (problem() or b"").decode("ascii", "replace")
         self._memory = ctypes.create_string_buffer(size())
         self._answer = (c_double * 4)()

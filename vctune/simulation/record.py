@@ -92,8 +92,13 @@ def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> Experi
     apart = one.difference
     also: dict[str, Any] = {}
     if apart is not None:
-        finite = apart.force if isfinite(apart.force) else None
-        also["difference"] = DifferenceRecord(force=finite, time_s=apart.time)
+        also["difference"] = DifferenceRecord(
+            force=_finite(apart.force),
+            time_s=apart.time,
+            tolerance=_finite(apart.tolerance),
+            precision=apart.precision,
+            passes=apart.passes,
+        )
     if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
         also["quiet_stiffness"] = quiet_stiffness(device, experiment)
     return ExperimentRecord(
@@ -125,6 +130,10 @@ def quiet_stiffness(device: Device, experiment: Experiment) -> float:
 def axis(environment: Environment) -> Literal["position", "velocity"]:
     """Return over what an environment's force is drawn: position for a spring, velocity for the rest."""
     return "position" if environment.stiffness > 0 else "velocity"
+
+
+def _finite(number: float) -> float | None:
+    return number if isfinite(number) else None
 
 
 def _run(made: Run, curve: list[list[float]]) -> RunRecord:

@@ -1,0 +1,126 @@
+"""The folder of a design: whose it is, and what in it is of an earlier design."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from vctune.document.design import read_design
+from vctune.document.errors import InputError
+from vctune.document.files import folder_name, make_folder, write_together
+from vctune.document.reading import ProblemFile
+from vctune.document.record import DesignRecord
+
+DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
+OWNER_FILE = "problem-file.txt"
+"""Holds the path of the problem file that the folder is of, relative to the folder, so that both may move together."""
+OF_DESIGN = ("firmware", "in-the-loop", "simulation.json", "traces.npz")
+"""What other commands make of a design in its folder."""
+OF_PROBLEM = ("region.json", "region.svg", "front")
+"""What other commands make of a problem, whatever its design is."""
+
+
+def design_folder(file: ProblemFile, out: Path) -> Path:
+    """Return the folder of a problem's design in OUT, made and writable, in which there is nobody else's work.
+
+    Parameters
+    ----------
+    file : the problem
+    out : in which the folder is to be, under the problem's name
+
+    Raises
+    ------
+    InputError
+        If it cannot be written, holds the design of another problem or of another file, or the problem itself.
+    """
+    folder = out / folder_name(file.problem.name)
+    claim_folder(file, folder)
+    return folder
+
+
+def claim_folder(file: ProblemFile, folder: Path) -> None:
+    """Make sure that a folder is there and writable, and that a design of this problem overwrites nothing else.
+
+    A problem that was read from a file becomes the owner of the folder. It is refused where another file is the owner,
+    unless the design that is there is of the same problem.
+
+    Parameters
+    ----------
+    file : the problem
+    folder : made if it is not there
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    make_folder(folder)
+    source, owner = Path(file.source), _owner(folder)
+    if source.resolve() in ((folder / name).resolve() for name in (GAINS_FILE, DESIGN_FILE)):
+        message = "would be overwritten by its own design; choose another folder by --out"
+        raise InputError.of(file.source, "folder-in-use", message)
+    held = _held(folder)
+    if held is not None and held["name"] != file.problem.name:
+        message = f"holds the design of {held['name']!r}, not of {file.problem.name!r}; choose another name or folder"
+        raise InputError.of(str(folder), "folder-in-use", message)
+    known = held is not None and held["sha256"] == file.sha256
+    if owner is not None and not known and not _same(owner, source):
+        message = (
+            f"holds what was made of {_from(Path(), owner)}, whose problem is called {file.problem.name!r} too; state "
+            f"another name in {file.source}, or choose another folder by --out"
+        )
+        raise InputError.of(str(folder), "folder-in-use", message)
+    if source.is_file() and (owner is None or not _same(owner, source)):
+        write_together({folder / OWNER_FILE: f"{_from(folder, source.resolve())}\n"})
+
+
+def outdated(folder: Path, record: DesignRecord) -> list[Path]:
+    """Return what lies in a folder and is of the design that is there, where that is another one.
+
+    Parameters
+    ----------
+    folder : of the design
+    record : of the design that takes its place
+    """
+    try:
+        earlier = read_design(folder / DESIGN_FILE)
+    except InputError:
+        return []
+    names: tuple[str, ...] = ()
+    if earlier.problem.sha256 != record.problem.sha256:
+        names = (*OF_DESIGN, *OF_PROBLEM)
+    elif earlier.design != record.design:
+        names = OF_DESIGN
+    return [place for name in names if (place := folder / name).exists()]
+
+
+def _held(folder: Path) -> dict[str, Any] | None:
+    """Return name and digest of the problem whose design a folder holds; None if it holds none."""
+    try:
+        problem = json.loads((folder / DESIGN_FILE).read_text())["problem"]
+        return {"name": problem["name"], "sha256": problem["sha256"]}
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _owner(folder: Path) -> Path | None:
+    """Return the problem file that a folder is of; None where that is not known."""
+    try:
+        stated = (folder / OWNER_FILE).read_text(encoding="utf-8").strip()
+    except (OSError, ValueError):
+        return None
+    return (folder / stated).resolve() if stated else None
+
+
+def _same(one: Path, other: Path) -> bool:
+    return os.path.samefile(one, other) if one.exists() and other.exists() else one.resolve() == other.resolve()
+
+
+def _from(folder: Path, source: Path) -> str:
+    """Return the path from a folder to a file, with slashes; the whole path where there is none, as between drives."""
+    try:
+        return Path(os.path.relpath(source, folder.resolve())).as_posix()
+    except ValueError:
+        return source.as_posix()

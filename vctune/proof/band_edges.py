@@ -1,0 +1,71 @@
+"""Edges of a proved band: as far out as a proof reaches, in hertz with the digits that are certain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
+from math import pi, sqrt
+
+FINEST_STEP = 1e-6
+"""Where the extension of a proved band ends, relative, before it is moved to an edge of few digits. Half and twice it
+are a step, and end at the same edge."""
+EDGE_DIGITS = 5
+"""Of an edge in hertz beyond the requested band: all that are shown, and ten times as coarse as the steps at least."""
+BEYOND = 1e-12
+"""By how much an edge in rad/s is beyond its decimals in hertz, relative: more than the rounding of 2 pi f."""
+
+
+def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float) -> float:
+    """Return how far from edge towards goal a proof holds, in hertz to `EDGE_DIGITS`.
+
+    Searches that come to an edge by other steps, and so to other last digits of it, end at the same one.
+
+    Parameters
+    ----------
+    holds : whether the proof holds between two frequencies, the lower one first
+    edge, goal : rad/s, > 0
+
+    Returns
+    -------
+    float
+        rad/s, between both; everything between it and the edge is proved.
+    """
+    down, start = goal < edge, edge
+    step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
+    while step - 1 > FINEST_STEP and edge != goal:
+        ahead = max(goal, edge / step) if down else min(goal, edge * step)
+        if holds(min(edge, ahead), max(edge, ahead)):
+            edge, step, held = ahead, min(step * step, 16.0) if held else step, True
+        else:
+            step, held = sqrt(step), False
+    return goal if edge == goal else _decimal_edge(holds, edge, start, goal)
+
+
+def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: float, goal: float) -> float:
+    """Return the farthest edge of `EDGE_DIGITS` in hertz that is proved, next to one that is, rad/s."""
+    away = -1 if goal < start else 1
+    inner, place = _rounded(Decimal(edge / (2 * pi)), away)
+    for decimals in (inner + away * place, inner, inner - away * place):
+        found = 2 * pi * float(decimals) * (1 + away * BEYOND)
+        found = max(found, goal) if away < 0 else min(found, goal)
+        if away * (found - edge) <= 0 or holds(min(edge, found), max(edge, found)):
+            return found if away * (found - start) > 0 else start
+    return edge
+
+
+def edge_in_hertz(edge: float, *, upper: bool) -> float:
+    """Return an edge of a proved band in hertz, rounded inwards to `EDGE_DIGITS`.
+
+    Parameters
+    ----------
+    edge : rad/s, > 0
+    upper : whether it is the upper one
+    """
+    away = 1 if upper else -1
+    return float(_rounded(Decimal(edge / (2 * pi) * (1 - away * BEYOND / 10)), away)[0])
+
+
+def _rounded(hertz: Decimal, away: int) -> tuple[Decimal, Decimal]:
+    """Return a frequency rounded inwards to `EDGE_DIGITS`, and what its last place is worth."""
+    place = Decimal(1).scaleb(hertz.adjusted() - EDGE_DIGITS + 1)
+    return hertz.quantize(place, ROUND_FLOOR if away > 0 else ROUND_CEILING), place
