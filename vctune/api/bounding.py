@@ -31,6 +31,8 @@ from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.markup import html_facts
 from vctune.report.contents import report_paths
+from vctune.running import OutOfTimeError
+from vctune.running import time_limit as limited
 
 SAVED = "bound.npz"
 
@@ -60,7 +62,7 @@ class Bounded:
     file : the problem
     record : of its design, with the bound in it; `to_json()` is the object of design.json
     judgement : of the best design known; None if none is
-    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible
+    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible, or time was too short
     """
 
     file: ProblemFile
@@ -108,14 +110,14 @@ def bound(
     design : what `solve` has found, or the path of a design.json; None to solve the problem first
     gap : stop when the design's error is at most 1 + gap times the bound
     jobs : threads
-    time_limit : s, after which the bound reached so far is returned
+    time_limit : s, after which the bound reached so far is returned, solving the problem first included
     stopped : whether to give up now
     progress : told where the search stands
 
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends.
+        The bound is valid whenever the search ends. `optimality` is None where the time limit left none.
 
     Raises
     ------
@@ -124,21 +126,24 @@ def bound(
     """
     require_gap(gap)
     file = require_free(problem_of(problem))
-    known = _known(file, design, progress)
-    if known.record.status == Status.INFEASIBLE.value:
-        return Bounded(file, known.record, None, None)
-    prepared = prepare(file.problem)
-    found = search(
-        prepared.given,
-        known.best,
-        partial(improved, prepared),
-        gap=gap,
-        time_limit=time_limit,
-        jobs=jobs,
-        resume=known.resume,
-        stopped=stopped,
-        progress=lambda at: progress(str(at)),
-    )
+    with limited(time_limit):
+        known = _known(file, design, progress)
+        if known.record.status == Status.INFEASIBLE.value:
+            return Bounded(file, known.record, None, None)
+        prepared = prepare(file.problem)
+        try:
+            found = search(
+                prepared.given,
+                known.best,
+                partial(improved, prepared),
+                gap=gap,
+                jobs=jobs,
+                resume=known.resume,
+                stopped=stopped,
+                progress=lambda at: progress(str(at)),
+            )
+        except OutOfTimeError:
+            return Bounded(file, known.record, known.best, None)
     return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
 
 

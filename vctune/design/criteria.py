@@ -10,6 +10,10 @@ from vctune.design.prepared import of_one_device, pose
 from vctune.design.result import Alternative, Solved
 from vctune.model.gains import SpringDamper
 from vctune.model.problem import Criterion
+from vctune.running import OutOfTimeError
+
+COMPARISON = "the comparison of criteria"
+"""What a time limit may cut short."""
 
 
 def with_alternatives(solved: Solved) -> Solved:
@@ -27,9 +31,12 @@ def with_alternatives(solved: Solved) -> Solved:
         return solved  # a box of devices in a box of hands may take minutes
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
     found = []
-    for criterion in others:
-        alone = estimated(replace(one, stability=replace(problem.stability, criterion=criterion)))
-        if alone is not None:
-            stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
-            found.append(Alternative(criterion, pose(problem).error(*alone), stiffness))
+    try:
+        for criterion in others:
+            alone = estimated(replace(one, stability=replace(problem.stability, criterion=criterion)))
+            if alone is not None:
+                stiffness = alone[1].stiffness if isinstance(alone[1], SpringDamper) else None
+                found.append(Alternative(criterion, pose(problem).error(*alone), stiffness))
+    except OutOfTimeError:
+        return replace(solved, cut=(*solved.cut, COMPARISON))
     return replace(solved, alternatives=found)

@@ -77,6 +77,7 @@ Code = Literal[
     "ros-step",
     "rows-file",
     "rows-torn",
+    "time-limit",
     "unknown-key",
     "unknown-name",
     "unreadable-file",
@@ -88,6 +89,7 @@ Code = Literal[
     "warn-repairs-cut-short",
     "warn-sample-time",
     "warn-solve-instead",
+    "warn-stiffness",
     "wrong-type",
 ]
 """A new one is added here, given to what is said, and explained in a README."""

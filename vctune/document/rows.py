@@ -52,13 +52,17 @@ DESIGN = {
 
 
 class RowRecord(NumbersRecord):
-    """A line of rows.jsonl: a finished point, by the digest of all that determines it."""
+    """A line of rows.jsonl: a finished point, by the digest of all that determines it.
+
+    Where the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
+    """
 
     key: str
     point: dict[str, float | str]
     status: str
     reason: str | None
     seconds: float = 0.0
+    time_limit: float | None = None
 
 
 Cells = dict[str, float | str | None]

@@ -20,6 +20,7 @@ from vctune.proof.interval import Outcome, Verdict, prove_positive
 from vctune.proof.near_zero import low_end_verdict, prove_low_end
 from vctune.proof.polynomials import conditions, is_rational, widest
 from vctune.proof.polynomials import prove as prove_polynomials
+from vctune.running import OutOfTimeError
 
 EXTENSION_BOXES = 2_000
 """Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
@@ -159,13 +160,17 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Returns
     -------
     float
-        rad/s, between both; everything between it and the edge is proved.
+        rad/s, between both; everything between it and the edge is proved. The time limit leaves the edge nearer.
     """
     down = goal < edge
     step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
     while step - 1 > FINEST_STEP and edge != goal:
         ahead = max(goal, edge / step) if down else min(goal, edge * step)
-        if holds(min(edge, ahead), max(edge, ahead)):
+        try:
+            further = holds(min(edge, ahead), max(edge, ahead))
+        except OutOfTimeError:
+            return edge
+        if further:
             edge, step, held = ahead, min(step * step, 16.0) if held else step, True
         else:
             step, held = sqrt(step), False
