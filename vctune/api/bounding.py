@@ -130,6 +130,8 @@ def bound(
         known = _known(file, design, progress)
         if known.record.status == Status.INFEASIBLE.value:
             return Bounded(file, known.record, None, None)
+        if known.best is not None and known.best.certificate.cut:
+            return Bounded(file, known.record, known.best, None)
         prepared = prepare(file.problem)
         try:
             found = search(
@@ -237,7 +239,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     if record.design is None:
         return record, None
     best = judge(file.problem, *record.design)
-    if best.status is not Status.CERTIFIED:
+    if best.status is not Status.CERTIFIED and not best.certificate.cut:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError.of(str(path), "not-certified", message, key="gains")
     return record, best

@@ -13,7 +13,7 @@ from typing import Any
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.codes import coded
+from vctune.document.codes import has_code
 from vctune.document.errors import InputError
 from vctune.document.files import make_folder, write_together
 from vctune.document.rows import FrontRecord, SweepRecord
@@ -48,7 +48,7 @@ class Swept:
     @property
     def cut(self) -> int:
         """How many points the time limit has cut short."""
-        return sum(reason.endswith(coded("", "time-limit")) for reason in self.table.reason)
+        return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
     def summary(self) -> SweepRecord:

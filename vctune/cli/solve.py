@@ -72,6 +72,7 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
+    from vctune.document.codes import has_code
     from vctune.document.date import today
     from vctune.exit_codes import ExitCode
 
@@ -97,10 +98,11 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
         print_design(record, folder)
 
     answer(style, quiet, record.to_json, table)
-    if strict and record.warnings and not solved.cut:
+    cut = any(has_code(warning, "time-limit") for warning in record.warnings)
+    if strict and record.warnings and not cut:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
-    left = open_ or bool(solved.cut) or not drawn
+    left = open_ or cut or not drawn
     return ExitCode.UNDECIDED if left and solved.status is Status.CERTIFIED else of_status(solved.status)
 
 

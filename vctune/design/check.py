@@ -263,10 +263,12 @@ def _judged(
     for (source, _, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
         repairs = _repairs(file, judgement, progress)
-        if out_of_time():
-            repairs = repairs or None  # that there is none was not found out
+        cut = judgement.certificate.cut
+        if judgement.status is Status.VIOLATED or judgement.idle:
+            cut |= out_of_time()
+            repairs = repairs or None if cut else repairs  # that there is none was not found out
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        if judgement.certificate.cut or out_of_time():
+        if cut:
             found.append(OUT_OF_TIME)
         found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
         if judgement.idle and repairs is None:

@@ -52,12 +52,14 @@ from vctune.model.problem import Problem
 from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Verdict
 from vctune.proof.sampled_loop import spectral_radius
-from vctune.running import unlimited
+from vctune.running import out_of_time, unlimited
 from vctune.version import __version__
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
+PROVED_BAND = "the proof of a wider band"
+"""What a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 
@@ -91,6 +93,8 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
+    if out_of_time() and proved:
+        solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
     with unlimited():
         return _recorded(file, solved, proved, ipopt, date)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from math import inf
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,10 @@ SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
 devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
 infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
+STABILITY_BOXES = 1_500_000
+"""The same of boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
+take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
+ends. Half and twice: half and twice as long to give up."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
 share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
@@ -127,7 +132,15 @@ def _early(prepared: Prepared) -> Optimality:
     """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
     from vctune.design.bound.search import bound
 
-    return bound(prepared.given, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
+    share = EARLY_BOXES / SEARCH_BOXES
+    return bound(
+        prepared.given,
+        None,
+        lambda gains, limit: None,
+        gap=SEARCH_GAP,
+        most_boxes=EARLY_BOXES,
+        most_stability_boxes=share * STABILITY_BOXES,
+    )
 
 
 def _searched(
@@ -145,7 +158,16 @@ def _searched(
     improve = partial(improved, prepared)
     try:
         known = solved.judgement
-        found = bound(prepared.given, known, improve, gap=within, most_boxes=most, resume=resume, progress=tell)
+        found = bound(
+            prepared.given,
+            known,
+            improve,
+            gap=within,
+            most_boxes=most,
+            most_stability_boxes=STABILITY_BOXES if gap is None else inf,
+            resume=resume,
+            progress=tell,
+        )
     except OutOfTimeError:
         return replace(solved, cut=(*solved.cut, BOUND))
     solved = replace(solved, cut=(*solved.cut, *(BOUND,) * (out_of_time() and not found.proved)))

@@ -107,6 +107,18 @@ def coded(text: str, code: Code) -> str:
     return f"{text} [{code}]"
 
 
+def has_code(line: str | None, code: Code) -> bool:
+    """Return whether a line ends with a code.
+
+    Parameters
+    ----------
+    line : what is said, if anything
+    code : looked for
+    """
+    found = ENDING.search(line or "")
+    return found is not None and found[1] == code
+
+
 @dataclass(frozen=True, slots=True)
 class Note:
     """What a reader should know: a warning, what was left out of a search, what a log does not tell.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from math import sqrt
 
 from flint import arb, arb_series
@@ -14,7 +15,7 @@ from vctune.model.device import Device
 from vctune.model.frequency import hertz
 from vctune.model.hands import Hand
 from vctune.proof.arb_balls import box
-from vctune.running import check_time
+from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
 """Boxes before a claim is left undecided; an optimal design takes some hundred. Half and twice: as long to give up."""
@@ -96,6 +97,7 @@ def prove_boxes(
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
         check_time()
+        tell(partial(_stage, boxes - 1, (left - low) / (high - low or 1.0)))
         verdict, middle = decide(left, right), _middle(left, right)
         if verdict is Verdict.PROVED and right == high:
             return Outcome(Verdict.PROVED, boxes)
@@ -108,6 +110,10 @@ def prove_boxes(
         else:
             right = middle
     return Outcome(Verdict.UNDECIDED, max_boxes, middle)
+
+
+def _stage(boxes: int, proved: float) -> str:
+    return f"{boxes} boxes, {proved:.1%} proved"
 
 
 def _middle(low: float, high: float) -> float:

@@ -126,6 +126,7 @@ class _Search:
     pruned_bound : the least lower bound of the boxes that were pruned
     boxes : lower bounds worked out
     history : so far
+    stability_boxes : boxes of frequency and gains that it took to prove loops stable
     """
 
     relaxed: Relaxation
@@ -134,6 +135,7 @@ class _Search:
     pruned_bound: float
     boxes: int
     history: list[SearchState]
+    stability_boxes: int = 0
 
 
 def bound(
@@ -143,6 +145,7 @@ def bound(
     *,
     gap: float,
     most_boxes: float = inf,
+    most_stability_boxes: float = inf,
     jobs: int = 1,
     resume: ResumeState | None = None,
     stopped: Callable[[], bool] = lambda: False,
@@ -156,7 +159,7 @@ def bound(
     best : the best design known; None if none is
     improve : looks for a design with a lower error near given gains
     gap : stop when the incumbent's error is at most 1 + gap times the bound
-    most_boxes : when to give up
+    most_boxes, most_stability_boxes : when to give up: lower bounds, and boxes that prove loops stable or unstable
     jobs : threads
     resume : where an earlier search of the same problem stood, taken up unless it has pruned what this gap must not
     stopped : whether to give up now
@@ -188,7 +191,8 @@ def bound(
             search.history.append(_state(search, nodes))
             progress(search.history[-1])
             stop = stopped() or out_of_time()
-            if not len(nodes) or search.boxes > most_boxes or stop or (single and _stands(search)):
+            stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
+            if not len(nodes) or stop or (single and _stands(search)):
                 break
             with suppress(OutOfTimeError):  # the nodes stay as they are
                 if single or rounds % TRY_EVERY == 0:
@@ -285,9 +289,10 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
     nodes = young.nodes
     unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
     if len(unknown):
-        stable, unstable = proved_stability(posed, nodes.boxes.subset(unknown))
-        nodes.stable[unknown] = stable
-        nodes.bound[unknown[unstable]] = inf
+        found = proved_stability(posed, nodes.boxes.subset(unknown))
+        search.stability_boxes += found.boxes
+        nodes.stable[unknown] = found.stable
+        nodes.bound[unknown[found.unstable]] = inf
     return nodes
 
 
