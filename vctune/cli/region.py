@@ -66,9 +66,11 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     interrupted = found.region.interrupted
     if interrupted:
         earlier = f"; the earlier one is {kept.name} now" if kept else ""
-        what = "the time limit" if late else "the interrupt"
-        said = f"{folder / REGION_FILE}: holds what was decided before {what}{earlier}"
-        warn("time-limit" if late else "interrupted", said)
+        holds = f"{folder / REGION_FILE}: holds what was decided before"
+        if late:
+            warn("time-limit", f"{holds} the time limit{earlier}")
+        else:
+            warn("interrupted", f"{holds} the interrupt{earlier}")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
         lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"

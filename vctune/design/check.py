@@ -150,6 +150,11 @@ def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> lis
     paths : of the files
     progress : told the stage of the work
 
+    Returns
+    -------
+    list of Checked
+        What was found of each.
+
     Raises
     ------
     InputError

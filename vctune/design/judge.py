@@ -29,7 +29,7 @@ from vctune.model.units import UNITS, Units
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
-from vctune.running import unlimited
+from vctune.running import seconds_left, time_limit, unlimited
 
 
 class Status(StrEnum):
@@ -54,6 +54,9 @@ the operator should feel is lost at 0.5. It decides on a warning and its cures, 
 designs are warned of; twice as much is warned of none."""
 
 
+PROVING = 0.85
+"""The share of the time that is left, if there is a limit, for the proof of a design; the rest is for what double
+precision says of it, a second for an uncertain device. Half leaves designs unproved, all of it ends late."""
 CUT = " (the time limit cut its proof)"
 """What is added to a claim whose proof the time limit ended."""
 
@@ -192,7 +195,8 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Judgement
         Certificate, status, transparency and margins, in SI units and rad/s. The time limit cuts the proof alone.
     """
-    certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
+    with time_limit(PROVING * seconds_left()):
+        certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
     with unlimited():
         return _judgement(posed, gains, coupling, certificate)
 
@@ -212,7 +216,8 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
         In the order of the designs.
     """
     posed = pose(problem)
-    certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
+    with time_limit(PROVING * seconds_left()):
+        certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
     with unlimited():
         return [
             _judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)

@@ -108,7 +108,8 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
         with suppress(OutOfTimeError):
             judgement = _with_least_coupling(prepared, judgement)
     seconds = {"polish": polished - began, "prove": perf_counter() - polished}
-    cut = ((SEARCH,) * (not searched)) + ((PROOF,) * out_of_time())
+    unproved = judgement.certificate.cut if judgement is not None else out_of_time()
+    cut = (SEARCH,) * (not searched) + (PROOF,) * unproved
     return Optimum(judgement, best, len(optima), seconds, cut)
 
 
@@ -249,7 +250,7 @@ def _best_proved(
                     return polished, judgement
                 if judgement.status is Status.UNDECIDED:
                     doubtful, spent = doubtful or (polished, judgement), spent + judgement.certificate.boxes
-                if spent > UNDECIDED_BOXES:
+                if spent > UNDECIDED_BOXES or judgement.certificate.cut:
                     return doubtful or (None, None)
     return doubtful if doubtful is not None else (None, None)
 

@@ -32,7 +32,7 @@ def doubts(problem: Problem) -> Iterator[Note]:
     stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
     if stiffness >= STIFFEST:
         unit = problem.units.stiffness
-        said = f"operator.stiffness.max is {stiffness:g} {unit}, and a firm grip is {FIRM:g} N/m; is it in {unit}?"
+        said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
         yield Note("warn-stiffness", said)
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
