@@ -43,9 +43,9 @@ grid. One would bet on the scan's order, more cost time before the search of eve
 NEARLY = 0.1
 """A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
 refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
-UNDECIDED_BOXES = 300_000
-"""Boxes of proofs that ended undecided after which none is tried again, sharper or from another start: hands that
-resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
+PROOF_BOXES = 300_000
+"""Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
+start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
 NEW_HANDS = 12
 """How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
 of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
@@ -248,10 +248,11 @@ def _best_proved(
             for polished, judgement in _attempts(prepared, scanned, optimum):
                 if judgement.status is Status.CERTIFIED:
                     return polished, judgement
-                if judgement.status is Status.UNDECIDED:
-                    doubtful, spent = doubtful or (polished, judgement), spent + judgement.certificate.boxes
-                if spent > UNDECIDED_BOXES or judgement.certificate.cut:
-                    return doubtful or (None, None)
+                if judgement.status is Status.UNDECIDED and doubtful is None:
+                    doubtful = polished, judgement
+                spent += judgement.certificate.boxes
+                if doubtful is not None and (spent > PROOF_BOXES or judgement.certificate.cut):
+                    return doubtful
     return doubtful if doubtful is not None else (None, None)
 
 
