@@ -24,6 +24,7 @@ from vctune.design.solve import solve
 from vctune.document.reading import read_problem
 from vctune.model.problem import Problem
 from vctune.report.page import svg
+from vctune.running import time_limit
 
 ROOT = Path(__file__).parent.parent
 GAPS = (0.1, 0.03, 0.01, 0.003)
@@ -49,7 +50,8 @@ def proved(problem: Problem, best: Judgement, gap: float, jobs: int = 1) -> tupl
     """Return the seconds that a gap takes, all of it, and what was proved."""
     began = perf_counter()
     prepared = prepare(problem)
-    found = bound(prepared.given, best, partial(improved, prepared), gap=gap, time_limit=MOST_SECONDS, jobs=jobs)
+    with time_limit(MOST_SECONDS):
+        found = bound(prepared.given, best, partial(improved, prepared), gap=gap, jobs=jobs)
     return perf_counter() - began, found
 
 

@@ -27,6 +27,7 @@ from vctune.design.solve import solve
 from vctune.document.errors import InputError
 from vctune.document.reading import parse_problem, read_problem
 from vctune.model.problem import Problem, Range
+from vctune.running import OutOfTimeError, time_limit
 
 GAP = 0.03
 RANDOM = 2
@@ -72,7 +73,8 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> None:
     best = solve(problem).judgement
     if best is None or best.status is not Status.CERTIFIED:
         return
-    found = searched(problem, best, time_limit=20)
+    with time_limit(20):
+        found = searched(problem, best)
     assert 0 < found.bound <= found.incumbent
     rng, near = np.random.default_rng(seed), numbers(found.improved or best)
     for around in (None, near):
@@ -359,8 +361,8 @@ def test_threads_and_the_time_limit_change_no_bound(problems):
     assert best is not None
     one, two = (bound(pose(problem), best, hopeless, gap=0.02, jobs=jobs) for jobs in (1, 2))
     assert (one.bound, one.resume.boxes) == (two.bound, two.resume.boxes)
-    none = bound(pose(problem), best, hopeless, gap=0.02, time_limit=0.0)
-    assert not none.proved and none.bound == 0.0 and none.gap == inf
+    with time_limit(0.0), pytest.raises(OutOfTimeError):
+        bound(pose(problem), best, hopeless, gap=0.02)
     stopped = bound(pose(problem), best, hopeless, gap=0.02, stopped=lambda: True)
     assert stopped.resume.boxes == 0
 

@@ -25,6 +25,7 @@ from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
 from vctune.model.problem import Problem
 from vctune.model.units import LINEAR
+from vctune.running import time_limit
 
 GAP = 0.03
 ORACLE = 2e-3
@@ -142,7 +143,8 @@ def attacked(problem: Problem, count: int, seed: int = 0) -> bool:
     best = solve(problem).judgement
     if best is None or best.status is not Status.CERTIFIED:
         return False
-    found, rng = searched(problem, best, time_limit=20), np.random.default_rng(seed)
+    with time_limit(20):
+        found, rng = searched(problem, best), np.random.default_rng(seed)
     near = found.improved or best
     assert 0 < found.bound <= found.incumbent
     slack = 1 - ORACLE  # the oracle does not look between its angles and hands

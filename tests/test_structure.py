@@ -14,6 +14,7 @@ FLOORS = [
     "version",
     "markup",
     "interrupt",
+    "running",
     "exit_codes",
     "model",
     "proof",

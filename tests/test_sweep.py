@@ -281,14 +281,14 @@ def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
     assert len(rows) == 144 and not any('"failed"' in row for row in rows.values())
 
 
-def dies_at_two(problem):
+def dies_at_two(problem, time_limit):
     if problem.device.damping == 2.0:
         os._exit(9)
-    return solve_point(problem)
+    return solve_point(problem, time_limit)
 
 
-def breaks_at_two(problem):
-    return solve_point(None if problem.device.damping == 2.0 else problem)
+def breaks_at_two(problem, time_limit):
+    return solve_point(None if problem.device.damping == 2.0 else problem, time_limit)
 
 
 @pytest.mark.slow

@@ -10,6 +10,8 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.running import check_time
+
 Floats = NDArray[np.float64]
 
 POINTS_PER_DECADE = 60
@@ -92,6 +94,7 @@ def local_minima(f: Callable[[Floats], Floats], grid: Floats) -> Minima:
     position = np.linspace(0.0, 1.0, ZOOM_POINTS)
     rows = np.arange(at.size)
     for _ in range(ZOOMS):
+        check_time()
         points = lower[:, None] * (upper / lower)[:, None] ** position
         points[:, 0], points[:, -1] = lower, upper
         fine = value(points)

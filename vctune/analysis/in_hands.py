@@ -20,6 +20,7 @@ from vctune.model.hand_loop import AnyLoopInHand, loop_in_hand, offered, require
 from vctune.model.hands import Hand, Hands
 from vctune.model.plant_in_hand import delays_of, plant_in_hand
 from vctune.model.problem import Problem
+from vctune.running import check_time
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)
 """Where the hands of a box are looked at first, as shares of each range: the worst is mostly at an end, and towards 0
@@ -346,6 +347,7 @@ def hardest_near(
     turns = np.array([-1, 0, 1])
     best = np.full(theta.size, -inf)
     for _ in range(ROUNDS):
+        check_time()
         near = np.clip(share[:, :, None] + offsets[:, None, :] * step_hand[:, None], 0.0, 1.0)
         angle = np.minimum(theta[:, None] * np.exp(turns * step_angle[:, None]), np.pi)
         hand = Hand(*((low[:, None, None] + width[:, None, None] * near**2)[..., None]))

@@ -33,6 +33,8 @@ from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.markup import html_facts
 from vctune.report.contents import report_paths
+from vctune.running import OutOfTimeError
+from vctune.running import time_limit as limited
 
 SAVED = "bound.npz"
 
@@ -62,7 +64,7 @@ class Bounded:
     file : the problem
     record : of its design, with the bound in it; `to_json()` is the object of design.json
     judgement : of the best design known; None if none is
-    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible
+    optimality : `bound`, `gap` and `proved`; None where the problem was known to be infeasible, or time was too short
     """
 
     file: ProblemFile
@@ -110,14 +112,14 @@ def bound(
     design : what `solve` has found, or the path of a design.json; None to solve the problem first
     gap : stop when the design's error is at most 1 + gap times the bound
     jobs : threads
-    time_limit : s, after which the bound reached so far is returned
+    time_limit : s, after which the bound reached so far is returned, solving the problem first included
     stopped : whether to give up now
     progress : told where the search stands
 
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends.
+        The bound is valid whenever the search ends. `optimality` is None where the time limit left none.
 
     Raises
     ------
@@ -126,21 +128,26 @@ def bound(
     """
     require_gap(gap)
     file = require_free(problem_of(problem))
-    known = _known(file, design, progress)
-    if known.record.status == Status.INFEASIBLE.value:
-        return Bounded(file, known.record, None, None)
-    prepared = prepare(file.problem)
-    found = search(
-        prepared.given,
-        known.best,
-        partial(improved, prepared),
-        gap=gap,
-        time_limit=time_limit,
-        jobs=jobs,
-        resume=known.resume,
-        stopped=stopped,
-        progress=lambda at: progress(str(at)),
-    )
+    with limited(time_limit):
+        known = _known(file, design, progress)
+        if known.record.status == Status.INFEASIBLE.value:
+            return Bounded(file, known.record, None, None)
+        if known.best is not None and known.best.certificate.cut:
+            return Bounded(file, known.record, known.best, None)
+        prepared = prepare(file.problem)
+        try:
+            found = search(
+                prepared.given,
+                known.best,
+                partial(improved, prepared),
+                gap=gap,
+                jobs=jobs,
+                resume=known.resume,
+                stopped=stopped,
+                progress=lambda at: progress(str(at)),
+            )
+        except OutOfTimeError:
+            return Bounded(file, known.record, known.best, None)
     return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
 
 
@@ -235,7 +242,7 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
     if record.design is None:
         return record, None
     best = judge(file.problem, *record.design)
-    if best.status is not Status.CERTIFIED:
+    if best.status is not Status.CERTIFIED and not best.certificate.cut:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError.of(str(path), "not-certified", message, key="gains")
     return record, best

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import inf
 from pathlib import Path
 
 from vctune.design.check import Checked, check_problem
@@ -11,13 +12,20 @@ from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
 from vctune.document.files import make_folder, write_together
 from vctune.model.gains import Coupling
+from vctune.running import time_limit as limited
 from vctune.study.region_check import Recheck
 from vctune.study.region_check import check_region as prove_again
 
 LOST = ("lost.json", "lost.svg")
 
 
-def check(problem: ProblemSource, gains: DesignSource | None = None, coupling: Coupling | None = None) -> Checked:
+def check(
+    problem: ProblemSource,
+    gains: DesignSource | None = None,
+    coupling: Coupling | None = None,
+    *,
+    time_limit: float = inf,
+) -> Checked:
     """Prove a design that already exists.
 
     Parameters
@@ -25,6 +33,7 @@ def check(problem: ProblemSource, gains: DesignSource | None = None, coupling: C
     problem : path of a problem file, its tables as a dict, or the problem
     gains : N s/m and N/m, with their coupling; or a gains file or its path; None if the problem fixes every number
     coupling : N s/m and kg
+    time_limit : s, after which claims that are not proved yet are undecided
 
     Returns
     -------
@@ -37,7 +46,8 @@ def check(problem: ProblemSource, gains: DesignSource | None = None, coupling: C
     InputError
         If problem or design are invalid or for different kinds of device, or there is no design.
     """
-    return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
+    with limited(time_limit):
+        return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:

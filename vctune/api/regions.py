@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, log2
+from math import ceil, inf, log2
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +25,16 @@ from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Problem
+from vctune.running import seconds_left
+from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_json import region_record
 
 REGION_FILE = "region.json"
+SOLVING = 0.5
+"""The share of a time limit that solving takes at most, whose design a region shows and does not need."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,7 @@ def region(
     *,
     resolution: float = 1 / 256,
     solved: Solved | None = None,
+    time_limit: float = inf,
     stopped: Callable[[], bool] = lambda: False,
     progress: Progress = lambda stage: None,
 ) -> AdmissibleGains:
@@ -97,6 +102,7 @@ def region(
         Where others are free, feasible means that some values of theirs within their bounds will do
     resolution : side of the smallest cell as a share of the plane's, 1/2048 to 1/8
     solved : what `solve` has found of the problem; None to solve it first
+    time_limit : s, after which what is known is returned
     stopped : whether to give up now; what is not decided by then is undecided
     progress : told the stage of the work
 
@@ -117,8 +123,21 @@ def region(
         message = f"{resolution:g} is out of range: must be from 1/{1 / finest:g} to 1/{1 / coarsest:g}"
         raise InputError.of("resolution", "bad-option", message)
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
-    solved = solved or solve(file.problem, progress)
-    return AdmissibleGains(file, divide(file.problem, across, across.coarsest_squares(), progress, stopped), solved)
+    with limited(time_limit):
+        solved = solved or best_design(file.problem, progress)
+        return AdmissibleGains(file, divide(file.problem, across, across.coarsest_squares(), progress, stopped), solved)
+
+
+def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:
+    """Return the best design of a problem, for its region to be shown with; of a time limit it takes `SOLVING`.
+
+    Parameters
+    ----------
+    problem : Problem
+    progress : told the stage of the work
+    """
+    with limited(SOLVING * seconds_left()):
+        return solve(problem, progress)
 
 
 def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:

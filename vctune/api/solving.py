@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from vctune.api.limits import GAPS
 from vctune.design.criteria import with_alternatives
 from vctune.design.optimum import Progress
@@ -12,6 +14,7 @@ from vctune.design.solve import solve as find
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.errors import InputError
+from vctune.running import time_limit as limited
 
 
 def solve(
@@ -19,6 +22,7 @@ def solve(
     *,
     gap: float | None = None,
     prices: bool = False,
+    time_limit: float = inf,
     progress: Progress = lambda stage: None,
 ) -> Solved:
     """Find the most transparent admissible design and prove it; judge it when every number is fixed.
@@ -28,6 +32,7 @@ def solve(
     problem : path of a problem file, its tables as a dict, or the problem
     gap : prove that no design has an error lower by more than this share
     prices : work out what each number of the device would be worth if it were better by a hundredth
+    time_limit : s, after which what is known is returned; `cut` then says what was cut short
     progress : told the stage of the work
 
     Returns
@@ -45,9 +50,12 @@ def solve(
     if gap is not None:
         require_gap(gap)
     file = problem_of(problem)
-    solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
-    solved = with_alternatives(file, solved)
-    return with_prices(solved) if prices else solved
+    with limited(time_limit):
+        solved = with_repairs(file, find(file.problem, progress, gap=gap), progress)
+        progress("comparing criteria")
+        solved = with_alternatives(file, solved)
+        progress("pricing the device")
+        return with_prices(solved) if prices else solved
 
 
 def require_gap(gap: float) -> None:

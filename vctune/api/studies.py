@@ -6,12 +6,14 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
+from vctune.document.codes import has_code
 from vctune.document.errors import InputError
 from vctune.document.files import make_folder, write_together
 from vctune.document.rows import FrontRecord, SweepRecord
@@ -42,6 +44,11 @@ class Swept:
     study: Study
     table: Table
     dropped: int
+
+    @property
+    def cut(self) -> int:
+        """How many points the time limit has cut short."""
+        return sum(has_code(reason, "time-limit") for reason in self.table.reason)
 
     @property
     def summary(self) -> SweepRecord:
@@ -83,6 +90,7 @@ def sweep(
     jobs: int | None = None,
     executor: str = "serial",
     restart: bool = False,
+    time_limit: float = inf,
     on_done: OnDone = lambda: None,
 ) -> Swept:
     """Solve a problem at many points.
@@ -99,6 +107,7 @@ def sweep(
     executor : "serial" for this process alone; "processes", which a script starts from under `if __name__ ==
         "__main__":`; "dask" or "dask:ADDRESS"
     restart : begin anew instead of going on
+    time_limit : s of a point, whose row is undecided where it is not enough
     on_done : called once a point
 
     Returns
@@ -113,7 +122,7 @@ def sweep(
     """
     study = _study(problem, axes, sample)
     with worker_pool(executor, jobs or available_cores()) as pool, _kept(folder) as place:
-        swept = _swept(study, place / "rows.jsonl", pool, on_done, restart=restart)
+        swept = _swept(study, place / "rows.jsonl", pool, on_done, restart=restart, time_limit=time_limit)
         if folder is not None:
             _write(swept, place)
     return swept
@@ -125,6 +134,7 @@ def front(
     folder: str | Path | None = None,
     jobs: int | None = None,
     executor: str = "serial",
+    time_limit: float = inf,
     bar: Bar = lambda name, points: nullcontext(lambda: None),
 ) -> Fronts:
     """Find the Pareto fronts of a problem: between the three terms of the error, and of error against band.
@@ -132,7 +142,7 @@ def front(
     Parameters
     ----------
     problem : path of a problem file, its tables as a dict, or the problem; one that leaves something free
-    folder, jobs, executor : as those of `sweep`
+    folder, jobs, executor, time_limit : as those of `sweep`
     bar : shows how each of the two sweeps gets on
 
     Returns
@@ -152,7 +162,9 @@ def front(
         tables = []
         for study in studies:
             with bar(study.name, study.count) as on_done:
-                tables.append(_swept(study, place / f"{study.name}.rows.jsonl", pool, on_done, restart=False).table)
+                place_of = place / f"{study.name}.rows.jsonl"
+                swept = _swept(study, place_of, pool, on_done, restart=False, time_limit=time_limit)
+                tables.append(swept.table)
         fronts = Fronts(terms_front(tables[0]), band_front(tables[1]) if len(tables) > 1 else None)
         if folder is not None:
             _write_fronts(fronts, file.problem.transparency.band.hz[1], place)
@@ -182,9 +194,9 @@ def _kept(folder: str | Path | None) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, restart: bool) -> Swept:
-    with open_rows(path, study, restart=restart) as rows:
-        return Swept(study, table_of(study, rows, run(study, rows, pool, on_done)), rows.dropped)
+def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, restart: bool, time_limit: float) -> Swept:
+    with open_rows(path, study, restart=restart, time_limit=time_limit) as rows:
+        return Swept(study, table_of(study, rows, run(study, rows, pool, on_done, time_limit)), rows.dropped)
 
 
 def _write(swept: Swept, folder: Path) -> None:

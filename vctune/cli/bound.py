@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from vctune.api.limits import GAPS
-from vctune.cli.options import out_option, output_options, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument, time_limited
+from vctune.running import OutOfTimeError, check_time
 
 
 @click.command(short_help="Prove how much better any design could be.")
@@ -15,15 +16,14 @@ from vctune.cli.options import out_option, output_options, problem_argument
 @click.argument("design", type=click.Path(path_type=Path), required=False)
 @click.option("--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="What to prove, a share.")
 @click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Threads.")
-@click.option("--time-limit", type=click.FloatRange(0), metavar="S", help="Stop after so many seconds.")
 @out_option()
 @output_options()
+@time_limited
 def bound(
     problem: Path,
     design: Path | None,
     gap: float,
     jobs: int,
-    time_limit: float | None,
     out: Path,
     style: str,
     quiet: bool,
@@ -34,14 +34,12 @@ def bound(
     to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on. A
     second Ctrl-C ends at once.
     """
-    from math import inf
-
     from vctune.api.bounding import bound as search
     from vctune.api.bounding import known_design, require_free, write_bounded
     from vctune.api.files import write_report
     from vctune.api.folders import DESIGN_FILE, design_folder
     from vctune.api.solving import solve
-    from vctune.cli.output import answer
+    from vctune.cli.output import answer, warn, warn_of_doubts
     from vctune.cli.progress import progress_on_stderr
     from vctune.design.judge import Status
     from vctune.document.reading import read_problem
@@ -50,14 +48,18 @@ def bound(
 
     file = require_free(read_problem(problem))
     path = design or design_folder(file, out) / DESIGN_FILE
-    limit = inf if time_limit is None else time_limit
+    warn_of_doubts(file.problem, quiet=quiet)
     with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
         known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
         with interrupt_noted() as stopped:  # from here on something would be lost
-            bounded = search(file, known, gap=gap, jobs=jobs, time_limit=limit, stopped=stopped, progress=progress)
+            bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
         progress("drawing the report")
-        write_report(path)
+        try:
+            check_time()
+            write_report(path)
+        except OutOfTimeError:
+            warn("time-limit", f"no report was drawn in time; `vctune report {path}` draws it")
     if bounded.improved:
         click.echo("found a better design than the one known, whose basin the scan had missed", err=True)
 

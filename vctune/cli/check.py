@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.cli.options import out_option, output_options
+from vctune.cli.options import out_option, output_options, time_limited
 from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
+    from vctune.cli.progress import Progress
     from vctune.design.check import Checked
 
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 @click.option("--strict", is_flag=True, help="A warning fails the check.")
 @out_option("NAME/lost.json and its picture when a region has lost cells")
 @output_options("github", "junit", "sarif")
+@time_limited
 def check(
     paths: tuple[Path, ...],
     style: str,
@@ -55,6 +57,7 @@ def check(
     from vctune.cli.exits import of_check
     from vctune.cli.formats import FORMATS
     from vctune.cli.output import emit
+    from vctune.cli.progress import progress_on_stderr
     from vctune.design.check import check as check_files
     from vctune.document.ros import is_admittance
     from vctune.exit_codes import ExitCode
@@ -63,10 +66,11 @@ def check(
     admittances = [file for file in files if is_admittance(file)]
     if axes and not admittances:
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
-    if admittances and baseline is None:
-        found = _admittances([file for file in files if file not in admittances], admittances, axes)
-    else:
-        found = check_files(files) if baseline is None else _against(baseline, files, out)
+    with progress_on_stderr("vctune check", shown=not quiet) as progress:
+        if admittances and baseline is None:
+            found = _admittances([file for file in files if file not in admittances], admittances, axes)
+        else:
+            found = check_files(files, progress) if baseline is None else _against(baseline, files, out, progress)
     checks = [replace(checked, strict=strict) for checked in found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
@@ -76,7 +80,7 @@ def check(
     return max((of_check(checked.result) for checked in checks), key=severity.index)
 
 
-def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
+def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
     from vctune.api.checking import LOST, remove_lost, write_lost
     from vctune.design.check import check as check_files
@@ -84,14 +88,14 @@ def _against(baseline: Path, files: list[Path], out: Path) -> list[Checked]:
     from vctune.document.reading import read_problem
     from vctune.study.region_check import check_region
 
-    checked, again = check_region(read_problem(files[0]), baseline)
+    checked, again = check_region(read_problem(files[0]), baseline, progress)
     folder = out / folder_name(checked.name)
-    if again.lost:
+    if again.lost and not again.cut:
         write_lost(checked, again, folder)
         click.echo(f"what was lost is listed and drawn in {folder}: {', '.join(LOST)}", err=True)
-    elif gone := remove_lost(folder):
+    elif not again.cut and (gone := remove_lost(folder)):
         click.echo(f"nothing is lost any more: removed {', '.join(gone)} from {folder}", err=True)
-    return [checked, *(check_files(files) if len(files) > 1 else [])]
+    return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
 def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str, ...]) -> list[Checked]:

@@ -8,15 +8,16 @@ from pathlib import Path
 
 import click
 
-from vctune.cli.options import out_option, output_options, problem_argument, worker_options
+from vctune.cli.options import out_option, output_options, problem_argument, time_limit_option, worker_options
 
 
 @click.command(short_help="Draw the two trade-offs that a designer asks about.")
 @problem_argument
 @out_option("NAME/front/")
 @worker_options
+@time_limit_option(" each point")
 @output_options()
-def front(problem: Path, out: Path, jobs: int | None, executor: str, style: str, quiet: bool) -> int:
+def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
     """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
 
     Two sweeps with a name: K_p over its range with the coupling's weight over six decades, and the stability band's
@@ -38,7 +39,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, style: str,
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
 
-    fronts = find(file, folder=folder, jobs=jobs, executor=executor, bar=bar)
+    fronts = find(file, folder=folder, jobs=jobs, executor=executor, time_limit=time_limit, bar=bar)
     counts = [len(table.status) for table in (fronts.terms, fronts.band) if table is not None]
     against = "none of error against band, for hands are met at every frequency"
     if fronts.band is not None:

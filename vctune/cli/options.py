@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
+from math import inf
 from pathlib import Path
 from typing import Any
 
 import click
+
+from vctune.running import time_limit as limited
 
 Added = Callable[[Any], Any]
 """Adds an argument or an option to a command."""
@@ -69,6 +73,36 @@ def _style(context: click.Context, parameter: click.Parameter, value: str) -> st
     if value not in ("text", "json"):
         raise click.UsageError(f"--json and --format {value} exclude each other; leave one of them out")
     return "json"
+
+
+def time_limit_option(of: str = "") -> Added:
+    """Return the option `--time-limit`, given to a command as `time_limit`, inf where it is absent.
+
+    Parameters
+    ----------
+    of : what is to end, where it is not the command
+    """
+    text = f"Stop{of} after so many seconds with what is known by then, exit code 3."
+    return click.option(
+        "--time-limit",
+        type=click.FloatRange(0, min_open=True),
+        default=inf,
+        show_default="none",
+        metavar="S",
+        help=text,
+    )
+
+
+def time_limited(command: Any) -> Any:
+    """Add the option `--time-limit` to a command, which then ends in time without knowing of it."""
+
+    @time_limit_option()
+    @wraps(command)
+    def within(*args: Any, time_limit: float, **options: Any) -> Any:
+        with limited(time_limit):
+            return command(*args, **options)
+
+    return within
 
 
 def worker_options(command: Any) -> Any:

@@ -6,12 +6,15 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from vctune.document.codes import Code, coded
 from vctune.document.errors import printable
+
+if TYPE_CHECKING:
+    from vctune.model.problem import Problem
 
 
 @contextmanager
@@ -39,6 +42,20 @@ def warn(code: Code, text: str) -> None:
     text : what is said
     """
     click.echo(coded(printable(text), code), err=True)
+
+
+def warn_of_doubts(problem: Problem, *, quiet: bool) -> None:
+    """Say before the work what in a problem is probably not meant: what is meant otherwise need not be solved.
+
+    Parameters
+    ----------
+    problem : a valid one
+    quiet : whether people are told nothing
+    """
+    from vctune.document.plausibility import doubts
+
+    for doubt in () if quiet else doubts(problem):
+        warn(doubt.code, doubt.text)
 
 
 def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:

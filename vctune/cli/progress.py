@@ -1,10 +1,15 @@
-"""Progress on stderr, for people: only on a terminal, and gone when the work is done."""
+"""Progress on stderr, for people: only on a terminal, and gone when the work is done.
+
+The line says what is being done, what is known by now and, where the work itself tells, how far it is.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from vctune.running import told
 
 Progress = Callable[[str], None]
 
@@ -27,9 +32,20 @@ def progress_on_stderr(title: str, *, shown: bool) -> Iterator[Callable[[str], N
         yield lambda stage: None
         return
     from rich.console import Console
+    from rich.markup import escape
 
-    with Console(stderr=True).status(title) as status:
-        yield lambda stage: status.update(f"{title}: {stage}")
+    at = ""
+
+    def show(stage: str) -> None:
+        nonlocal at
+        at = stage
+        status.update(escape(f"{title}: {stage}"))
+
+    def show_share(share: str) -> None:
+        status.update(escape(f"{title}: {at}; {share}"))
+
+    with Console(stderr=True).status(title) as status, told(show_share):
+        yield show
 
 
 @contextmanager

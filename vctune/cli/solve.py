@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from vctune.api.limits import GAPS
-from vctune.cli.options import out_option, output_options, problem_argument
+from vctune.cli.options import out_option, output_options, problem_argument, time_limit_option
+from vctune.running import OutOfTimeError, check_time
+from vctune.running import time_limit as limited
 
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
@@ -23,6 +26,7 @@ from vctune.cli.options import out_option, output_options, problem_argument
     metavar="GAP",
     help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
 )
+@time_limit_option()
 @output_options()
 def solve(
     problem: Path,
@@ -31,6 +35,7 @@ def solve(
     strict: bool,
     watch: bool,
     gap: float | None,
+    time_limit: float,
     style: str,
     quiet: bool,
 ) -> int:
@@ -40,7 +45,8 @@ def solve(
     """
 
     def once() -> int:
-        return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
+        with limited(time_limit):
+            return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
 
     if watch:
         from vctune.cli.watch import on_every_save
@@ -54,10 +60,9 @@ def solve(
 
 def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
     from vctune.api.files import write_record, write_report
-    from vctune.api.folders import design_folder
-    from vctune.cli.output import answer, warn
+    from vctune.api.folders import DESIGN_FILE, design_folder
+    from vctune.cli.output import answer, warn, warn_of_doubts
     from vctune.cli.progress import progress_on_stderr
-    from vctune.document.plausibility import doubts
     from vctune.document.reading import read_problem
 
     file = read_problem(problem)
@@ -68,18 +73,25 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     from vctune.design.judge import Status
     from vctune.design.nlp import ipopt_version
     from vctune.design.record import record_of
+    from vctune.document.codes import has_code
     from vctune.document.date import today
     from vctune.exit_codes import ExitCode
 
-    for doubt in () if quiet else doubts(file.problem):  # before the work: what is meant otherwise need not be solved
-        warn(doubt.code, doubt.text)
+    warn_of_doubts(file.problem, quiet=quiet)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
         record = record_of(file, solved, ipopt_version(), today())
         say_renamed(write_record(folder, file, record))
-        if report:
-            progress("drawing the report")
-            write_report(record, folder)
+        drawn = not report
+        with suppress(OutOfTimeError):
+            if report:
+                progress("drawing the report")
+                check_time()
+                write_report(record, folder)
+                drawn = True
+    if not drawn:
+        said = f"no report was drawn in time; `vctune report {folder / DESIGN_FILE}` draws it"
+        warn("time-limit", said)
 
     def table() -> None:
         from vctune.cli.table import print_design
@@ -87,10 +99,12 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
         print_design(record, folder)
 
     answer(style, quiet, record.to_json, table)
-    if strict and record.warnings:
+    cut = any(has_code(warning, "time-limit") for warning in record.warnings)
+    if strict and record.warnings and not cut:
         return ExitCode.FAILED
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
-    return ExitCode.UNDECIDED if open_ and solved.status is Status.CERTIFIED else of_status(solved.status)
+    left = open_ or cut or not drawn
+    return ExitCode.UNDECIDED if left and solved.status is Status.CERTIFIED else of_status(solved.status)
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:

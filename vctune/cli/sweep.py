@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from vctune.cli.options import out_option, output_options, worker_options
+from vctune.cli.options import out_option, output_options, time_limit_option, worker_options
 
 MANY = 100_000
 """So many points are solved only when asked for with --yes."""
@@ -17,17 +17,27 @@ MANY = 100_000
 @out_option("STUDY/")
 @worker_options
 @click.option("--resume/--restart", default=True, help="Go on with the rows that are there, or begin anew.")
+@time_limit_option(" each point")
 @click.option("--yes", is_flag=True, help=f"Solve {MANY:,} points or more.")
 @output_options()
 def sweep(
-    study: Path, out: Path, jobs: int | None, executor: str, resume: bool, yes: bool, style: str, quiet: bool
+    study: Path,
+    out: Path,
+    jobs: int | None,
+    executor: str,
+    resume: bool,
+    time_limit: float,
+    yes: bool,
+    style: str,
+    quiet: bool,
 ) -> int:
     """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
 
     Each finished point is a line of OUT/STUDY/rows.jsonl; an interrupted sweep goes on where it was. At the end
     table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg.
 
-    Exit code 0 if there is a certified design and no point was left without an answer, else 1.
+    Exit code 0 if there is a certified design and no point was left without an answer, 3 if the time limit cut a point
+    short, else 1.
     """
     from vctune.cli.output import answer, warn
     from vctune.cli.progress import bar_on_stderr
@@ -45,7 +55,15 @@ def sweep(
     from vctune.api.studies import sweep as run
 
     with bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
-        swept = run(plan, folder=folder, jobs=jobs, executor=executor, restart=not resume, on_done=on_done)
+        swept = run(
+            plan,
+            folder=folder,
+            jobs=jobs,
+            executor=executor,
+            restart=not resume,
+            time_limit=time_limit,
+            on_done=on_done,
+        )
     if swept.dropped:
         warn("rows-torn", f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped")
     found = swept.summary
@@ -56,4 +74,6 @@ def sweep(
         print_sweep(found, folder)
 
     answer(style, quiet, found.to_json, table)
-    return ExitCode.OK if found.best and not found.status.get("failed") else ExitCode.FAILED
+    if found.status.get("failed") or not (found.best or swept.cut):
+        return ExitCode.FAILED
+    return ExitCode.UNDECIDED if swept.cut else ExitCode.OK

@@ -18,7 +18,7 @@ import numpy as np
 from vctune.design.judge import Judgement, Status, judge_all
 from vctune.design.parameter_changes import parameter_changes
 from vctune.design.record import record_of, warnings
-from vctune.design.repair import CUT_SHORT, LONGEST, find_cures, find_repairs, has_design_in_use
+from vctune.design.repair import CUT_SHORT, LONGEST, Progress, find_cures, find_repairs, has_design_in_use
 from vctune.design.result import Repair, Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
@@ -33,6 +33,9 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.model.units import UNITS
+from vctune.running import OutOfTimeError, out_of_time
+
+OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
 
 
 class CheckVerdict(StrEnum):
@@ -140,8 +143,18 @@ class _Input:
     is_gains: bool
 
 
-def check(paths: Sequence[Path]) -> list[Checked]:
+def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
     """Check problem files against their own fixed numbers, or one problem against gains files.
+
+    Parameters
+    ----------
+    paths : of the files
+    progress : told the stage of the work
+
+    Returns
+    -------
+    list of Checked
+        What was found of each.
 
     Raises
     ------
@@ -153,9 +166,9 @@ def check(paths: Sequence[Path]) -> list[Checked]:
     broken = [given for given in inputs if given.error]
     problems = [given for given in inputs if not given.is_gains and not given.error]
     if not gains:
-        return [_refused(given) if given.error else _check_problem(given) for given in inputs]
+        return [_refused(given) if given.error else _check_problem(given, progress) for given in inputs]
     if len(problems) == 1:
-        return [*map(_refused, broken), *_check_gains(problems[0], gains)]
+        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress)]
     if broken:
         return [*map(_refused, broken)]
     message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
@@ -210,17 +223,17 @@ def _refused(given: _Input, error: InputError | None = None) -> Checked:
     return Checked(given.path, given.path.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
 
 
-def _check_problem(given: _Input) -> Checked:
+def _check_problem(given: _Input, progress: Progress) -> Checked:
     try:
         file = problem_file(given.text, given.path)
         if not file.problem.bounds.fixed:
             raise InputError(str(given.path), [_free(file.problem)])
     except InputError as error:
         return _refused(given, error)
-    return _judged(file, [(given, file.problem.fixed_design, None)])[0]
+    return _judged(file, [(given, file.problem.fixed_design, None)], progress)[0]
 
 
-def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
+def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> list[Checked]:
     try:
         file = problem_file(problem.text, problem.path)
     except InputError as error:
@@ -234,7 +247,7 @@ def _check_gains(problem: _Input, gains: list[_Input]) -> list[Checked]:
             usable.append((given, (read.gains, read.coupling), read.sha256))
         except InputError as error:
             found[given.path] = _refused(given, error)
-    found |= {checked.source: checked for checked in _judged(file, usable)}
+    found |= {checked.source: checked for checked in _judged(file, usable, progress)}
     return [found[given.path] for given in gains]
 
 
@@ -244,16 +257,27 @@ def _free(problem: Problem) -> Mistake:
 
 
 @np.errstate(all="ignore")
-def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, AnyCoupling], str | None]]) -> list[Checked]:
+def _judged(
+    file: ProblemFile,
+    given: list[tuple[_Input, tuple[Gains, AnyCoupling], str | None]],
+    progress: Progress = lambda stage: None,
+) -> list[Checked]:
     """Judge designs with the digests of the problems that they were made for."""
+    progress(f"proving {', '.join(source.path.name for source, *_ in given)}")
     began = perf_counter()
     judgements = judge_all(file.problem, [design for _, design, _ in given])
     proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
     for (source, _, made_for), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        repairs = _repairs(file, judgement)
+        repairs = _repairs(file, judgement, progress)
+        cut = judgement.certificate.cut
+        if judgement.status is Status.VIOLATED or judgement.idle:
+            cut |= out_of_time()
+            repairs = repairs or None if cut else repairs  # that there is none was not found out
         found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
+        if cut:
+            found.append(OUT_OF_TIME)
         found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
         if judgement.idle and repairs is None:
             said = "solving the problem finds a design that does use its velocity loop"
@@ -268,7 +292,7 @@ def _judged(file: ProblemFile, given: list[tuple[_Input, tuple[Gains, AnyCouplin
     return checks
 
 
-def _repairs(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
+def _repairs(file: ProblemFile, judgement: Judgement, progress: Progress) -> list[Repair] | None:
     """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others."""
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None
@@ -277,10 +301,14 @@ def _repairs(file: ProblemFile, judgement: Judgement) -> list[Repair] | None:
     problem, _ = pose(pasted, file.problem.name)
     assert problem is not None, "a valid problem with valid gains is one"
     if not judgement.idle:
-        return find_repairs(pasted, parameter_changes(pasted, problem))
-    if has_design_in_use(file.problem):
+        return find_repairs(pasted, parameter_changes(pasted, problem), progress=progress)
+    try:
+        if has_design_in_use(file.problem):
+            return None
+    except OutOfTimeError:
         return None
-    return find_cures(pasted, problem) if file.problem.bounds.fixed else find_cures(stated, file.problem)
+    own = (pasted, problem) if file.problem.bounds.fixed else (stated, file.problem)
+    return find_cures(*own, progress)
 
 
 def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:

@@ -32,7 +32,7 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
 
 
 def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcome) -> ClaimRecord:
-    also: dict[str, Any] = {}
+    also: dict[str, Any] = {"cut": True} if outcome.cut else {}
     if outcome.device is not None:
         also["witness_device"] = device_record(outcome.device, problem)
     if outcome.hand is not None:

@@ -13,6 +13,10 @@ from vctune.document import reading
 from vctune.document.reading import ProblemFile
 from vctune.model.gains import SpringDamper
 from vctune.model.problem import Criterion, Problem
+from vctune.running import OutOfTimeError
+
+COMPARISON = "the comparison of criteria"
+"""What a time limit may cut short."""
 
 
 def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
@@ -32,10 +36,15 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     if problem.device.renders_force and of_one_device(problem) is None:
         return solved  # a box of devices in a box of hands may take minutes
     others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
-    tables = file.document
-    posed = {criterion: _under(criterion, tables, problem) for criterion in others}
-    found = [_alternative(criterion, each) for criterion, each in posed.items() if each is not None]
-    return replace(solved, alternatives=[each for each in found if each is not None])
+    tables, found = file.document, list[Alternative]()
+    try:
+        for criterion in others:
+            posed = _under(criterion, tables, problem)
+            alone = None if posed is None else _alternative(criterion, posed)
+            found += [] if alone is None else [alone]
+    except OutOfTimeError:
+        return replace(solved, cut=(*solved.cut, COMPARISON))
+    return replace(solved, alternatives=found)
 
 
 def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:

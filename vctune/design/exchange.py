@@ -25,6 +25,7 @@ from vctune.design.variables import Coordinate, Point, coordinates, design_of, p
 from vctune.design.violations import Violations, near_peak, of_own_loops, violations
 from vctune.design.working_set import ConstraintPoint, WorkingSet, constraint_points
 from vctune.model.problem import Problem
+from vctune.running import OutOfTimeError, check_time
 
 # tests/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
 
@@ -85,7 +86,13 @@ def polish(
     Returns
     -------
     Polished or None
-        Dimensionless; admissible in double precision, with the demands sharpened, and not proved.
+        Dimensionless; admissible in double precision, with the demands sharpened, and not proved. At the end of the
+        time limit it is the best by then.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit has passed and there is none yet.
     """
     witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
     seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
@@ -106,7 +113,13 @@ def polish(
         start, cases, held, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS
     )
     while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
-        _step(posed, search)
+        try:
+            check_time()
+            _step(posed, search)
+        except OutOfTimeError:
+            if search.best is None:
+                raise
+            break
     return search.best
 
 

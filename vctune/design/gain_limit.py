@@ -24,6 +24,7 @@ from vctune.design.refine import between_neighbours
 from vctune.design.samples import Samples
 from vctune.model.gains import Gains
 from vctune.model.problem import Problem
+from vctune.running import check_time
 
 ROUNDS, PARTS = 3, 4
 """How often the step that the limit lies in is divided, and into how many parts: 64 parts of a step, 1 % of K_v."""
@@ -94,6 +95,7 @@ def gain_limits(problem: Problem, samples: Samples, grid: Axes, loops: LoopFeasi
     low, high, omega = grid.velocity[below], grid.velocity[below + 1], grid.corner[corner, None]
     t, places = np.arange(1, PARTS) / PARTS, np.arange(corner.size)
     for _ in range(ROUNDS):
+        check_time()
         K_v = low[:, None] + (high - low)[:, None] * t
         gains = Gains(K_v, position_gain(problem, K_v, omega))
         good = loop_feasibility(problem, samples, gains, responses(samples, gains)).feasible

@@ -31,6 +31,7 @@ from vctune.model.impedances import LoopResponse
 from vctune.model.llewellyn import required_resistance
 from vctune.model.problem import Problem, Range
 from vctune.model.transparency import loop_terms
+from vctune.running import check_time
 
 COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
 """Least number of points of each axis.
@@ -209,6 +210,7 @@ def _joined(parts: tuple[Any, ...]) -> list[Any]:
 
 
 def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
+    check_time()
     K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
     gains = Gains(K_v, position_gain(problem, K_v, corner))
     bands = responses(samples, gains)

@@ -21,6 +21,8 @@ from vctune.proof.sampled_loop import spectral_radius
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
 """How the reason begins, by whether it is proved."""
 
+CUT_SHORT = "the time limit ended the search before it had found a design"
+
 NEXT_TO_NOTHING = 1e-9
 """Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
 
@@ -45,6 +47,11 @@ class Infeasibility:
     def reason(self) -> str:
         """Cause and advice."""
         return f"{self.cause}; {self.advice}"
+
+
+def out_of_time_before_a_design() -> Infeasibility:
+    """Return why there is no design where the time limit has ended the search."""
+    return Infeasibility(CUT_SHORT, "allow more time", proved=False)
 
 
 def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:

@@ -29,6 +29,7 @@ from vctune.model.units import UNITS, Units
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims import Design
 from vctune.proof.interval import Outcome, Verdict
+from vctune.running import seconds_left, time_limit, unlimited
 
 
 class Status(StrEnum):
@@ -51,6 +52,13 @@ IDLE = 0.5
 """A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and half of what
 the operator should feel is lost at 0.5. It decides on a warning and its cures, not on a design: with half of it more
 designs are warned of; twice as much is warned of none."""
+
+
+PROVING = 0.85
+"""The share of the time that is left, if there is a limit, for the proof of a design; the rest is for what double
+precision says of it, a second for an uncertain device. Half leaves designs unproved, all of it ends late."""
+CUT = " (the time limit cut its proof)"
+"""What is added to a claim whose proof the time limit ended."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +138,7 @@ class Judgement:
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
         return [
-            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}"
+            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}{CUT * outcome.cut}"
             for claim, outcome in self.certificate.outcomes.items()
             if outcome.verdict is not Verdict.PROVED
         ]
@@ -185,10 +193,12 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     Returns
     -------
     Judgement
-        Certificate, status, transparency and margins, in SI units and rad/s.
+        Certificate, status, transparency and margins, in SI units and rad/s. The time limit cuts the proof alone.
     """
-    certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
-    return _judgement(posed, gains, coupling, certificate)
+    with time_limit(PROVING * seconds_left()):
+        certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
+    with unlimited():
+        return _judgement(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
@@ -206,8 +216,12 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
         In the order of the designs.
     """
     posed = pose(problem)
-    certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
-    return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
+    with time_limit(PROVING * seconds_left()):
+        certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
+    with unlimited():
+        return [
+            _judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)
+        ]
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -13,7 +14,7 @@ import numpy as np
 from vctune.analysis.in_hands import least_ratio_near
 from vctune.design.exchange import TIGHTENING, polish
 from vctune.design.judge import Judgement, Status, judge_posed
-from vctune.design.prepared import Posed, Prepared, prepare
+from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Polished
 from vctune.design.rounding import DIGITS, rounded
 from vctune.design.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
@@ -26,6 +27,7 @@ from vctune.model.problem import Problem, Range
 from vctune.model.transparency import Terms
 from vctune.proof.certificate import Claim
 from vctune.proof.interval import Outcome, Verdict
+from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
 
 WORTH_POLISHING = 1.05
 """A start is polished if its scanned error is at most this much above the best polished one: about what the refined
@@ -41,6 +43,9 @@ grid. One would bet on the scan's order, more cost time before the search of eve
 NEARLY = 0.1
 """A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
 refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
+PROOF_BOXES = 300_000
+"""Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
+start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
 NEW_HANDS = 12
 """How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
 of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
@@ -48,6 +53,12 @@ SHARPENING, DECIDABLE = 10.0, 1e-3
 """By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
 the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
 costs proofs."""
+
+SEARCH, PROOF = "the search", "the proof"
+"""What a time limit may cut short."""
+SEARCHING = 0.6
+"""The share of the time that is left within which the starts are polished, if there is a time limit: a proof takes
+about as long as a polish. Half finds worse designs, all of it proves none."""
 
 Progress = Callable[[str], None]
 
@@ -62,12 +73,14 @@ class Optimum:
     polished : the local optimum it was rounded from
     optima : how many local optima were found
     seconds : of polishing and of proving
+    cut : what the time limit cut short
     """
 
     judgement: Judgement | None
     polished: Polished | None
     optima: int
     seconds: dict[str, float]
+    cut: tuple[str, ...] = ()
 
 
 def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
@@ -79,21 +92,30 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     scanned : what a scan of it saw, dimensionless
     progress : told the stage of the work
     """
-    began, scaled = perf_counter(), prepared.scaled
-    optima = local_optima(scaled, scanned, progress, WORTH_POLISHING)
+    began = perf_counter()
+    with time_limit(SEARCHING * seconds_left()):
+        optima = local_optima(prepared, scanned, progress, WORTH_POLISHING)
+        searched = not out_of_time()
     polished = perf_counter()
-    progress("proving")
+    progress(f"proving{_best_known(optima, prepared.units.error)}")
     best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
         tried = [optimum.start for optimum in optima]
-        optima = local_optima(
-            scaled, replace(scanned, starts=[s for s in scanned.starts if s not in tried]), progress, inf
-        )
+        others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
+        optima = local_optima(prepared, others, progress, inf)
         best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
-        judgement = _with_least_coupling(prepared, judgement)
+        with suppress(OutOfTimeError):
+            judgement = _with_least_coupling(prepared, judgement)
     seconds = {"polish": polished - began, "prove": perf_counter() - polished}
-    return Optimum(judgement, best, len(optima), seconds)
+    unproved = judgement.certificate.cut if judgement is not None else out_of_time()
+    cut = (SEARCH,) * (not searched) + (PROOF,) * unproved
+    return Optimum(judgement, best, len(optima), seconds, cut)
+
+
+def _best_known(optima: Sequence[Polished], unit: float) -> str:
+    """Return what is known of the best optimum so far, in words; its error is in units of `unit`."""
+    return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
 
 
 @np.errstate(all="ignore")
@@ -107,7 +129,8 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
-    optima = local_optima(prepared.scaled, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    optima = local_optima(prepared, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    check_time()
     return design_of(prepared.units.to_si(optima[0].values)) if optima else None
 
 
@@ -167,29 +190,39 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     return judgement
 
 
-def local_optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
+def local_optima(prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
     """Polish the starts that can still win; return the local optima, best first.
 
     Parameters
     ----------
-    scaled : dimensionless
-    scanned : starts of it
+    prepared : of a problem that leaves something free
+    scanned : starts of it, dimensionless
     progress : told the stage of the work
     worth : by what factor a start's error may exceed the least that is known
 
     Returns
     -------
     list of Polished
-        Dimensionless, the least error first; not proved.
+        Dimensionless, the least error first; not proved. The time limit leaves those that are known by then.
     """
     optima: list[Polished] = []
-    done: list[Start] = []
+    with suppress(OutOfTimeError):
+        _polish_starts(prepared, scanned, progress, worth, optima)
+    return sorted(optima, key=lambda optimum: optimum.error)
+
+
+def _polish_starts(
+    prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
+) -> None:
+    """Add the local optima that starts lead to."""
+    scaled, done = prepared.scaled, list[Start]()
     for number, start in enumerate(scanned.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
         if start.error > worth * least or hopeless or start in done:
             continue
-        progress(f"polishing start {number} of {len(scanned.starts)}")
+        check_time()
+        progress(f"polishing start {number} of {len(scanned.starts)}{_best_known(optima, prepared.units.error)}")
         polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
@@ -199,10 +232,9 @@ def local_optima(scaled: Posed, scanned: ScanResult, progress: Progress, worth: 
     if optima:
         nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
-            progress("polishing once more")
+            progress(f"polishing once more{_best_known(optima, prepared.units.error)}")
             better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
-            optima = [better, *optima] if better is not None else optima
-    return sorted(optima, key=lambda optimum: optimum.error)
+            optima += [better] if better is not None else []
 
 
 def _best_proved(
@@ -210,12 +242,17 @@ def _best_proved(
 ) -> tuple[Polished | None, Judgement | None]:
     """Return the best design that is proved; failing that the best one that is merely undecided."""
     doubtful: tuple[Polished, Judgement] | None = None
-    for optimum in optima:
-        for polished, judgement in _attempts(prepared, scanned, optimum):
-            if judgement.status is Status.CERTIFIED:
-                return polished, judgement
-            if judgement.status is Status.UNDECIDED and doubtful is None:
-                doubtful = polished, judgement
+    spent = 0
+    with suppress(OutOfTimeError):
+        for optimum in optima:
+            for polished, judgement in _attempts(prepared, scanned, optimum):
+                if judgement.status is Status.CERTIFIED:
+                    return polished, judgement
+                if judgement.status is Status.UNDECIDED and doubtful is None:
+                    doubtful = polished, judgement
+                spent += judgement.certificate.boxes
+                if doubtful is not None and (spent > PROOF_BOXES or judgement.certificate.cut):
+                    return doubtful
     return doubtful if doubtful is not None else (None, None)
 
 

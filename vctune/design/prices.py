@@ -17,6 +17,10 @@ from vctune.design.result import Polished, Price, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.model.device import Device
 from vctune.proof.whole_samples import kept_at_whole_sample, sensed_force_jumps
+from vctune.running import OutOfTimeError, check_time
+
+PRICES = "the prices of the device's numbers"
+"""What a time limit may cut short."""
 
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
@@ -38,8 +42,14 @@ def with_prices(solved: Solved) -> Solved:
         return solved
     prepared = prepare(solved.problem)
     numbers = {key: old for key, old in solved.problem.device.numbers().items() if old > 0}
-    here = _changed(prepared, polished, "mass", 1.0)
-    prices = [_price(prepared, polished, here, key) for key in numbers]
+    prices = []
+    try:
+        here = _changed(prepared, polished, "mass", 1.0)
+        for key in numbers:
+            check_time()
+            prices.append(_price(prepared, polished, here, key))
+    except OutOfTimeError:
+        return replace(solved, cut=(*solved.cut, PRICES))
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
 
 

@@ -54,11 +54,14 @@ from vctune.proof.certificate import IN_HANDS, Claim
 from vctune.proof.interval import Verdict, worst_verdict
 from vctune.proof.sampled_loop import spectral_radius
 from vctune.proof.whole_samples import delay_in_samples
+from vctune.running import out_of_time, unlimited
 from vctune.version import __version__
 
 if TYPE_CHECKING:
     from vctune.design.bound.search import Optimality
 
+PROVED_BAND = "the proof of a wider band"
+"""What a time limit may cut short."""
 SHOWN = 200
 """Rounds and open boxes of a search that are kept."""
 
@@ -91,12 +94,23 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     date : on which it is written (`vctune.document.date.today`); None where that is nobody's business
     """
     judgement, problem = solved.judgement, solved.problem
+    proved = _proved(problem, judgement) if judgement is not None else {}
+    if out_of_time() and proved:
+        solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
+    with unlimited():
+        return _recorded(file, solved, proved, ipopt, date)
+
+
+def _recorded(
+    file: ProblemFile, solved: Solved, proved: dict[str, Any], ipopt: str | None, date: str | None
+) -> DesignRecord:
+    judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
     touched: list[str] = []
     said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
-    said += doubts(problem)
+    said += [*solved.cut_short, *doubts(problem)]
     if judgement is not None:
-        parts = _judged(problem, judgement)
+        parts = _judged(problem, judgement, proved)
         touched = at_bound(problem, judgement.gains, judgement.coupling)
         said += warnings(problem, judgement, solved.repairs)
         if problem.uncertainty is not None:
@@ -207,11 +221,21 @@ def _cured(cures: Sequence[Repair] | None) -> str:
 
 
 @np.errstate(all="ignore")
-def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+    """Return what takes proofs of its own, as far as the time limit leaves time for them."""
+    proved = judgement.certificate.proved_band_hz
+    return {
+        "proved_band_hz": list(proved) if proved else None,
+        **_without_operator(problem, judgement.gains, judgement.coupling),
+    }
+
+
+@np.errstate(all="ignore")
+def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
-    worst, band, proved = judgement.worst, problem.stability.band, certificate.proved_band_hz
+    worst, band = judgement.worst, problem.stability.band
     somewhere = problem.passive and 0 < worst < inf
-    also: dict[str, Any] = {**_without_operator(problem, gains, coupling), **_in_hands(problem, judgement)}
+    also: dict[str, Any] = {**proved, **_in_hands(problem, judgement)}
     also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
     display = _display(problem)
     return {
@@ -221,7 +245,6 @@ def _judged(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "certificate": CertificateRecord(
             verdict=certificate.verdict.value,
             band_hz=[finite_hertz(band.min), finite_hertz(band.max)] if problem.passive else None,
-            proved_band_hz=list(proved) if proved else None,
             proved_ratio=certificate.proved_ratio,
             min_ratio=judgement.min_ratio,
             worst_hz=finite_hertz(worst),

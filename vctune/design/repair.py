@@ -6,6 +6,7 @@ Gains that are given are tried without the optimiser, which is imported only whe
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 from time import perf_counter
@@ -27,12 +28,15 @@ from vctune.model.problem import Problem
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
 from vctune.proof.sampled_loop import prove_sampled_poles
+from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
 
 SHARE = 0.9
 """The share of a repair that must not suffice."""
 ROUNDS = 10
 """How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
 three times are usual; half as many leave out repairs, twice as many wait for none."""
+REPAIRS = "the repairs"
+"""What a time limit may cut short."""
 LONGEST = 30.0
 """Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
 leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
@@ -90,7 +94,10 @@ def _solved(problem: Problem) -> Judgement | None:
     from vctune.design.solve import solve
 
     # in hands the search of every box takes half a minute, as long as all repairs may take
-    judgement = solve(problem, exhaustive=problem.hands_met is None).judgement
+    solved = solve(problem, exhaustive=problem.hands_met is None)
+    if solved.cut:  # is no answer
+        raise OutOfTimeError
+    judgement = solved.judgement
     return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
 
 
@@ -138,13 +145,17 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     idle = judgement is not None and judgement.idle
     if judgement is not None and solved.status is not Status.VIOLATED and not idle:
         return solved
+    if out_of_time():
+        return replace(solved, cut=(*solved.cut, REPAIRS))
     document = toml.parse(file.text, problem.name)
     if idle:
         repairs = find_cures(document, problem, progress)
     else:
         test = OF_FIXED if problem.bounds.fixed else OF_FREE
         repairs = find_repairs(document, parameter_changes(document, problem), test, progress)
-    return replace(solved, repairs=repairs, seconds={**solved.seconds, "repairs": perf_counter() - began})
+    seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
+    found = repairs or None if cut else repairs  # that there is none was not found out
+    return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
@@ -161,7 +172,13 @@ def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = 
 
 
 def has_design_in_use(problem: Problem) -> bool:
-    """Return whether solving a problem finds a design that uses its velocity loop."""
+    """Return whether solving a problem finds a design that uses its velocity loop.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends that.
+    """
     return not problem.bounds.fixed and OF_FREE_IN_USE.verify(problem) is not None
 
 
@@ -172,7 +189,7 @@ def find_repairs(
     test: RepairTest = OF_FIXED,
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, the smallest first, as many as `LONGEST` allows.
+    """Return the least changes of one number that repair a problem, the smallest first, as many as time allows.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
     with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
@@ -184,20 +201,21 @@ def find_repairs(
     test : how changed problems are tried
     progress : told what is tried
     """
-    last = perf_counter() + LONGEST
-    searches = [_Search(document, change, test, lambda: perf_counter() > last) for change in changes]
-    left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
-    trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
-    found = []
-    for relative, number in trials:
-        if number not in left:
-            continue
-        progress(f"looking for repairs: {changes[number].meaning}")
-        if searches[number].promising(relative):
-            found.append(searches[number].least(left.pop(number), relative))
-        else:
-            left[number] = relative
-    return sorted((repair for repair in found if repair is not None), key=lambda repair: repair.size)
+    found: list[Repair] = []
+    with suppress(OutOfTimeError), time_limit(LONGEST):
+        searches = [_Search(document, change, test) for change in changes]
+        left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
+        trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
+        for relative, number in trials:
+            if number not in left:
+                continue
+            known = f", {len(found)} found" if found else ""
+            progress(f"looking for repairs: {changes[number].meaning}{known}")
+            if not searches[number].promising(relative):
+                left[number] = relative
+            elif (repair := searches[number].least(left.pop(number), relative)) is not None:
+                found.append(repair)
+    return sorted(found, key=lambda repair: repair.size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,13 +227,11 @@ class _Search:
     document : parsed TOML
     change : the number
     test : how changed problems are tried
-    late : whether to try no more
     """
 
     document: dict[str, Any]
     change: ParameterChange
     test: RepairTest
-    late: Callable[[], bool]
 
     def hopeless(self) -> bool:
         """Return whether it will not do however far it goes, where going further only eases the demands."""
@@ -225,15 +241,19 @@ class _Search:
     def promising(self, relative: float) -> bool:
         """Return whether a relative change seems to suffice."""
         posed, _ = pose(self.change.applied(self.document, self.change.value(relative)), "")
-        return posed is not None and not self.late() and self.test.estimate(posed)
+        check_time()
+        return posed is not None and self.test.estimate(posed)
 
     def certified(self, new: float) -> Judgement | None:
         """Return the design that there is with a new value, if it is certified."""
         posed, _ = pose(self.change.applied(self.document, new), "")
-        return self.test.verify(posed) if posed is not None else None
+        check_time()
+        judgement = self.test.verify(posed) if posed is not None else None
+        check_time()  # what was cut is no answer
+        return judgement
 
     def least(self, low: float, high: float) -> Repair | None:
-        """Return the least change that repairs the problem while `SHARE` of it does not, if found in time.
+        """Return the least change that repairs the problem while `SHARE` of it does not, if found in `ROUNDS`.
 
         Where any change of a 0 repairs it, the first that was tried stands for all.
 
@@ -247,8 +267,6 @@ class _Search:
             new = change.rounded(high, width / 2)
             return self._repair(new, self.certified(new))
         for _ in range(ROUNDS):
-            if self.late():
-                break
             new = change.rounded(relative, width / 2)
             design, partial = self.certified(new), change.partial(new, SHARE)
             if design is None:

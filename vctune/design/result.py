@@ -13,6 +13,7 @@ from vctune.design.scan import ScanResult
 from vctune.design.start import Start
 from vctune.design.variables import Point
 from vctune.design.working_set import WorkingSet
+from vctune.document.codes import Note
 from vctune.markup import html_facts
 from vctune.model.problem import Criterion, Problem
 
@@ -163,6 +164,7 @@ class Solved:
     repairs : changes of the problem that would make a design possible, None when nobody asked
     alternatives : what either criterion alone would allow, None when there is one or nobody asked
     prices : what a better device would be worth, the greatest gain first, None when nobody asked or there is no optimum
+    cut : what the time limit cut short, in words
     """
 
     problem: Problem
@@ -177,6 +179,7 @@ class Solved:
     repairs: list[Repair] | None = None
     prices: list[Price] | None = None
     alternatives: list[Alternative] | None = None
+    cut: tuple[str, ...] = ()
 
     @property
     def status(self) -> Status:
@@ -185,6 +188,15 @@ class Solved:
             return self.judgement.status
         proved = self.infeasibility is not None and self.infeasibility.proved
         return Status.INFEASIBLE if proved else Status.UNDECIDED
+
+    @property
+    def cut_short(self) -> list[Note]:
+        """What a time limit has cut short, if anything."""
+        if not self.cut:
+            return []
+        *others, last = dict.fromkeys(self.cut)
+        what = f"{', '.join(others)} and {last}" if others else last
+        return [Note("time-limit", f"the time limit cut {what} short; what is stated was known by then")]
 
     def _repr_html_(self) -> str:
         design = self.judgement.facts if self.judgement is not None else {}

@@ -2,30 +2,39 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from math import inf
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.design.infeasible import nearest_miss
+from vctune.design.infeasible import nearest_miss, out_of_time_before_a_design
 from vctune.design.judge import judge
-from vctune.design.optimum import Progress, improved, nominal_start, optimum
+from vctune.design.optimum import PROOF, SEARCH, SEARCHING, Progress, improved, nominal_start, optimum
 from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Solved
 from vctune.design.scan import scan
 from vctune.design.theorems import impossible
 from vctune.model.problem import Problem
+from vctune.running import OutOfTimeError, out_of_time, seconds_left, time_limit
 
 if TYPE_CHECKING:
     from vctune.design.bound.resume import ResumeState
     from vctune.design.bound.search import Optimality, SearchState
 
+BOUND = "the search of every box"
+"""What a time limit may cut short, too."""
 SEARCH_BOXES, SEARCH_GAP = 300_000, 0.01
 """Effort of the search for a design, or for the proof that there is none, where the optimiser found none, shared by the
 devices at which a box is looked at: as long as somebody waits for an answer. Half as many prove fewer problems
 infeasible, twice as many a few more. And how good a design it is content with: a gap of 1 %."""
+STABILITY_BOXES = 1_500_000
+"""The same of boxes that prove loops stable or unstable, which take a tenth of the time each. Searches of problems/
+take about as many as lower bounds; a loop that is sampled once in half an hour takes a hundred times as many, and never
+ends. Half and twice: half and twice as long to give up."""
 EARLY_BOXES = 20_000
 """Effort of a first proof that there is no design, before the optimiser tries to make one of what is none: a small
 share of `SEARCH_BOXES`. Nothing is lost, since the later search goes on where this one ended."""
@@ -54,15 +63,32 @@ def solve(
     Returns
     -------
     Solved
-        The design with its certificate, or why there is none; SI units. Repairs are not looked for.
+        The design with its certificate, or why there is none; SI units. Repairs are not looked for. At the end of
+        the time limit it is the best design by then with what is proved of it, and `cut` says what was cut short.
     """
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
-        return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began})
+        cut = (PROOF,) * fixed.certificate.cut
+        return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began}, cut=cut)
     theorem = impossible(problem)
     if theorem is not None:
         return Solved(problem=problem, infeasibility=theorem)
+    try:
+        return _found(problem, progress, gap, exhaustive=exhaustive)
+    except OutOfTimeError:
+        return Solved(problem=problem, infeasibility=out_of_time_before_a_design(), cut=(SEARCH,))
+
+
+def _found(problem: Problem, progress: Progress, gap: float | None, *, exhaustive: bool) -> Solved:
+    """Search for a design.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends the work before anything is known.
+    """
+    began = perf_counter()
     progress("scanning")
     prepared = prepare(problem)
     scanned = scan(prepared.scaled)
@@ -74,8 +100,11 @@ def solve(
         miss = nearest_miss(prepared, scanned, proved=True)
         return Solved(problem=problem, infeasibility=miss, scanned=scanned, seconds=seconds, optimality=early)
     waited = perf_counter()
-    nominal = nominal_start(prepared) if problem.uncertainty is not None else None
+    nominal = None
     if problem.uncertainty is not None:
+        progress("solving for the nominal device")
+        with suppress(OutOfTimeError), time_limit(SEARCHING * seconds_left()):
+            nominal = nominal_start(prepared)
         seconds["nominal"] = perf_counter() - waited
     starts = [nominal[0], *scanned.starts] if nominal is not None else scanned.starts
     best = optimum(prepared, replace(scanned, starts=starts), progress)
@@ -87,12 +116,15 @@ def solve(
         scanned=scanned,
         seconds=seconds | best.seconds,
         nominal_error=nominal[1] if nominal is not None else None,
+        cut=best.cut,
     )
-    if exhaustive and (solved.judgement is None or gap is not None):
+    if exhaustive and (solved.judgement is None or gap is not None) and not out_of_time():
         solved = _searched(prepared, solved, progress, gap, early.resume if early else None)
     if solved.judgement is None:
         proved = solved.optimality is not None and solved.optimality.proved
-        solved = replace(solved, infeasibility=nearest_miss(prepared, scanned, proved=proved))
+        cut = out_of_time() and not proved
+        miss = out_of_time_before_a_design() if cut else nearest_miss(prepared, scanned, proved=proved)
+        solved = replace(solved, infeasibility=miss)
     return solved
 
 
@@ -100,7 +132,15 @@ def _early(prepared: Prepared) -> Optimality:
     """Search the boxes for a short while: where the scan met no admissible point there may be nothing to polish."""
     from vctune.design.bound.search import bound
 
-    return bound(prepared.given, None, lambda gains, limit: None, gap=SEARCH_GAP, most_boxes=EARLY_BOXES)
+    share = EARLY_BOXES / SEARCH_BOXES
+    return bound(
+        prepared.given,
+        None,
+        lambda gains, limit: None,
+        gap=SEARCH_GAP,
+        most_boxes=EARLY_BOXES,
+        most_stability_boxes=share * STABILITY_BOXES,
+    )
 
 
 def _searched(
@@ -116,7 +156,21 @@ def _searched(
 
     most, within = (SEARCH_BOXES // len(prepared.given.cases), SEARCH_GAP) if gap is None else (BOUND_BOXES, gap)
     improve = partial(improved, prepared)
-    found = bound(prepared.given, solved.judgement, improve, gap=within, most_boxes=most, resume=resume, progress=tell)
+    try:
+        known = solved.judgement
+        found = bound(
+            prepared.given,
+            known,
+            improve,
+            gap=within,
+            most_boxes=most,
+            most_stability_boxes=STABILITY_BOXES if gap is None else inf,
+            resume=resume,
+            progress=tell,
+        )
+    except OutOfTimeError:
+        return replace(solved, cut=(*solved.cut, BOUND))
+    solved = replace(solved, cut=(*solved.cut, *(BOUND,) * (out_of_time() and not found.proved)))
     seconds = {**solved.seconds, "bound": perf_counter() - began}
     if found.improved is None:
         return replace(solved, optimality=found, seconds=seconds)

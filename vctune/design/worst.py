@@ -21,6 +21,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.proof.devices import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
+from vctune.running import check_time
 
 SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
 """Values of each uncertain number that are looked at, its ends among them. The ratio is smooth in mass and damping, and
@@ -172,6 +173,7 @@ def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Fl
     widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.uncertain)])
     lowest, rows = value(at), np.arange(at.shape[1])
     for _ in range(STEPS):
+        check_time()
         tried = np.clip(at[:, None] + steps * widths[:, None], low[:, None], high[:, None])
         values = value(tried)
         k = values.argmin(axis=0)

@@ -90,7 +90,10 @@ class EnvironmentRecord(Part):
 
 
 class ClaimRecord(Part):
-    """A claim, where, on which device and in which hand it fails, and what makes it grow there."""
+    """A claim, where, on which device and in which hand it fails, and what makes it grow there.
+
+    Where the time limit `cut` its proof it is undecided.
+    """
 
     claim: str
     verdict: Proof
@@ -98,6 +101,7 @@ class ClaimRecord(Part):
     witness_device: DeviceRecord | None = None
     witness_hand: HandRecord | None = None
     environment: EnvironmentRecord | None = None
+    cut: bool = False
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield what is shown of a claim that is not proved; its text is too long for a label."""

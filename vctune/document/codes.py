@@ -79,6 +79,7 @@ Code = Literal[
     "ros-unused-ratio",
     "rows-file",
     "rows-torn",
+    "time-limit",
     "unknown-key",
     "unknown-name",
     "unreadable-file",
@@ -90,6 +91,7 @@ Code = Literal[
     "warn-repairs-cut-short",
     "warn-sample-time",
     "warn-solve-instead",
+    "warn-stiffness",
     "wrong-type",
 ]
 """A new one is added here, given to what is said, and explained in a README."""
@@ -105,6 +107,18 @@ def coded(text: str, code: Code) -> str:
     code : what it is an instance of
     """
     return f"{text} [{code}]"
+
+
+def has_code(line: str | None, code: Code) -> bool:
+    """Return whether a line ends with a code.
+
+    Parameters
+    ----------
+    line : what is said, if anything
+    code : looked for
+    """
+    found = ENDING.search(line or "")
+    return found is not None and found[1] == code
 
 
 @dataclass(frozen=True, slots=True)

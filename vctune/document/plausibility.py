@@ -10,6 +10,11 @@ from vctune.model.problem import Problem
 
 SLOWEST = 0.1
 """Sample time from which on it is asked whether it is in seconds, s: twice that of the slowest example."""
+STIFFEST = 1e6
+"""Greatest stiffness of a hand from which on it is asked whether it is in SI units, N/m or N m/rad: ten times that of a
+stiff fixture, a thousand times that of a firm grip."""
+FIRM = 1e3
+"""Stiffness of a firm grip, N/m."""
 FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
 
 
@@ -24,6 +29,11 @@ def doubts(problem: Problem) -> Iterator[Note]:
     if T >= SLOWEST:
         unit, instead = in_finer_unit(T, SLOWEST)
         yield Note("warn-sample-time", f"device.sample_time is {T:g} s; is it in {unit}? Then write {instead:g}")
+    stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
+    if stiffness >= STIFFEST:
+        unit = problem.units.stiffness
+        said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
+        yield Note("warn-stiffness", said)
     if RESERVED.match(name.strip().lstrip(".")):
         said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
         yield Note("warn-name", said)

@@ -132,7 +132,7 @@ class RegionCheckRecord(Document):
     SCHEMA = "vctune/region-check/1"
 
     problem: CheckedProblemRecord
-    status: Literal["kept", "lost"]
+    status: Literal["kept", "lost", "undecided"]
     axes: AxesRecord
     areas: dict[str, float]
     lost_cells: list[list[float]]

@@ -77,7 +77,10 @@ DESIGN = {
 
 
 class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
-    """A line of rows.jsonl: a finished point, by the digest of all that determines it."""
+    """A line of rows.jsonl: a finished point, by the digest of all that determines it.
+
+    Where the `time_limit`, s, has cut its work short, it is undecided, and a run with more time tries it again.
+    """
 
     key: str
     point: dict[str, float | str]
@@ -85,6 +88,7 @@ class RowRecord(YardstickRecord, FeltRecord, NumbersRecord):
     idle: bool
     reason: str | None
     seconds: float = 0.0
+    time_limit: float | None = None
 
 
 Cells = dict[str, bool | float | str | None]

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 from math import pi, sqrt
 
+from vctune.running import OutOfTimeError
+
 FINEST_STEP = 1e-6
 """Where the extension of a proved band ends, relative, before it is moved to an edge of few digits. Half and twice it
 are a step, and end at the same edge."""
@@ -28,17 +30,20 @@ def extend_band(holds: Callable[[float, float], bool], edge: float, goal: float)
     Returns
     -------
     float
-        rad/s, between both; everything between it and the edge is proved.
+        rad/s, between both; everything between it and the edge is proved. The time limit leaves the edge nearer.
     """
     down, start = goal < edge, edge
     step, held = 4.0, True  # a ratio; squared after a second success, its root taken after a failure
-    while step - 1 > FINEST_STEP and edge != goal:
-        ahead = max(goal, edge / step) if down else min(goal, edge * step)
-        if holds(min(edge, ahead), max(edge, ahead)):
-            edge, step, held = ahead, min(step * step, 16.0) if held else step, True
-        else:
-            step, held = sqrt(step), False
-    return goal if edge == goal else _decimal_edge(holds, edge, start, goal)
+    try:
+        while step - 1 > FINEST_STEP and edge != goal:
+            ahead = max(goal, edge / step) if down else min(goal, edge * step)
+            if holds(min(edge, ahead), max(edge, ahead)):
+                edge, step, held = ahead, min(step * step, 16.0) if held else step, True
+            else:
+                step, held = sqrt(step), False
+        return goal if edge == goal else _decimal_edge(holds, edge, start, goal)
+    except OutOfTimeError:
+        return edge
 
 
 def _decimal_edge(holds: Callable[[float, float], bool], edge: float, start: float, goal: float) -> float:

@@ -22,6 +22,7 @@ from vctune.proof.branching import Decided, Test
 from vctune.proof.interval import WIDE
 from vctune.proof.jets import Jet, variables
 from vctune.proof.taylor import variables as polynomials
+from vctune.running import check_time
 
 NARROW = 1.02
 """Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
@@ -106,6 +107,7 @@ def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slo
         return margin(rows[0], boxes.named(rows, fixed))
 
     def test(boxes: Boxes) -> Decided:
+        check_time()
         varied = boxes.varied()
         least = least_over_boxes(of(boxes, varied))
         proved, width = least.bound > 0, boxes.high - boxes.low
@@ -324,6 +326,7 @@ def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Boun
     Halving a row saves what its slope costs; where the margin is negative at that point, what it varies by; where
     nothing is known of the slopes, the widest row is as good as any.
     """
+    check_time()
     varied = boxes.varied()
     over_box = margin(variables(rows, varied))
     n, count = len(boxes), len(rows)

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from vctune.proof.array_intervals import Flags, Floats
 from vctune.proof.boxes import CHUNK, Boxes, Integers
+from vctune.running import check_time, tell
 
 BLUR = 2.0
 """A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
@@ -98,13 +100,20 @@ def prove(
     -------
     Proofs
         For each owner; proved only if all of its boxes are.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it.
     """
     shape = (len(boxes.names), owners)
     failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
     count, total = np.zeros(owners, np.intp), np.zeros(owners)
+    first = float(len(boxes))
     for again in range(max_halvings + 1):
         if not len(boxes):
             break
+        tell(partial(_stage, count.sum(), len(boxes) / first))
         count += boxes.count(owners)
         decided = _in_chunks(test, boxes)
         failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]
@@ -121,7 +130,9 @@ def prove(
         open_[:, boxes.owner[stays]] = decided.point[:, stays]
         if only_whole:
             goes_on &= np.isnan(open_[0, boxes.owner])
-        boxes = _halved(boxes.subset(goes_on), axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
+        kept = boxes.subset(goes_on)
+        boxes = _halved(kept, axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
+        first *= len(boxes) / max(len(kept), 1)
     return Proofs(
         proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
     )
@@ -156,6 +167,14 @@ def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int)
         axis = _costliest(cost, halved)
 
 
+def _stage(boxes: int, open_: float) -> str:
+    """Return how far a proof is: all boxes of a round have been halved equally often, and their number is a share."""
+    return f"{boxes} boxes, {1 - open_:.1%} proved"
+
+
 def _in_chunks(test: Test, boxes: Boxes) -> Decided:
-    parts = [test(boxes.subset(slice(i, i + CHUNK))) for i in range(0, len(boxes), CHUNK)]
+    parts = []
+    for i in range(0, len(boxes), CHUNK):
+        check_time()
+        parts.append(test(boxes.subset(slice(i, i + CHUNK))))
     return Decided(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Decided.__slots__))

@@ -6,6 +6,7 @@ See proof/README.md, section 1; document/README.md, section 3.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from fractions import Fraction
@@ -41,6 +42,7 @@ from vctune.proof.robust import (
 )
 from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity, unmodelled_at
 from vctune.proof.whole_samples import beside_whole_sample
+from vctune.running import OutOfTimeError, check_time, tell
 
 
 class Claim(StrEnum):
@@ -94,6 +96,11 @@ class Certificate:
         return worst_verdict(outcome.verdict for outcome in self.outcomes.values())
 
     @property
+    def cut(self) -> bool:
+        """Whether the time limit cut one of the proofs."""
+        return any(outcome.cut for outcome in self.outcomes.values())
+
+    @property
     def boxes(self) -> int:
         """Boxes looked at for all claims."""
         return sum(outcome.boxes for outcome in self.outcomes.values())
@@ -121,10 +128,13 @@ class Certificate:
         if conditions is None or conditions.verdict is not Verdict.PROVED:
             return None
         robust = _robust_design(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
-        if robust is not None:
-            return widest_band_for_all(robust)
-        with ctx.workprec(PRECISION):
-            return widest_band(self.design, *self.demands.band)
+        try:
+            if robust is not None:
+                return widest_band_for_all(robust)
+            with ctx.workprec(PRECISION):
+                return widest_band(self.design, *self.demands.band)
+        except OutOfTimeError:
+            return self.demands.band
 
     @property
     def proved_band_hz(self) -> tuple[float, float] | None:
@@ -150,8 +160,9 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
     Returns
     -------
     Certificate
-        Each claim proved, refuted or undecided. Where the device's delay is near a whole number of samples, and the
-        sensed force jumps there, a claim is proved only if it is on both sides of that number too.
+        Each claim proved, refuted or undecided; those that the time limit cuts or leaves no time for are undecided.
+        Where the device's delay is near a whole number of samples, and the sensed force jumps there, a claim is proved
+        only if it is on both sides of that number too.
     """
     own, beside = _certificate(design, demands, box), _beside(design, demands, box)
     return _holding_beside(own, [_certificate(*each) for each in beside]) if beside else own
@@ -166,28 +177,35 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
         alone = partial(prove_conditions, low=low, high=high, factor=factor)
         return _everywhere(design, box, demands, in_doubt)(alone, prove_conditions_for_all, factor)
 
+    outcomes: dict[Claim, Outcome] = {}
+
+    def unmodelled(radii: tuple[tuple[float, float], ...]) -> Outcome:
+        assert box is not None
+        bounded = outcomes[Claim.SENSITIVITY].verdict is Verdict.PROVED
+        return _unmodelled(design, box, radii, demands, bounded=bounded)
+
+    proofs: dict[Claim, Callable[[], Outcome]] = {}
+    if demands.passive:
+        proofs[Claim.CONDITIONS] = partial(conditions, demands.factor)
+    proofs[Claim.SENSITIVITY] = partial(claim, lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
+    if demands.passive:
+        poles = partial(_of_every_loop, prove_model_poles)
+        proofs[Claim.MODEL_POLES] = partial(claim, poles, prove_model_poles_for_all)
+    poles = partial(_of_every_loop, prove_sampled_poles)
+    proofs[Claim.SAMPLED_POLES] = partial(claim, poles, prove_sampled_poles_for_all)
+    if box is not None and box.nominal.unmodelled is not None:
+        proofs[Claim.UNMODELLED] = partial(unmodelled, box.nominal.unmodelled.radii)
+    if demands.any_hand:
+        proofs[Claim.ANY_HAND] = partial(prove_any_hand, design, demands, box)
+    if demands.hands is not None:
+        in_hands = Claim.FORCE_HANDS if design.device.renders_force else Claim.HANDS
+        proofs[in_hands] = partial(prove_hands, design, demands, box)
     with ctx.workprec(PRECISION):
-        outcomes = {}
-        if demands.passive:
-            outcomes[Claim.CONDITIONS] = conditions(demands.factor)
-        outcomes[Claim.SENSITIVITY] = claim(lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
-        if demands.passive:
-            poles = partial(_of_every_loop, prove_model_poles)
-            outcomes[Claim.MODEL_POLES] = claim(poles, prove_model_poles_for_all)
-        poles = partial(_of_every_loop, prove_sampled_poles)
-        outcomes[Claim.SAMPLED_POLES] = claim(poles, prove_sampled_poles_for_all)
-        if box is not None and box.nominal.unmodelled is not None:
-            bounded = outcomes[Claim.SENSITIVITY].verdict is Verdict.PROVED
-            outcomes[Claim.UNMODELLED] = _unmodelled(
-                design, box, box.nominal.unmodelled.radii, demands, bounded=bounded
-            )
-        if demands.any_hand:
-            outcomes[Claim.ANY_HAND] = prove_any_hand(design, demands, box)
-        if demands.hands is not None:
-            in_hands = Claim.FORCE_HANDS if design.device.renders_force else Claim.HANDS
-            outcomes[in_hands] = prove_hands(design, demands, box)
+        for number, (name, proof) in enumerate(proofs.items(), 1):
+            tell(partial("claim {} of {}".format, number, len(proofs)))
+            outcomes[name] = _in_time(proof)
         missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
-        without_factor = conditions(1.0) if missed else None
+        without_factor = _in_time(partial(conditions, 1.0)) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 
@@ -223,6 +241,15 @@ def _worse(found: Outcome, other: Outcome, device: Device) -> Outcome:
     if found.verdict is Verdict.REFUTED or other.verdict in (Verdict.PROVED, found.verdict):
         return replace(found, boxes=boxes)
     return replace(other, boxes=boxes, device=other.device or device)
+
+
+def _in_time(proof: Callable[[], Outcome]) -> Outcome:
+    """Return what a proof finds, or that the time limit cut it."""
+    try:
+        check_time()
+        return proof()
+    except OutOfTimeError:
+        return Outcome(Verdict.UNDECIDED, 0, cut=True)
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
@@ -315,8 +342,9 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
     found: list[Certificate | None] = [None] * len(designs)
     if designs and box is None and demands.hands is None and not demands.any_hand:
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
-        proofs = prove(demands, Cells(values, values))
-        for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
-            outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(ON_ARRAYS, boxes, strict=True)}
-            found[index] = Certificate(designs[index], demands, outcomes) if proved else None
+        with suppress(OutOfTimeError):
+            proofs = prove(demands, Cells(values, values))
+            for index, (proved, boxes) in enumerate(zip(proofs.proved, proofs.boxes.T.tolist(), strict=True)):
+                outcomes = {claim: Outcome(Verdict.PROVED, n) for claim, n in zip(ON_ARRAYS, boxes, strict=True)}
+                found[index] = Certificate(designs[index], demands, outcomes) if proved else None
     return [certificate or certify(design, demands, box) for design, certificate in zip(designs, found, strict=True)]

@@ -37,10 +37,12 @@ class Encirclements:
     number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
         stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
     boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
+    throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)
     """
 
     number: Floats
     boxes: Integers
+    throughout: Integers
 
 
 def encirclements(demands: Demands, cells: Cells) -> Encirclements:
@@ -52,14 +54,16 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
     cells : n of them
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
-    number, boxes = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
-    return Encirclements(np.concatenate(number), boxes.sum(axis=0))
+    number, boxes, throughout = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
+    return Encirclements(np.concatenate(number), boxes.sum(axis=0), throughout.sum(axis=0))
 
 
 def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
     """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
     claims, device = claims_of(demands), demands.device
-    same = _no_pole_crosses(demands, claims, cells) if cells.extended else np.ones((2, len(cells)), bool)
+    same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
+    if cells.extended:
+        same, throughout = _no_pole_crosses(demands, claims, cells)
     number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
     calm = np.flatnonzero(same.any(axis=0))
     points = cells.subset(calm).centres()
@@ -70,7 +74,7 @@ def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
         number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)
     number[1, calm], boxes[1, calm] = _turns_at(claims.sampled_poles, points, HALF_TURN, pi)
     number = np.where(same, number, np.nan)
-    return Encirclements(number if demands.passive else number[1:], boxes)
+    return Encirclements(number if demands.passive else number[1:], boxes, throughout)
 
 
 def _turns_at(
@@ -82,21 +86,28 @@ def _turns_at(
     return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
 
 
-def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Flags, Integers]:
     """Return where no pole of the model, if it counts, and none of the sampled loop crosses over within a cell."""
+    boxes = np.zeros(len(cells), np.intp)
 
     def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
-        return cells_over_band(misses_zero(curve, {}, sufficient), cells, 0.0, high).proved
+        nonlocal boxes
+        found = cells_over_band(misses_zero(curve, {}, sufficient), cells, 0.0, high)
+        boxes = boxes + found.boxes
+        return found.proved
 
     model = np.ones(len(cells), bool)
     if demands.passive:
         end = model_curve_end(demands.device, cells)
         model = uncrossed(claims.model_poles, claims.model_any_position, end)
-    return np.stack((model, uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)))
+    sampled = uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)
+    return np.stack((model, sampled)), boxes
 
 
-def encirclements_in_hand(demands: Demands, cells: Cells) -> Floats:
-    """Return how often the curve of the loop in one hand of the box goes around 0, nan where not settled: shape (n,).
+def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integers]:
+    """Return how often the curve of the loop in one hand of the box goes around 0, and the boxes that took, shape (n,).
+
+    The number is nan where it is not settled.
 
     Parameters
     ----------
@@ -105,11 +116,11 @@ def encirclements_in_hand(demands: Demands, cells: Cells) -> Floats:
     """
     assert demands.hands is not None
     claims, number = claims_of(demands), np.full(len(cells), np.nan)
-    same = cells_over_band(misses_zero(claims.poles_in_hand, _middle(demands)), cells, 0.0, HALF_TURN).proved
-    calm = np.flatnonzero(same)
+    same = cells_over_band(misses_zero(claims.poles_in_hand, _middle(demands)), cells, 0.0, HALF_TURN)
+    calm = np.flatnonzero(same.proved)
     if len(calm):
         number[calm] = turns_in_hand(demands, cells.subset(calm).centres())
-    return number
+    return number, same.boxes
 
 
 def turns_in_hand(demands: Demands, points: Cells) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from math import sqrt
 
 from flint import arb, arb_series
@@ -14,6 +15,7 @@ from vctune.model.device import Device
 from vctune.model.frequency import hertz
 from vctune.model.hands import Hand
 from vctune.proof.arb_balls import box
+from vctune.running import check_time, tell
 
 MAX_BOXES = 200_000
 """Boxes before a claim is left undecided; an optimal design takes some hundred. Half and twice: as long to give up."""
@@ -64,6 +66,7 @@ class Outcome:
     witness : where it is refuted or undecided, if at a certain place, rad/s
     device : of a box of devices, the one that is refuted or undecided
     hand : of a box of hands, the one in which it is
+    cut : whether it is undecided because the time limit ended the proof
     """
 
     verdict: Verdict
@@ -71,6 +74,7 @@ class Outcome:
     witness: float | None = None
     device: Device | None = None
     hand: Hand | None = None
+    cut: bool = False
 
     @property
     def witness_hz(self) -> float | None:
@@ -95,9 +99,16 @@ def prove_boxes(
     -------
     Outcome
         Its witness is the middle of the box that is refuted or stays open.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it.
     """
     left, right = low, high
     for boxes in range(1, max_boxes + 1):
+        check_time()
+        tell(partial(_stage, boxes - 1, (left - low) / (high - low or 1.0)))
         verdict, middle = decide(left, right), _middle(left, right)
         if verdict is Verdict.PROVED and right == high:
             return Outcome(Verdict.PROVED, boxes)
@@ -110,6 +121,10 @@ def prove_boxes(
         else:
             right = middle
     return Outcome(Verdict.UNDECIDED, max_boxes, middle)
+
+
+def _stage(boxes: int, proved: float) -> str:
+    return f"{boxes} boxes, {proved:.1%} proved"
 
 
 def _middle(low: float, high: float) -> float:

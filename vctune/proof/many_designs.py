@@ -226,7 +226,7 @@ def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
         lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
         if demands.hands is not None:
             left = np.flatnonzero(~lost)
-            number = encirclements_in_hand(demands, part.subset(left))
+            number, _ = encirclements_in_hand(demands, part.subset(left))
             lost[left] = np.isfinite(number) & (number != 0)
         fails[at] = lost
     return fails

@@ -22,6 +22,7 @@ from vctune.report.sliders import sliders
 from vctune.report.style import INK, PAPER
 from vctune.report.summary import summary
 from vctune.report.tables import asked, assumptions, claim_lines, feel_lines
+from vctune.running import check_time
 
 IDLE = {
     r"<metadata>.*?</metadata>\n": "",
@@ -108,6 +109,7 @@ def svg(figure: Figure, name: str) -> str:
     figure : drawn
     name : salt of the identifiers in the file, so that figures of several names go on one page
     """
+    check_time()
     stream = BytesIO()
     with rc_context({"svg.hashsalt": name, "svg.fonttype": "none"}):
         figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None, "Creator": None})

@@ -29,6 +29,7 @@ from vctune.proof.boxes import Cells, Integers
 from vctune.proof.claims import inwards
 from vctune.proof.damping import admissible_damping, no_damping
 from vctune.proof.many_designs import Places, prove, refuted
+from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
 
 POINTS_PER_DECADE = 24
@@ -97,22 +98,27 @@ def region(
     problem : one without `plane_errors` in the plane
     plane : the variables and the edges of the finest cells
     squares : cells to begin with, shape (4, n)
-    progress : told how many cells are decided
-    stopped : whether to give up now; asked before each `TOGETHER` cells
+    progress : told what share of the plane is decided
+    stopped : whether to give up now; asked before each `TOGETHER` cells. The time limit ends it earlier
 
     Returns
     -------
     Region
         The cells that those are divided into, in no particular order.
     """
-    one, done = of_one_device(problem), list[tuple[Squares, Kinds, Floats]]()
+    one, done, decided = of_one_device(problem), list[tuple[Squares, Kinds, Floats]](), 0.0
     assert one is not None
     problems = [one, *problems_beside(one)]
-    while squares.shape[1] and not stopped():
-        progress(f"{sum(s.shape[1] for s, *_ in done)} cells decided, {squares.shape[1]} open")
-        first, squares = np.split(squares, [TOGETHER], axis=1)
-        kinds, damping = _judged(problems, plane, first)
+    while squares.shape[1] and not (stopped() or out_of_time()):
+        progress(f"{decided:.1%} of the plane decided, {squares.shape[1]} cells open")
+        first, rest = np.split(squares, [TOGETHER], axis=1)
+        try:
+            kinds, damping = _judged(problems, plane, first)
+        except OutOfTimeError:
+            break
+        squares = rest
         size = np.maximum(first[1] - first[0], first[3] - first[2])
+        decided += plane.areas(first)[kinds != Kind.UNDECIDED].sum()
         settled = (kinds != Kind.UNDECIDED) | (size == 1)
         done.append((first[:, settled], kinds[settled], damping[settled]))
         squares = np.concatenate((squares, halved(first[:, ~settled])), axis=1)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.check import Checked, CheckVerdict
+from vctune.design.check import OUT_OF_TIME, Checked, CheckVerdict
 from vctune.design.judge import Status, judge_all
 from vctune.design.variables import keys_for, point, ranges
 from vctune.document import toml
@@ -22,7 +22,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.units import Units
 from vctune.study.plane import Plane, Squares, plane_errors
-from vctune.study.region import Kind, Region, region
+from vctune.study.region import Kind, Progress, Region, region
 from vctune.study.region_json import Design
 
 
@@ -36,12 +36,14 @@ class Recheck:
     designs : the gain sets that the baseline lists
     certified : which of them still are
     units : of the problem
+    cut : whether the time limit has ended it: what is not proved again then is not lost
     """
 
     region: Region
     designs: list[Design]
     certified: list[bool]
     units: Units
+    cut: bool = False
 
     @property
     def lost(self) -> bool:
@@ -49,7 +51,7 @@ class Recheck:
         return bool((self.region.kinds != Kind.FEASIBLE).any()) or not all(self.certified)
 
 
-def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
+def recheck(problem: Problem, baseline: RegionDocument, progress: Progress = lambda stage: None) -> Recheck:
     """Prove again, for today's problem, the cells and the gain sets that a baseline had proved to be admissible.
 
     The axes keep the baseline's edges; fixed numbers and bounds of the other variables are today's.
@@ -58,6 +60,7 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     ----------
     problem : of today, without `plane_errors` on the baseline's axes
     baseline : what the region file holds
+    progress : told the stage of the work
 
     Returns
     -------
@@ -68,10 +71,12 @@ def recheck(problem: Problem, baseline: RegionDocument) -> Recheck:
     axes = (keys.index(baseline.axes.x), keys.index(baseline.axes.y))
     plane = Plane(axes, (np.array(baseline.edges.x), np.array(baseline.edges.y)), ranges(problem))
     feasible = [cell[:4] for cell in baseline.cells if cell[4] == "feasible"]
-    rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T)
+    rechecked = region(problem, plane, np.array(feasible, dtype=np.intp).reshape(-1, 4).T, progress)
     designs: list[tuple[Gains, AnyCoupling]] = [listed.design for listed in baseline.designs]
-    certified = [judgement.status is Status.CERTIFIED for judgement in judge_all(problem, designs)] if designs else []
-    return Recheck(rechecked, designs, certified, problem.units)
+    judged = judge_all(problem, designs) if designs else []
+    certified = [judgement.status is Status.CERTIFIED for judgement in judged]
+    cut = rechecked.interrupted or any(judgement.certificate.cut for judgement in judged)
+    return Recheck(rechecked, designs, certified, problem.units, cut)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +105,7 @@ class RegionFinding:
         cells = _lost(again).T.tolist()
         return RegionCheckRecord(
             problem=CheckedProblemRecord(name=self.file.problem.name, sha256=self.file.sha256),
-            status="lost" if again.lost else "kept",
+            status="undecided" if again.cut else "lost" if again.lost else "kept",
             axes=AxesRecord.model_validate({"x": x, "y": y}),
             areas={"kept": again.region.area(Kind.FEASIBLE), "lost": _lost_area(again)},
             lost_cells=[[x_edges[a], x_edges[b], y_edges[c], y_edges[d]] for a, b, c, d in cells],
@@ -109,13 +114,14 @@ class RegionFinding:
         ).to_json()
 
 
-def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
+def check_region(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
     """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
 
     Parameters
     ----------
     file : the problem of today
     baseline : path of a region.json
+    progress : told the stage of the work
 
     Returns
     -------
@@ -132,11 +138,12 @@ def check_region(file: ProblemFile, baseline: Path) -> tuple[Checked, Recheck]:
     require_record_of(file, old.problem, str(baseline), "region")
     if mistakes := plane_errors(file.problem, old.axes.x, old.axes.y):
         raise InputError(file.source, mistakes)
-    again = recheck(file.problem, old)
+    again = recheck(file.problem, old, progress)
     other = Note("other-version", "the region was found for another version of the problem (sha256 differs)")
     warnings = [] if old.problem.sha256 == file.sha256 else [other.line]
+    warnings += [OUT_OF_TIME.line] if again.cut else []
     finding = RegionFinding(file, again, warnings, perf_counter() - began)
-    verdict = CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
+    verdict = CheckVerdict.UNDECIDED if again.cut else CheckVerdict.FAILED if again.lost else CheckVerdict.PASSED
     line = toml.Lines(file.text).locate(("device",)) or 1
     return Checked(Path(file.source), file.problem.name, verdict, _message(again), line, finding), again
 
@@ -153,7 +160,8 @@ def _message(again: Recheck) -> str:
     kept, lost, designs = again.region.area(Kind.FEASIBLE), _lost_area(again), len(again.certified)
     if not again.lost:
         return f"proved again: {100 * kept:.4g} % of the plane and the listed gain sets, {designs}"
-    message = f"lost their proof: {again.certified.count(False)} of {designs} listed gain sets"
+    what = "not proved again in time" if again.cut else "lost their proof"
+    message = f"{what}: {again.certified.count(False)} of {designs} listed gain sets"
     squares, plane = _lost(again), again.region.plane
     if squares.size:
         spans = [

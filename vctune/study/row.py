@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import threading
-from math import isfinite, pi
+from math import inf, isfinite, pi
 from time import perf_counter
 from typing import Any
 
 from vctune.design.felt import felt_record
+from vctune.design.judge import Status
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
 from vctune.document.rows import DESIGN, NUMBERS, YardstickRecord
 from vctune.model.problem import Problem
+from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED
 
 TERMS = ("error", "admittance", "tracking", "coupling")
@@ -21,12 +23,23 @@ _ONE_AT_A_TIME = threading.Lock()
 """Solvers and ball arithmetic are shared by the threads of a process."""
 
 
-def solve_point(problem: Problem) -> dict[str, Any]:
-    """Solve a point and return what its row says, the seconds it took last; never raises."""
-    with _ONE_AT_A_TIME:
+def solve_point(problem: Problem, time_limit: float = inf) -> dict[str, Any]:
+    """Solve a point and return what its row says, the seconds it took last; never raises.
+
+    Parameters
+    ----------
+    problem : at the point
+    time_limit : s; a row that it has cut short is undecided and names it
+    """
+    with _ONE_AT_A_TIME, limited(time_limit):
         began = perf_counter()
         try:
-            content = row_of(solve(problem))
+            solved = solve(problem)
+            content = row_of(solved)
+            if solved.cut:
+                said = [note.line for note in solved.cut_short]
+                content |= {"reason": "; ".join([content["reason"], *said] if content["reason"] else said)}
+                content |= {"status": Status.UNDECIDED.value, "time_limit": time_limit}
         except Exception as error:  # a fault of ours is this point's row, not the end of the run
             content = row_without_design(FAILED, f"internal error: {type(error).__name__}: {error}")
         return {**content, "seconds": round(perf_counter() - began, 6)}

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ class Rows:
 
 
 @contextmanager
-def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
+def open_rows(path: Path, study: Study, *, restart: bool, time_limit: float = inf) -> Iterator[Rows]:
     """Open the rows of a study, made if it has none yet; nobody else may write them meanwhile.
 
     Parameters
@@ -93,6 +94,7 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
     path : of the file
     study : whose rows they are
     restart : begin anew instead of going on
+    time_limit : of a point, s; rows that a shorter one has cut count as not there
 
     Returns
     -------
@@ -112,7 +114,7 @@ def open_rows(path: Path, study: Study, *, restart: bool) -> Iterator[Rows]:
             _index(path, handle, study)
             write_together({path: header})
     with _opened(path) as handle:
-        yield _index(path, handle, study)
+        yield _index(path, handle, study, time_limit)
         os.fsync(handle)
 
 
@@ -135,8 +137,8 @@ def _opened(path: Path) -> Iterator[int]:
         os.close(handle)
 
 
-def _index(path: Path, handle: int, study: Study) -> Rows:
-    """Find the rows of a file, cutting a torn last line off; a failed point counts as not there."""
+def _index(path: Path, handle: int, study: Study, time_limit: float = inf) -> Rows:
+    """Find the rows of a file, cutting a torn last line off; a point that failed or was cut counts as not there."""
     rows, end = Rows(path, handle, {}), 0
     with path.open("rb") as file:
         _check_header(path, file.readline(), study)
@@ -147,7 +149,7 @@ def _index(path: Path, handle: int, study: Study) -> Rows:
                 rows.dropped += 1
             elif "schema" in row:
                 _check_header(path, line, study)
-            elif row["status"] != FAILED:
+            elif row["status"] != FAILED and row.get("time_limit", time_limit) >= time_limit:
                 rows.places[row["key"]] = end
             if line.endswith(b"\n"):
                 end += len(line)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from vctune.document.errors import InputError
@@ -40,6 +40,7 @@ class _Sweep:
 
     Attributes
     ----------
+    time_limit : of a point, s
     pending : points that workers have
     retries : points to try again alone, whose worker died, or one that shared its pool
     """
@@ -48,11 +49,14 @@ class _Sweep:
     rows: Rows
     pool: WorkerPool
     on_done: OnDone
+    time_limit: float
     pending: dict[Future[dict[str, Any]], Task] = field(default_factory=dict)
     retries: list[Task] = field(default_factory=list)
 
 
-def sweep(study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: None) -> list[str]:
+def sweep(
+    study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: None, time_limit: float = inf
+) -> list[str]:
     """Solve every point of a study that has no row yet; return the key of each point's row, in the study's order.
 
     Parameters
@@ -61,13 +65,14 @@ def sweep(study: Study, rows: Rows, pool: WorkerPool, on_done: OnDone = lambda: 
     rows : what is there, and where to put the rest
     pool : the workers
     on_done : called once a point
+    time_limit : of a point, s
 
     Raises
     ------
     InputError
         If the file of rows cannot grow or all workers are out of reach; finished points stay finished.
     """
-    state, keys = _Sweep(study, rows, pool, on_done), []
+    state, keys = _Sweep(study, rows, pool, on_done, time_limit), []
     for values in points(study):
         problem, faults = study.at(values)
         if problem is None:
@@ -96,7 +101,7 @@ def _submit(state: _Sweep, task: Task) -> None:
         return
     _collect(state, state.pool.max_pending - 1)
     try:
-        state.pending[state.pool.executor.submit(solve_point, task.problem)] = task
+        state.pending[state.pool.executor.submit(solve_point, task.problem, state.time_limit)] = task
     except state.pool.worker_died:
         state.retries.append(task)
 
@@ -118,7 +123,7 @@ def _collect(state: _Sweep, most: int) -> None:
 def _try_alone(state: _Sweep, task: Task) -> None:
     """Try a point again with nothing else under way, so that a second death is its own doing."""
     state.pool.renew()
-    content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem))
+    content = _content(state.pool, state.pool.executor.submit(solve_point, task.problem, state.time_limit))
     _finish(state, task, content or row_without_design(FAILED, DIED))
 
 

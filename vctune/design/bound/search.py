@@ -11,9 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import astuple, dataclass
 from math import inf, sqrt
-from time import perf_counter
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
 from vctune.proof.array_intervals import Floats
+from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band. They cost time in
@@ -125,6 +126,7 @@ class _Search:
     pruned_bound : the least lower bound of the boxes that were pruned
     boxes : lower bounds worked out
     history : so far
+    stability_boxes : boxes of frequency and gains that it took to prove loops stable
     """
 
     relaxed: Relaxation
@@ -133,6 +135,7 @@ class _Search:
     pruned_bound: float
     boxes: int
     history: list[SearchState]
+    stability_boxes: int = 0
 
 
 def bound(
@@ -142,7 +145,7 @@ def bound(
     *,
     gap: float,
     most_boxes: float = inf,
-    time_limit: float = inf,
+    most_stability_boxes: float = inf,
     jobs: int = 1,
     resume: ResumeState | None = None,
     stopped: Callable[[], bool] = lambda: False,
@@ -156,7 +159,7 @@ def bound(
     best : the best design known; None if none is
     improve : looks for a design with a lower error near given gains
     gap : stop when the incumbent's error is at most 1 + gap times the bound
-    most_boxes, time_limit : when to give up; s, from when the problem is relaxed on
+    most_boxes, most_stability_boxes : when to give up: lower bounds, and boxes that prove loops stable or unstable
     jobs : threads
     resume : where an earlier search of the same problem stood, taken up unless it has pruned what this gap must not
     stopped : whether to give up now
@@ -165,7 +168,12 @@ def bound(
     Returns
     -------
     Optimality
-        The bound is valid whenever the search ends.
+        The bound is valid whenever the search ends, be it at the end of the time limit.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it before there is a bound.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -176,21 +184,23 @@ def bound(
     search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
     if all(axis.low == axis.high for axis in axes[:TAU_C]):  # gains that are fixed are never halved
         nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))
-    rounds, ready, single = 0, perf_counter(), all(axis.low == axis.high for axis in axes)
+    rounds, single = 0, all(axis.low == axis.high for axis in axes)
     with ThreadPoolExecutor(jobs) as pool, np.errstate(all="ignore"):
         while True:
             nodes = _pruned(nodes, search, gap)
             search.history.append(_state(search, nodes))
             progress(search.history[-1])
-            late = perf_counter() - ready > time_limit
-            if not len(nodes) or search.boxes > most_boxes or late or stopped() or (single and _stands(search)):
+            stop = stopped() or out_of_time()
+            stop |= search.boxes > most_boxes or search.stability_boxes > most_stability_boxes
+            if not len(nodes) or stop or (single and _stands(search)):
                 break
-            if single or rounds % TRY_EVERY == 0:
-                _try_best_node(posed, search, nodes, improve)
-            promising, others = _most_promising(nodes)
-            young = halved(search.relaxed, axes, promising, search.incumbent, pool)
-            search.boxes += young.worked_out
-            nodes = joined([others, _with_stability(posed, search, young)])
+            with suppress(OutOfTimeError):  # the nodes stay as they are
+                if single or rounds % TRY_EVERY == 0:
+                    _try_best_node(posed, search, nodes, improve)
+                promising, others = _most_promising(nodes)
+                young = halved(search.relaxed, axes, promising, search.incumbent, pool)
+                search.boxes += young.worked_out
+                nodes = joined([others, _with_stability(posed, search, young)])
             rounds += 1
     last, proved = search.history[-1], not len(nodes)
     left = ResumeState(nodes, search.pruned_bound, search.boxes)
@@ -279,9 +289,10 @@ def _with_stability(posed: Posed, search: _Search, young: Halved) -> OpenNodes:
     nodes = young.nodes
     unknown = np.flatnonzero(young.along_gains & ~nodes.stable & (nodes.bound < search.incumbent))
     if len(unknown):
-        stable, unstable = proved_stability(posed, nodes.boxes.subset(unknown))
-        nodes.stable[unknown] = stable
-        nodes.bound[unknown[unstable]] = inf
+        found = proved_stability(posed, nodes.boxes.subset(unknown))
+        search.stability_boxes += found.boxes
+        nodes.stable[unknown] = found.stable
+        nodes.bound[unknown[found.unstable]] = inf
     return nodes
 
 

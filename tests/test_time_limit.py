@@ -1,0 +1,186 @@
+"""What a time limit leaves: what was known by then, written, undecided where it is, and exit code 3.
+
+The clock counts how often it is asked, so that a limit of n ends the same work at the same place on every machine.
+"""
+
+from __future__ import annotations
+
+import json
+from itertools import count
+
+import pytest
+from command import run
+
+import vctune
+from vctune import running
+from vctune.design.solve import solve
+from vctune.document.reading import read_problem
+from vctune.exit_codes import ExitCode
+
+DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+PASSIVE = DEVICE + '[stability]\ncriterion = "passive"\n'
+GAINS = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.37\n"
+STUDY = 'problem = "device.toml"\n[axes]\n"device.damping" = [1.0, 2.0, 4.0]\n'
+ENOUGH = 10**9
+
+
+@pytest.fixture
+def ticks(monkeypatch):
+    """A clock that a limit of n seconds ends when it is asked for the n-th time."""
+
+    def restart():
+        tick = count()
+        monkeypatch.setattr(running, "perf_counter", lambda: float(next(tick)))
+
+    restart()
+    return restart
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "device.toml").write_text(PASSIVE)
+    (tmp_path / "fixed.toml").write_text(PASSIVE + GAINS)
+    return tmp_path
+
+
+def solved(folder, name="device"):
+    return json.loads((folder / "results" / name / "design.json").read_text())
+
+
+def asked(folder, *command):
+    """Return how often the clock is asked in all by a command that ends."""
+    asks = count()
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(running, "perf_counter", lambda: float(next(asks)))
+        run(*command, "--time-limit", ENOUGH, cwd=folder)
+    return next(asks)
+
+
+def test_without_enough_time_for_a_design_solve_says_so(folder, ticks):
+    done = run("solve", "device.toml", "--time-limit", 5, cwd=folder)
+    record = solved(folder)
+    assert done.returncode == ExitCode.UNDECIDED
+    assert record["status"] == "undecided" and record["gains"] is None
+    assert "the time limit ended the search before it had found a design" in record["reason"]
+    assert any(said.endswith("[time-limit]") for said in record["warnings"])
+    assert record["repairs"] is None, "that there are none was not found out"
+
+
+def test_what_solve_knows_grows_with_its_time_and_nothing_cut_is_proved(folder, ticks):
+    whole = asked(folder, "solve", "device.toml")
+    best, stages = solved(folder), set()
+    for share in (0.02, 0.2, 0.6, 0.8, 0.95):
+        ticks()
+        done = run("solve", "device.toml", "--time-limit", int(share * whole), cwd=folder)
+        record = solved(folder)
+        claims = [claim["verdict"] for claim in (record["certificate"] or {"claims": []})["claims"]]
+        stages.add((record["status"], bool(claims), "proved" in claims))
+        assert done.returncode == ExitCode.UNDECIDED
+        assert record["status"] == "undecided" or set(claims) == {"proved"}
+        assert any(said.endswith("[time-limit]") for said in record["warnings"]) or "[time-limit]" in done.stderr
+        if record["status"] == "certified":
+            assert record["transparency"]["error"] >= best["transparency"]["error"] * (1 - 1e-6)
+    assert ("undecided", False, False) in stages and len(stages) > 1, stages
+
+
+def test_a_limit_that_is_not_reached_changes_nothing(folder):
+    run("solve", "device.toml", cwd=folder)
+    without = solved(folder)
+    run("solve", "device.toml", "--time-limit", 1000, cwd=folder)
+    assert {**solved(folder), "date": None} == {**without, "date": None}
+
+
+def test_check_names_the_claims_that_it_had_no_time_for(folder, ticks):
+    whole = asked(folder, "check", "fixed.toml")
+    cut = set()
+    for limit in (1, whole // 4, whole // 2):
+        ticks()
+        done = run("check", "fixed.toml", "--time-limit", limit, cwd=folder)
+        cut.add(done.stdout.count("(the time limit cut its proof)"))
+        assert done.returncode == ExitCode.UNDECIDED and "[time-limit]" in done.stdout
+    assert cut == {4}, "all of them: on arrays they are proved together"
+
+
+def test_what_is_refuted_in_time_stays_refuted(folder, ticks):
+    (folder / "poor.toml").write_text(PASSIVE + GAINS.replace("damping = 160.0", "damping = 80.0"))
+    whole = asked(folder, "check", "poor.toml")
+    ticks()
+    done = run("check", "poor.toml", "--time-limit", whole // 2, cwd=folder)
+    assert done.returncode == ExitCode.FAILED and "refuted" in done.stdout
+    assert "no change of one number passes" not in done.stdout
+
+
+def test_a_region_holds_the_cells_that_were_decided(folder, ticks):
+    whole = asked(folder, "region", "device.toml", "--resolution", 0.125)
+    complete = json.loads((folder / "results/device/region.json").read_text())
+    ticks()
+    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", int(0.2 * whole), cwd=folder)
+    part = json.loads((folder / "results/device/region.json").read_text())
+    assert done.returncode == ExitCode.UNDECIDED and "[time-limit]" in done.stderr and "out of time" in done.stdout
+    assert part["interrupted"] is True
+    assert part["areas"]["feasible"] <= complete["areas"]["feasible"]
+    assert part["areas"]["infeasible"] <= complete["areas"]["infeasible"]
+
+
+def test_a_region_that_had_no_time_to_be_proved_again_is_not_lost(folder, ticks):
+    ticks()
+    run("region", "device.toml", "--resolution", 0.125, "--time-limit", ENOUGH, cwd=folder)
+    ticks()
+    baseline = "results/device/region.json"
+    done = run("check", "device.toml", "--region", baseline, "--time-limit", 10, cwd=folder)
+    assert done.returncode == ExitCode.UNDECIDED and "not proved again in time" in done.stdout
+    assert not (folder / "results/device/lost.json").exists()
+
+
+def test_a_bound_ends_in_time(folder, ticks):
+    run("solve", "device.toml", cwd=folder)
+    command = ("bound", "device.toml", "results/device/design.json", "--gap", 0.02)
+    for limit in (2, 500):
+        ticks()
+        assert run(*command, "--time-limit", limit, cwd=folder).returncode == ExitCode.UNDECIDED
+    assert solved(folder)["optimality"]["verdict"] == "open"
+
+
+def test_a_point_of_a_sweep_that_takes_too_long_is_undecided_and_tried_again_with_more_time(folder, ticks):
+    (folder / "study.toml").write_text(STUDY)
+    command = ("sweep", "study.toml", "--executor", "serial")
+    done = run(*command, "--time-limit", 5, cwd=folder)
+    rows = [json.loads(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()][1:]
+    assert done.returncode == ExitCode.UNDECIDED and len(rows) == 3
+    for row in rows:
+        assert row["status"] == "undecided" and row["reason"].endswith("[time-limit]") and row["time_limit"] == 5
+    before = (folder / "results/study/rows.jsonl").read_text()
+    run(*command, "--time-limit", 5, cwd=folder)
+    assert (folder / "results/study/rows.jsonl").read_text() == before, "with no more time nothing is tried again"
+    assert run(*command, cwd=folder).returncode == ExitCode.OK
+    last = [json.loads(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()][-3:]
+    assert {row["status"] for row in last} == {"certified"}
+
+
+def test_functions_take_the_limit_too():
+    found = vctune.solve({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}}, time_limit=1e-9)
+    assert found.status == "undecided" and found.cut and found.judgement is None
+
+
+def test_work_tells_how_far_it_is(folder):
+    said = []
+    with running.told(said.append), pytest.MonkeyPatch.context() as patched:
+        patched.setattr(running, "SELDOM", 0.0)
+        solve(read_problem(folder / "fixed.toml").problem)
+    assert any(text.startswith("claim 1 of ") for text in said)
+    shares = [text for text in said if text.endswith("% proved")]
+    assert shares and all(0 <= float(text.split()[2][:-1]) <= 100 for text in shares)
+
+
+@pytest.mark.parametrize(
+    "text, code",
+    [
+        (DEVICE.replace("1e-3", "0.5"), "warn-sample-time"),
+        (DEVICE.replace("1e-3", "2000.0"), "warn-sample-time"),
+        (DEVICE.replace("0.4", "110.0") + "[operator]\nstiffness = { min = 0.0, max = 6e11 }\n", "warn-stiffness"),
+    ],
+)
+def test_a_mistake_of_units_is_named_before_the_work(folder, ticks, text, code):
+    (folder / "doubtful.toml").write_text(text)
+    done = run("solve", "doubtful.toml", "--time-limit", 1, cwd=folder)
+    assert done.returncode == ExitCode.UNDECIDED and f"[{code}]" in done.stderr.splitlines()[0]

@@ -1,0 +1,110 @@
+"""Work that takes long: when it has to end, and who is told how far it is.
+
+Both are context, not arguments: between the command that sets a limit and the loop that meets it lie ten calls, most of
+which have nothing to do with time. Without a limit no result depends on the clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from math import inf
+from time import perf_counter
+
+SELDOM = 0.1
+"""Seconds between two messages about the same work. Nobody reads faster, and half as many seconds cost nothing yet."""
+
+Listener = Callable[[str], None]
+
+
+class OutOfTimeError(Exception):
+    """The time limit has ended the work. Each stage that knows something by then catches it and returns that."""
+
+
+_END: ContextVar[float] = ContextVar("end", default=inf)
+_LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Let work within the block end after so many seconds, or earlier if a limit around it says so.
+
+    Parameters
+    ----------
+    seconds : from now on; inf for no limit
+    """
+    token = _END.set(min(_END.get(), perf_counter() + seconds))
+    try:
+        yield
+    finally:
+        _END.reset(token)
+
+
+@contextmanager
+def unlimited() -> Iterator[None]:
+    """Let work within the block take its time: what little is needed to say what is known."""
+    token = _END.set(inf)
+    try:
+        yield
+    finally:
+        _END.reset(token)
+
+
+def seconds_left() -> float:
+    """Return the seconds until the limit, 0 after it, inf without one."""
+    end = _END.get()
+    return inf if end == inf else max(end - perf_counter(), 0.0)
+
+
+def out_of_time() -> bool:
+    """Return whether the time limit has passed."""
+    end = _END.get()
+    return end < inf and perf_counter() >= end
+
+
+def check_time() -> None:
+    """End the work if the time limit has passed.
+
+    Raises
+    ------
+    OutOfTimeError
+        If it has.
+    """
+    if out_of_time():
+        raise OutOfTimeError
+
+
+@contextmanager
+def told(listener: Listener) -> Iterator[None]:
+    """Let work within the block tell how far it is.
+
+    Parameters
+    ----------
+    listener : told in words, every `SELDOM` seconds at most
+    """
+    last = -inf
+
+    def seldom(text: str) -> None:
+        nonlocal last
+        if perf_counter() - last >= SELDOM:
+            last = perf_counter()
+            listener(text)
+
+    token = _LISTENER.set(seldom)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(token)
+
+
+def tell(words: Callable[[], str]) -> None:
+    """Tell whoever listens how far the work is.
+
+    Parameters
+    ----------
+    words : makes the text, if somebody listens
+    """
+    listener = _LISTENER.get()
+    if listener is not None:
+        listener(words())
