@@ -1,6 +1,7 @@
-"""What would make a design possible: changes of one number of the problem file, each alone sufficient and least.
+"""What would make a design possible: changes of one number, each alone sufficient, the least error first.
 
-Gains that are given are tried without the optimiser, which is imported only where something is free.
+Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
+the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
 """
 
 from __future__ import annotations
@@ -15,14 +16,17 @@ import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
+from vctune.design.gain_repair import best_values, repair_of, undone
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
 from vctune.document import toml
 from vctune.document.codes import Note
+from vctune.document.gains import design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
@@ -141,10 +145,44 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     document = toml.parse(file.text, problem.name)
     if idle:
         repairs = find_cures(document, problem, progress)
+    elif judgement is not None:
+        repairs = repairs_of_design(document, judgement, [], progress)
     else:
-        test = OF_FIXED if problem.bounds.fixed else OF_FREE
-        repairs = find_repairs(document, parameter_changes(document, problem), test, progress)
+        repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
     return replace(solved, repairs=repairs, seconds={**solved.seconds, "repairs": perf_counter() - began})
+
+
+def repairs_of_design(
+    stated: dict[str, Any],
+    judgement: Judgement,
+    changed: Sequence[ParameterChange],
+    progress: Progress = lambda stage: None,
+) -> list[Repair]:
+    """Return the changes of one number after which a refuted design passes: first its own, then the problem's.
+
+    Parameters
+    ----------
+    stated : the problem's document
+    judgement : of the design
+    changed : the numbers that were edited since the design was solved, with limits where they were
+    progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        Edits taken back; where there are none that do, each number at its value of least error. Then the least changes
+        of the problem. The least error comes first in either part.
+    """
+    last = perf_counter() + LONGEST
+    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    problem, _ = pose(pasted, "")
+    assert problem is not None, "a valid problem with valid gains is one"
+    progress("looking for repairs: the numbers of the design")
+    found = undone(pasted, changed, OF_FIXED)
+    found = found or best_values(stated, judgement, OF_FREE, lambda: perf_counter() > last)
+    changes = [change for change in parameter_changes(pasted, problem) if not (found and change.key in SYMBOLS)]
+    found += find_repairs(pasted, changes, OF_FIXED, progress, last)
+    return sorted(found, key=lambda repair: repair.key not in SYMBOLS)
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
@@ -171,8 +209,9 @@ def find_repairs(
     changes: Sequence[ParameterChange],
     test: RepairTest = OF_FIXED,
     progress: Progress = lambda stage: None,
+    last: float | None = None,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, the smallest first, as many as `LONGEST` allows.
+    """Return the least changes of one number that repair a problem, as many as `LONGEST` allows.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
     with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
@@ -183,9 +222,15 @@ def find_repairs(
     changes : the numbers that may be changed
     test : how changed problems are tried
     progress : told what is tried
+    last : when to try no more, `perf_counter`; None for `LONGEST` from now
+
+    Returns
+    -------
+    list of Repair
+        The least error first, and of the same error, as where only a demand is eased, the smallest change.
     """
-    last = perf_counter() + LONGEST
-    searches = [_Search(document, change, test, lambda: perf_counter() > last) for change in changes]
+    end = perf_counter() + LONGEST if last is None else last
+    searches = [_Search(document, change, test, lambda: perf_counter() > end) for change in changes]
     left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
     trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
     found = []
@@ -197,7 +242,7 @@ def find_repairs(
             found.append(searches[number].least(left.pop(number), relative))
         else:
             left[number] = relative
-    return sorted((repair for repair in found if repair is not None), key=lambda repair: repair.size)
+    return sorted((repair for repair in found if repair is not None), key=lambda repair: (repair.error, repair.size))
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,7 +290,8 @@ class _Search:
         relative = self._narrowed(low, high)
         if change.old == 0 and relative <= change.least:  # any above 0 seems to do: the first that was tried
             new = change.rounded(high, width / 2)
-            return self._repair(new, self.certified(new))
+            design = self.certified(new)
+            return repair_of(change, new, design) if design is not None else None
         for _ in range(ROUNDS):
             if self.late():
                 break
@@ -256,15 +302,8 @@ class _Search:
             elif self.certified(partial) is not None:
                 relative = change.relative_change(partial)
             else:
-                return self._repair(new, design)
+                return repair_of(change, new, design)
         return None
-
-    def _repair(self, new: float, design: Judgement | None) -> Repair | None:
-        """Return a change that leads to a certified design, None if it leads to none."""
-        if design is None:
-            return None
-        change, error = self.change, design.transparency.error
-        return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
     def _narrowed(self, low: float, high: float) -> float:
         """Return a relative change that seems to suffice, narrowed towards one that does not."""

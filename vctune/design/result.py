@@ -86,7 +86,8 @@ class Polished:
 class Repair:
     """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
-    Of a number that is 0 it may be that any other is enough; then it is a small one.
+    Of a number that is 0 it may be that any other is enough; then it is a small one. A number of a design that is
+    given is not changed as little as will do, but to the value with the least error, or back to what was solved.
 
     Attributes
     ----------
@@ -94,7 +95,7 @@ class Repair:
     old, new : its values, in the unit of the file
     change : what that means
     needs : what the file has to say, a line of TOML
-    size : change relative to the greater of both values, by which repairs are compared (`ParameterChange.size`)
+    size : change relative to the greater of both values; of repairs with the same error the smallest comes first
     error : transparency error of the design that there is then
     """
 
@@ -193,9 +194,9 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, with the smallest repair or what may be one; or by how little a given one fails."""
+        """Why there is no design, with the best repair or what may be one; or by how little a given one fails."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:
-            return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
+            return f"{self.infeasibility.cause}; the repair with the least error: {self.repairs[0]}"
         return self.infeasibility.reason

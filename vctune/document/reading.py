@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
+from vctune.document.gains import numbers_in
 from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
 from vctune.document.units import units_stated
 from vctune.document.validation import Fault, examined, refusal, validated
@@ -139,12 +141,14 @@ class GainsFile:
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
     text : the file's text
+    solved : the numbers of the design that it was made of, by key; none if the file does not say so
     """
 
     gains: Gains
     coupling: AnyCoupling
     sha256: str | None
     text: str
+    solved: Mapping[str, float] = field(default_factory=dict)
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -170,7 +174,9 @@ def gains_file(text: str, path: Path) -> GainsFile:
     document = validated(model, text, str(path), lambda _raw: [])
     gains = Gains(document.gains.velocity, getattr(document.gains, "position", 0.0))
     coupling = (SpringDamper if spring else Coupling)(**document.coupling.model_dump())
-    return GainsFile(gains, coupling, document.design.get("sha256"), text)
+    origin = document.design
+    solved = numbers_in(origin.get("numbers", ""), gains, coupling)
+    return GainsFile(gains, coupling, origin.get("sha256"), text, solved)
 
 
 def _empty_default_band(problem: Problem) -> Fault:

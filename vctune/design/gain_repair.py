@@ -1,0 +1,110 @@
+"""Which number of a refuted design to change: one that was edited since it was solved, or the one that then errs least.
+
+Nothing here solves or judges by itself: the caller says how (`RepairTest`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+from vctune.design.judge import Judgement
+from vctune.design.parameter_changes import ParameterChange, change_of_gain
+from vctune.design.result import Repair
+from vctune.document.gains import design_numbers, design_tables
+from vctune.document.reading import pose
+from vctune.model.problem import Problem
+
+if TYPE_CHECKING:
+    from vctune.design.repair import RepairTest
+
+
+def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
+    """Return a change of a number to a new value as a repair, with the certified design that it leads to."""
+    error = design.transparency.error
+    return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
+
+
+def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
+    """Return the changes of single numbers back to a solved design; their limits are its numbers.
+
+    Parameters
+    ----------
+    problem : that the design is of
+    judgement : of the numbers as they are
+    solved : the numbers of the solved design by their keys, or none
+    """
+    given = design_numbers(judgement.gains, judgement.coupling)
+    return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
+
+
+def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
+    """Return the edits each of which alone, taken back, leads to a certified design, the least error first.
+
+    Parameters
+    ----------
+    pasted : the problem's document with the numbers as they are
+    changed : what was edited
+    test : how changed problems are tried
+    """
+    found = []
+    for change in changed:
+        design = _verified(change.applied(pasted, change.limit), test)
+        found += [repair_of(change, change.limit, design)] if design is not None else []
+    return sorted(found, key=lambda repair: repair.error)
+
+
+def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
+    """Return whether all edits, taken back, lead to a certified design; parameters as of `undone`."""
+    document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
+    return _verified(document, test) is not None
+
+
+def best_values(
+    stated: dict[str, Any], judgement: Judgement, test: RepairTest, late: Callable[[], bool]
+) -> list[Repair]:
+    """Return for each number of a design the value with the least error, the others as they are; the least error first.
+
+    The problem is solved with that number alone free, in the range that the file states or in the default one. Numbers
+    that a first opinion gives up are tried all the same if it gives up all of them.
+
+    Parameters
+    ----------
+    stated : the problem's document
+    judgement : of the design
+    test : how problems with one free number are tried
+    late : whether to try no more
+    """
+    numbers = design_numbers(judgement.gains, judgement.coupling)
+    posed = {key: _with_one_free(stated, judgement, key) for key in numbers}
+    free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
+    hopeful = {key: each for key, each in free.items() if not late() and test.estimate(each)}
+    found = _solved(hopeful, judgement, test, late)
+    if not found:
+        found = _solved({key: each for key, each in free.items() if key not in hopeful}, judgement, test, late)
+    return sorted(found, key=lambda repair: repair.error)
+
+
+def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest, late: Callable[[], bool]) -> list[Repair]:
+    found = []
+    for key, problem in free.items():
+        design = None if late() else test.verify(problem)
+        if design is not None:
+            old, new = (design_numbers(each.gains, each.coupling)[key] for each in (judgement, design))
+            found.append(repair_of(change_of_gain(problem, key, old, new), new, design))
+    return found
+
+
+def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
+    """Return a problem whose design is fixed but for one number; None where that contradicts another key."""
+    tables = design_tables(judgement.gains, judgement.coupling)
+    table, name = key.split(".")
+    bounds = stated.get(table, {}).get(name)
+    left: dict[str, Any] = {other: value for other, value in tables[table].items() if other != name}
+    return pose({**stated, **tables, table: left | ({name: bounds} if isinstance(bounds, dict) else {})}, "")[0]
+
+
+def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:
+    problem, _ = pose(document, "")
+    return test.verify(problem) if problem is not None else None
