@@ -39,7 +39,12 @@ def check_message(
 
 
 def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
-    """Return the repairs that take an edit back; parameters as of `check_message`."""
+    """Return the repairs that take an edit back.
+
+    Parameters
+    ----------
+    repairs, changed : as of `check_message`
+    """
     solved = {(change.key, change.limit) for change in changed}
     return [repair for repair in repairs if (repair.key, repair.new) in solved]
 

@@ -21,7 +21,14 @@ if TYPE_CHECKING:
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
-    """Return a change of a number to a new value as a repair, with the certified design that it leads to."""
+    """Return a change of a number as a repair.
+
+    Parameters
+    ----------
+    change : of the number
+    new : its new value
+    design : the certified design that it leads to
+    """
     error = design.transparency.error
     return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
@@ -52,11 +59,16 @@ def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: Rep
     for change in changed:
         design = _verified(change.applied(pasted, change.limit), test)
         found += [repair_of(change, change.limit, design)] if design is not None else []
-    return sorted(found, key=lambda repair: repair.error)
+    return sorted(found, key=lambda repair: repair.rank)
 
 
 def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
-    """Return whether all edits, taken back, lead to a certified design; parameters as of `undone`."""
+    """Return whether all edits, taken back, lead to a certified design.
+
+    Parameters
+    ----------
+    pasted, changed, test : as of `undone`
+    """
     document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
     return _verified(document, test) is not None
 
@@ -83,7 +95,7 @@ def best_values(
     found = _solved(hopeful, judgement, test, late)
     if not found:
         found = _solved({key: each for key, each in free.items() if key not in hopeful}, judgement, test, late)
-    return sorted(found, key=lambda repair: repair.error)
+    return sorted(found, key=lambda repair: repair.rank)
 
 
 def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest, late: Callable[[], bool]) -> list[Repair]:

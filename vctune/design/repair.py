@@ -227,7 +227,7 @@ def find_repairs(
     Returns
     -------
     list of Repair
-        The least error first, and of the same error, as where only a demand is eased, the smallest change.
+        The least error first; of the same error, as where a demand on given gains is eased, the smallest change.
     """
     end = perf_counter() + LONGEST if last is None else last
     searches = [_Search(document, change, test, lambda: perf_counter() > end) for change in changes]
@@ -242,7 +242,7 @@ def find_repairs(
             found.append(searches[number].least(left.pop(number), relative))
         else:
             left[number] = relative
-    return sorted((repair for repair in found if repair is not None), key=lambda repair: (repair.error, repair.size))
+    return sorted((repair for repair in found if repair is not None), key=lambda repair: repair.rank)
 
 
 @dataclass(frozen=True, slots=True)

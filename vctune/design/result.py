@@ -110,6 +110,11 @@ class Repair:
     def __str__(self) -> str:
         return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
 
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What repairs are sorted by: the error in the digits that are shown, then the size of the change."""
+        return float(f"{self.error:.4g}"), self.size
+
 
 @dataclass(frozen=True, slots=True)
 class Price:

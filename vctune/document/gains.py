@@ -41,7 +41,12 @@ def design_numbers(gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
 
 
 def numbers_text(gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers of a design as one text, from which an edited file knows what it was."""
+    """Return the numbers of a design as one text, from which an edited file knows what it was.
+
+    Parameters
+    ----------
+    gains, coupling : plain floats
+    """
     return " ".join(repr(number) for number in design_numbers(gains, coupling).values())
 
 
