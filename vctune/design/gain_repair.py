@@ -73,6 +73,20 @@ def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], 
     return _verified(document, test) is not None
 
 
+def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
+    """Return the numbers of the design that solving a problem makes by their keys; none where it makes none.
+
+    Parameters
+    ----------
+    stated : the problem's document; what it fixes is free
+    judgement : of a design
+    test : how a problem with free numbers is solved
+    """
+    problem = _with_free(stated, judgement, *design_numbers(judgement.gains, judgement.coupling))
+    design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
+    return design_numbers(design.gains, design.coupling) if design is not None else {}
+
+
 def best_values(
     stated: dict[str, Any], judgement: Judgement, test: RepairTest, late: Callable[[], bool]
 ) -> list[Repair]:
@@ -88,8 +102,7 @@ def best_values(
     test : how problems with one free number are tried
     late : whether to try no more
     """
-    numbers = design_numbers(judgement.gains, judgement.coupling)
-    posed = {key: _with_one_free(stated, judgement, key) for key in numbers}
+    posed = {key: _with_free(stated, judgement, key) for key in design_numbers(judgement.gains, judgement.coupling)}
     free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
     hopeful = {key: each for key, each in free.items() if not late() and test.estimate(each)}
     found = _solved(hopeful, judgement, test, late)
@@ -108,13 +121,14 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest, la
     return found
 
 
-def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
-    """Return a problem whose design is fixed but for one number; None where that contradicts another key."""
-    tables = design_tables(judgement.gains, judgement.coupling)
-    table, name = key.split(".")
-    bounds = stated.get(table, {}).get(name)
-    left: dict[str, Any] = {other: value for other, value in tables[table].items() if other != name}
-    return pose({**stated, **tables, table: left | ({name: bounds} if isinstance(bounds, dict) else {})}, "")[0]
+def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
+    """Return a problem whose design is fixed but for some numbers; None where that contradicts another key."""
+    tables: dict[str, dict[str, Any]] = design_tables(judgement.gains, judgement.coupling)
+    for table, name in (key.split(".") for key in keys):
+        del tables[table][name]
+        bounds = stated.get(table, {}).get(name)
+        tables[table] |= {name: bounds} if isinstance(bounds, dict) else {}
+    return pose(stated | tables, "")[0]
 
 
 def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:

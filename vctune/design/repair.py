@@ -16,7 +16,7 @@ import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
-from vctune.design.gain_repair import best_values, repair_of, undone
+from vctune.design.gain_repair import best_values, edits, repair_of, solved_numbers, undone
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
@@ -164,20 +164,24 @@ def repairs_of_design(
     ----------
     stated : the problem's document
     judgement : of the design
-    changed : the numbers that were edited since the design was solved, with limits where they were
+    changed : the numbers that were edited since the design was solved, with limits where they were; where none are
+        known the problem is solved, and a design that differs from its own in one number was edited there
     progress : told what is tried
 
     Returns
     -------
     list of Repair
-        Edits taken back; where there are none that do, each number at its value of least error. Then the least changes
-        of the problem. The least error comes first in either part.
+        Numbers put back to those of the solved design; where none of these does, each number at its value of least
+        error. Then the least changes of the problem. The least error comes first in either part.
     """
     last = perf_counter() + LONGEST
     pasted = stated | design_tables(judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
     assert problem is not None, "a valid problem with valid gains is one"
     progress("looking for repairs: the numbers of the design")
+    if not changed:
+        differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
+        changed = differing if len(differing) == 1 else []
     found = undone(pasted, changed, OF_FIXED)
     found = found or best_values(stated, judgement, OF_FREE, lambda: perf_counter() > last)
     changes = [change for change in parameter_changes(pasted, problem) if not (found and change.key in SYMBOLS)]
