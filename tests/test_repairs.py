@@ -226,11 +226,12 @@ def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path
     assert (apart.line, pasted.line) == (2, 6)
 
 
-def test_nothing_found_is_said(tmp_path):
+def test_nothing_found_is_said(tmp_path, monkeypatch):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
     document = tomllib.loads(text)
     assert find_repairs(document, parameter_changes(document, parsed(text))) == []
+    monkeypatch.setattr(repairing, "solved_numbers", lambda *design: {})  # takes seconds, and differs in every number
     assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
