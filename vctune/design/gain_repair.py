@@ -6,6 +6,7 @@ Nothing here solves or judges by itself: the caller says how (`RepairTest`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import reduce
 from typing import TYPE_CHECKING, Any
 
@@ -14,10 +15,14 @@ from vctune.design.parameter_changes import ParameterChange, change_of_gain
 from vctune.design.result import Repair
 from vctune.document.gains import design_numbers, design_tables
 from vctune.document.reading import pose
-from vctune.model.problem import Problem
+from vctune.model.problem import Problem, Range
 
 if TYPE_CHECKING:
     from vctune.design.repair import RepairTest
+
+MOST_DRAG = 10.0
+"""The greatest drag that is tried, in reference impedances: what is felt of it alone is an error of about ten. Half and
+twice leave out, or add, what nobody wants to feel."""
 
 
 def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
@@ -102,7 +107,7 @@ def best_values(
     test : how problems with one free number are tried
     late : whether to try no more
     """
-    posed = {key: _with_free(stated, judgement, key) for key in design_numbers(judgement.gains, judgement.coupling)}
+    posed = {key: _with_one_free(stated, judgement, key) for key in design_numbers(judgement.gains, judgement.coupling)}
     free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
     hopeful = {key: each for key, each in free.items() if not late() and test.estimate(each)}
     found = _solved(hopeful, judgement, test, late)
@@ -119,6 +124,15 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest, la
             old, new = (design_numbers(each.gains, each.coupling)[key] for each in (judgement, design))
             found.append(repair_of(change_of_gain(problem, key, old, new), new, design))
     return found
+
+
+def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
+    """Return a problem whose design is fixed but for one number; a drag is free where by default there is none, too."""
+    problem = _with_free(stated, judgement, key)
+    if problem is None or key != "coupling.drag" or not problem.bounds.fixed:
+        return problem
+    wide = Range(0.0, MOST_DRAG * problem.transparency.reference_impedance)
+    return replace(problem, bounds=replace(problem.bounds, drag=wide))
 
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:

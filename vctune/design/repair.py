@@ -172,7 +172,8 @@ def repairs_of_design(
     -------
     list of Repair
         Numbers put back to those of the solved design; where none of these does, each number at its value of least
-        error. Then the least changes of the problem. The least error comes first in either part.
+        error, or where solving finds none its least change. Then the least changes of the problem. The least error
+        comes first in either part.
     """
     last = perf_counter() + LONGEST
     pasted = stated | design_tables(judgement.gains, judgement.coupling)
@@ -183,10 +184,13 @@ def repairs_of_design(
         differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
         changed = differing if len(differing) == 1 else []
     found = undone(pasted, changed, OF_FIXED)
-    found = found or best_values(stated, judgement, OF_FREE, lambda: perf_counter() > last)
-    changes = [change for change in parameter_changes(pasted, problem) if not (found and change.key in SYMBOLS)]
+    settled = set(SYMBOLS) if found else set()
+    if not found:
+        found = best_values(stated, judgement, OF_FREE, lambda: perf_counter() > last)
+        settled = {repair.key for repair in found}
+    changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
     found += find_repairs(pasted, changes, OF_FIXED, progress, last)
-    return sorted(found, key=lambda repair: repair.key not in SYMBOLS)
+    return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
