@@ -22,7 +22,7 @@ from vctune.bench.evaluator import cases
 from vctune.design import repair as repairing
 from vctune.design import solve as solving
 from vctune.design.check import CheckVerdict, check
-from vctune.design.judge import Status
+from vctune.design.judge import Status, judge
 from vctune.design.parameter_changes import ParameterChange, parameter_changes
 from vctune.design.record import design_record
 from vctune.design.repair import find_repairs, with_repairs
@@ -35,6 +35,7 @@ from vctune.document.gains import gains_text
 from vctune.document.reading import ProblemFile, parse_problem
 from vctune.exit_codes import ExitCode
 from vctune.model.gains import Coupling, Gains
+from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
 from vctune.report.page import page
 
@@ -118,9 +119,20 @@ def certified(text: str) -> bool:
     return solve(problem).status is Status.CERTIFIED
 
 
+def errs_least(text: str, repair: dict) -> bool:
+    """Whether of other values of a given number, short of a repair and beyond it, none that is certified errs less."""
+    key, old, new = repair["key"], repair["old"], repair["new"]
+    for share in (0.3, 0.7, 0.95, 0.995, 0.9999, 1.0001, 1.005, 1.05, 1.3):
+        problem = parsed(changed(text, key, max(old + share * (new - old), 0.0), repair["needs"]))
+        judgement = judge(problem, *problem.fixed_design)
+        if judgement.status is Status.CERTIFIED and judgement.transparency.error < repair["error"] * (1 - 1e-4):
+            return False
+    return True
+
+
 @cache
 def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) -> list[dict]:
-    """Write every repair into the file as printed and solve; then nine tenths of it."""
+    """Write every repair into the file as printed and solve; then nine tenths of it, or of a given number others."""
     text = for_passive_hands(text)
     file = ProblemFile(parsed(text), text)
     solved = with_repairs(file, solve(file.problem))
@@ -131,9 +143,16 @@ def each_repair_is_least(text: str, *, at_least: int = 1, share: float = 0.9) ->
         key, old, new, needs = repair["key"], repair["old"], repair["new"], repair["needs"]
         old = inf if old is None else old
         assert certified(changed(text, key, new, needs)), repair
+        if file.problem.bounds.fixed and key in KEYS:
+            assert errs_least(text, repair), repair
+            continue
         part = new / share if old == inf else old + share * (new - old)
         assert not certified(changed(text, key, part, needs)), repair
-    assert [repair["size"] for repair in found] == sorted(repair["size"] for repair in found)
+    ranks = [
+        (file.problem.bounds.fixed and repair["key"] not in KEYS, float(f"{repair['error']:.4g}"), repair["size"])
+        for repair in found
+    ]
+    assert ranks == sorted(ranks)
     return found
 
 
@@ -172,7 +191,7 @@ def test_each_repair_of_the_gallery(name, problems):
 
 @pytest.mark.parametrize("name", REFUTED)
 def test_each_repair_of_a_refuted_design(name):
-    """Gains that are judged, not sought, are repaired to better than 1 %."""
+    """What is changed about the problem of given gains is known to better than 1 %."""
     each_repair_is_least(REFUTED[name], share=0.99)
 
 
@@ -192,7 +211,7 @@ def test_the_least_drag_is_that_of_the_limit():
     assert found["new"] == pytest.approx(max(0.025, (R - series.real).max()), rel=3e-3)
 
 
-def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_path):
+def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path):
     (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "poor.toml").write_text(FIXED.format(80.0))
     (tmp_path / "pasted.toml").write_text(for_passive_hands(REFUTED["b_c"]))
@@ -201,17 +220,18 @@ def test_a_check_names_the_least_change_of_a_gain_and_what_else_would_do(tmp_pat
     assert apart.message == pasted.message
     velocity = re.search(r"gains\.velocity = (\S+) instead of 150 would pass; so would ", apart.message)
     assert velocity is not None
-    assert float(velocity[1]) == pytest.approx(241.2526, rel=3e-3)  # bisection of the ratio in plain complex numbers
+    assert float(velocity[1]) == pytest.approx(400, rel=1e-3)  # the error falls with K_v; beyond, |S| is above 2
     assert "stability.band_hz[1] = " in apart.message
     assert apart.finding.record()["repairs"] == pasted.finding.record()["repairs"]
     assert (apart.line, pasted.line) == (2, 6)
 
 
-def test_nothing_found_is_said(tmp_path):
+def test_nothing_found_is_said(tmp_path, monkeypatch):
     text = REFUTED["from 0"].replace("10.0]", "inf]").replace("25000.0", "9.0")
     (tmp_path / "poor.toml").write_text(text)
     document = tomllib.loads(text)
     assert find_repairs(document, parameter_changes(document, parsed(text))) == []
+    monkeypatch.setattr(repairing, "solved_numbers", lambda *design: {})  # takes seconds, and differs in every number
     assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
@@ -224,7 +244,9 @@ def test_no_design_found_is_undecided_and_has_repairs_too(monkeypatch):
     assert (solved.status, solved.infeasibility.proved) == (Status.UNDECIDED, False)
     assert solved.infeasibility.reason.startswith("no admissible design was found, nor proved impossible")
     record = design_record(file, with_repairs(file, solved))
-    assert record["repairs"] and f"the smallest repair: {record['repairs'][0]['key']} = " in record["reason"]
+    assert (
+        record["repairs"] and f"the repair with the least error: {record['repairs'][0]['key']} = " in record["reason"]
+    )
 
 
 def test_a_certified_design_needs_no_repairs():

@@ -166,7 +166,7 @@ LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
 
 
 def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
-    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])  # they are looked for below
+    monkeypatch.setattr("vctune.design.check.repairs_of_design", lambda *design: [])  # they are looked for below
     changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
@@ -350,7 +350,7 @@ def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
 @pytest.mark.slow
 def test_verdicts_hold_on_random_arms(arm, monkeypatch):
     """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
-    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])
+    monkeypatch.setattr("vctune.design.check.repairs_of_design", lambda *design: [])
     outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
     assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
 

@@ -16,7 +16,7 @@ from vctune.document.date import today
 from vctune.document.design import design_of, read_design
 from vctune.document.errors import InputError
 from vctune.document.files import make_folder, previous, write_together
-from vctune.document.gains import gains_text
+from vctune.document.gains import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
 from vctune.document.record import DesignRecord
 from vctune.document.simulation import simulation_beside
@@ -129,6 +129,7 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
             "sha256": file.sha256,
             "vctune": str(record.versions["vctune"]),
             "verdict": record.certificate.verdict,
+            "numbers": numbers_text(*record.design),
         }
         files[gains] = gains_text(*record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []

@@ -39,8 +39,8 @@ def solve(
     -------
     Solved
         `status`; `judgement`, the best design and what is proved of it, None if there is none; else `reason` and
-        `repairs`, the least changes of one number of the problem after which there is one. `prices`, the greatest gain
-        first, where they were asked for.
+        `repairs`, the changes of one number after which there is one, the least error first. `prices`, the greatest
+        gain first, where they were asked for.
 
     Raises
     ------

@@ -8,17 +8,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from math import pi
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Protocol
 
 import numpy as np
 
+from vctune.design.check_message import check_message, line_to_change, taken_back
+from vctune.design.gain_repair import edits, undone, undone_together
 from vctune.design.judge import Judgement, Status, judge_all
-from vctune.design.parameter_changes import parameter_changes
+from vctune.design.parameter_changes import ParameterChange
 from vctune.design.record import record_of, warnings
-from vctune.design.repair import CUT_SHORT, LONGEST, Progress, find_cures, find_repairs, has_design_in_use
+from vctune.design.repair import (
+    CUT_SHORT,
+    LONGEST,
+    OF_FIXED,
+    OF_FIXED_IN_USE,
+    Progress,
+    find_cures,
+    has_design_in_use,
+    repairs_of_design,
+)
 from vctune.design.result import Repair, Solved
 from vctune.design.variables import keys_for, ranges
 from vctune.document import toml
@@ -29,10 +39,7 @@ from vctune.document.kinds import require_gains_of
 from vctune.document.plausibility import doubts
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.markup import html_facts
-from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.model.units import UNITS
 from vctune.running import OutOfTimeError, out_of_time
 
 OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
@@ -116,7 +123,7 @@ class DesignFinding:
     ----------
     file : the problem
     judgement : of the gains
-    repairs : of a violated design, the smallest first
+    repairs : of a violated design, those of its own numbers first, of the least error first
     warnings : what the user should know
     seconds : it took
     """
@@ -197,10 +204,15 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
     if design is not None:
         require_gains_of(file, design)
         given = _Input(name, design.text, None, True)
-        return _judged(file, [(given, (design.gains, design.coupling), design.sha256)])[0]
+        return _judged(file, [(given, design)])[0]
     if not file.problem.bounds.fixed:
         raise InputError(file.problem.name, [_free(file.problem)])
-    return _judged(file, [(_Input(name, file.text, None, False), file.problem.fixed_design, None)])[0]
+    return _judged(file, [(_Input(name, file.text, None, False), _own_design(file))])[0]
+
+
+def _own_design(file: ProblemFile) -> GainsFile:
+    """Return the design that a problem fixes."""
+    return GainsFile(*file.problem.fixed_design, sha256=None, units=None, text=file.text)
 
 
 def _read(path: Path) -> _Input:
@@ -230,7 +242,7 @@ def _check_problem(given: _Input, progress: Progress) -> Checked:
             raise InputError(str(given.path), [_free(file.problem)])
     except InputError as error:
         return _refused(given, error)
-    return _judged(file, [(given, file.problem.fixed_design, None)], progress)[0]
+    return _judged(file, [(given, _own_design(file))], progress)[0]
 
 
 def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> list[Checked]:
@@ -244,7 +256,7 @@ def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> li
         try:
             read = gains_file(given.text, given.path)
             require_gains_of(file, read)
-            usable.append((given, (read.gains, read.coupling), read.sha256))
+            usable.append((given, read))
         except InputError as error:
             found[given.path] = _refused(given, error)
     found |= {checked.source: checked for checked in _judged(file, usable, progress)}
@@ -258,19 +270,18 @@ def _free(problem: Problem) -> Mistake:
 
 @np.errstate(all="ignore")
 def _judged(
-    file: ProblemFile,
-    given: list[tuple[_Input, tuple[Gains, AnyCoupling], str | None]],
-    progress: Progress = lambda stage: None,
+    file: ProblemFile, given: list[tuple[_Input, GainsFile]], progress: Progress = lambda stage: None
 ) -> list[Checked]:
-    """Judge designs with the digests of the problems that they were made for."""
-    progress(f"proving {', '.join(source.path.name for source, *_ in given)}")
+    """Judge designs."""
+    progress(f"proving {', '.join(source.path.name for source, _ in given)}")
     began = perf_counter()
-    judgements = judge_all(file.problem, [design for _, design, _ in given])
+    judgements = judge_all(file.problem, [(design.gains, design.coupling) for _, design in given])
     proving = (perf_counter() - began) / max(len(given), 1)
     checks = []
-    for (source, _, made_for), judgement in zip(given, judgements, strict=True):
+    for (source, design), judgement in zip(given, judgements, strict=True):
         began = perf_counter()
-        repairs = _repairs(file, judgement, progress)
+        changed = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
+        repairs, together = _repairs(file, judgement, changed, progress)
         cut = judgement.certificate.cut
         if judgement.status is Status.VIOLATED or judgement.idle:
             cut |= out_of_time()
@@ -282,68 +293,52 @@ def _judged(
         if judgement.idle and repairs is None:
             said = "solving the problem finds a design that does use its velocity loop"
             found.append(Note("warn-solve-instead", said))
-        if made_for and made_for != file.sha256:
+        if design.sha256 and design.sha256 != file.sha256:
             said = "the gains were made for another version of the problem (sha256 differs)"
             found.append(Note("other-version", said))
         seconds = proving + perf_counter() - began
         finding = DesignFinding(file, judgement, repairs, [note.line for note in found], seconds)
-        verdict, message = VERDICTS[judgement.status], _message(judgement, repairs)
-        checks.append(Checked(source.path, file.problem.name, verdict, message, _line(source.text, repairs), finding))
+        verdict, message = VERDICTS[judgement.status], check_message(judgement, repairs, changed, together)
+        line = line_to_change(source.text, repairs, together)
+        checks.append(Checked(source.path, file.problem.name, verdict, message, line, finding))
     return checks
 
 
-def _repairs(file: ProblemFile, judgement: Judgement, progress: Progress) -> list[Repair] | None:
-    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others."""
+def _repairs(
+    file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
+) -> tuple[list[Repair] | None, list[ParameterChange]]:
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others.
+
+    With them the edits that, taken back, make it pass only all together; none where one alone does.
+    """
     if judgement.status is not Status.VIOLATED and not judgement.idle:
-        return None
+        return None, []
     stated = toml.parse(file.text, file.problem.name)
     pasted = stated | design_tables(judgement.gains, judgement.coupling)
-    problem, _ = pose(pasted, file.problem.name)
-    assert problem is not None, "a valid problem with valid gains is one"
-    if not judgement.idle:
-        return find_repairs(pasted, parameter_changes(pasted, problem), progress=progress)
+    if judgement.idle:
+        return _cures(file, stated, pasted, changed, progress), []
+    repairs = repairs_of_design(stated, judgement, changed, progress)
+    together = len(changed) > 1 and not taken_back(repairs, changed) and undone_together(pasted, changed, OF_FIXED)
+    return repairs, changed if together else []
+
+
+def _cures(
+    file: ProblemFile,
+    stated: dict[str, Any],
+    pasted: dict[str, Any],
+    changed: list[ParameterChange],
+    progress: Progress,
+) -> list[Repair] | None:
+    """Return the cures of an idle design; None where solving finds one that is not, or the time limit ends that."""
     try:
+        if back := undone(pasted, changed, OF_FIXED_IN_USE):
+            return back
         if has_design_in_use(file.problem):
             return None
     except OutOfTimeError:
         return None
-    own = (pasted, problem) if file.problem.bounds.fixed else (stated, file.problem)
-    return find_cures(*own, progress)
-
-
-def _message(judgement: Judgement, repairs: list[Repair] | None) -> str:
-    units = UNITS[judgement.tightest.units]
-    if judgement.status is Status.CERTIFIED:
-        demands = judgement.certificate.demands
-        low, high = (edge / (2 * pi) for edge in demands.band)
-        where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
-        where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
-        where += (
-            [f"in every hand of {demands.hands.in_words(units)} up to Nyquist"] if demands.hands is not None else []
-        )
-        return (
-            f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, "
-            f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
-        )
-    worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
-    if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
-        worst += f" in the hand of {judgement.in_hand.hand.in_words(units)}"
-    known = judgement.reserve_missed or worst
-    return "; ".join([*judgement.open_claims, known, *([_remedy(repairs)] if repairs is not None else [])])
-
-
-def _remedy(repairs: list[Repair]) -> str:
-    """Return the least change of one gain that would do, and the other changes that would."""
-    if not repairs:
-        return "no change of one number passes"
-    of_gain = [repair for repair in repairs if repair.key in KEYS]
-    first, *others = [*of_gain[:1], *(repair for repair in repairs if repair.key not in KEYS)]
-    so = f"; so would {', or '.join(map(str, others))}" if others else ""
-    return f"{first} would pass{so}"
-
-
-def _line(text: str, repairs: list[Repair] | None) -> int:
-    """Return the line of the gain to change, or of the table that has the gains."""
-    lines = toml.Lines(text)
-    paths = [tuple(repair.key.split(".")) for repair in repairs or [] if repair.key in KEYS]
-    return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)
+    if not file.problem.bounds.fixed:
+        return find_cures(stated, file.problem, progress)
+    problem, _ = pose(pasted, file.problem.name)
+    assert problem is not None, "a valid problem with valid gains is one"
+    return find_cures(pasted, problem, progress)

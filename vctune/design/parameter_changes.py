@@ -273,10 +273,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
-    tau = problem.device.loop_lag
-    loop = problem.device.mass / tau + problem.device.damping
-    Z_0 = problem.transparency.reference_impedance
-    natural = dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
+    natural = _natural_sizes(problem)
     for key in stated_keys(problem.device):
         table, name = key.split(".")
         path, bounds, symbol = (table, name), getattr(problem.bounds, name), SYMBOLS[key]
@@ -290,10 +287,32 @@ def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterC
                     (*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max
                 )
         elif number_at(document, *path) is not None or key == "coupling.drag":
-            greater = "some drag" if key == "coupling.drag" and bounds.min == 0 else f"a greater {symbol}"
-            yield ParameterChange(path, greater, bounds.min, _upwards(bounds.min, natural[key]), natural[key])
+            yield change_of_gain(problem, key, bounds.min, _upwards(bounds.min, natural[key]))
             if downwards and bounds.min > 0:
-                yield ParameterChange(path, f"a smaller {symbol}", bounds.min, _downwards(bounds.min, key))
+                yield change_of_gain(problem, key, bounds.min, _downwards(bounds.min, key))
+
+
+def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
+    """Return the change of a number of a design towards another value.
+
+    Parameters
+    ----------
+    problem : that the design is of
+    key : of the number
+    old, limit : the value that it has, and the furthest one
+    """
+    table, name = key.split(".")
+    way = f"a {'greater' if limit > old else 'smaller'} {SYMBOLS[key]}"
+    meaning = "some drag" if key == "coupling.drag" and old == 0 else way
+    return ParameterChange((table, name), meaning, old, limit, _natural_sizes(problem)[key])
+
+
+def _natural_sizes(problem: Problem) -> dict[str, float]:
+    """Return the natural sizes of a design's numbers by their keys."""
+    tau = problem.device.loop_lag
+    loop = problem.device.mass / tau + problem.device.damping
+    Z_0 = problem.transparency.reference_impedance
+    return dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
 
 
 def _upwards(old: float, natural: float) -> float:

@@ -181,7 +181,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     Parameters
     ----------
     problem, judgement : the design
-    cures : of an idle design, the changes after which it is not, the smallest first; None if not looked for
+    cures : of an idle design, the changes after which it is not, the least error first; None if not looked for
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
@@ -210,7 +210,7 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
 
 
 def _cured(cures: Sequence[Repair] | None) -> str:
-    """Return which demand keeps a design from using its loop: the one of the smallest change that cures it."""
+    """Return which demand keeps a design from using its loop: the one whose change cures it with the least error."""
     if cures is None:
         return ""
     if not cures:

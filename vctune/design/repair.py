@@ -1,6 +1,7 @@
-"""What would make a design possible: changes of one number of the problem file, each alone sufficient and least.
+"""What would make a design possible: changes of one number, each alone sufficient, the least error first.
 
-Gains that are given are tried without the optimiser, which is imported only where something is free.
+Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
+the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
 """
 
 from __future__ import annotations
@@ -16,14 +17,17 @@ import numpy as np
 
 from vctune.analysis.demands import sensitivity_maxima, transparency_error
 from vctune.analysis.in_hands import least_ratios
+from vctune.design.gain_repair import best_values, edits, repair_of, solved_numbers, undone
 from vctune.design.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.prepared import pose as pose_devices
 from vctune.design.result import Repair, Solved
 from vctune.document import toml
 from vctune.document.codes import Note
+from vctune.document.gains import design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.keys import SYMBOLS
 from vctune.model.problem import Problem
 from vctune.proof.interval import Verdict
 from vctune.proof.poles import prove_model_poles
@@ -150,12 +154,56 @@ def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda 
     document = toml.parse(file.text, problem.name)
     if idle:
         repairs = find_cures(document, problem, progress)
+    elif judgement is not None:
+        repairs = repairs_of_design(document, judgement, [], progress)
     else:
-        test = OF_FIXED if problem.bounds.fixed else OF_FREE
-        repairs = find_repairs(document, parameter_changes(document, problem), test, progress)
+        repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
     seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
     found = repairs or None if cut else repairs  # that there is none was not found out
     return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
+
+
+def repairs_of_design(
+    stated: dict[str, Any],
+    judgement: Judgement,
+    changed: Sequence[ParameterChange],
+    progress: Progress = lambda stage: None,
+) -> list[Repair]:
+    """Return the changes of one number after which a refuted design passes: first its own, then the problem's.
+
+    Parameters
+    ----------
+    stated : the problem's document
+    judgement : of the design
+    changed : the numbers that were edited since the design was solved, with limits where they were; where none are
+        known the problem is solved, and a design that differs from its own in one number was edited there
+    progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        Numbers put back to those of the solved design; where none of these does, each number at its value of least
+        error, or where solving finds none its least change. Then the least changes of the problem. The least error
+        comes first in either part.
+    """
+    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    problem, _ = pose(pasted, "")
+    assert problem is not None, "a valid problem with valid gains is one"
+    progress("looking for repairs: the numbers of the design")
+    found, settled = list[Repair](), set[str]()
+    with time_limit(LONGEST):
+        with suppress(OutOfTimeError):
+            if not changed:
+                differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
+                changed = differing if len(differing) == 1 else []
+            found += undone(pasted, changed, OF_FIXED)
+            settled |= set(SYMBOLS) if found else set()
+            for repair in () if found else best_values(stated, judgement, OF_FREE):
+                found.append(repair)
+                settled.add(repair.key)
+        changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
+        found += find_repairs(pasted, changes, OF_FIXED, progress)
+    return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
 
 
 def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
@@ -189,7 +237,7 @@ def find_repairs(
     test: RepairTest = OF_FIXED,
     progress: Progress = lambda stage: None,
 ) -> list[Repair]:
-    """Return the least changes of one number that repair a problem, the smallest first, as many as time allows.
+    """Return the least changes of one number that repair a problem, as many as time allows.
 
     Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
     with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
@@ -200,6 +248,11 @@ def find_repairs(
     changes : the numbers that may be changed
     test : how changed problems are tried
     progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        The least error first; of the same error, as where a demand on given gains is eased, the smallest change.
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
@@ -215,7 +268,7 @@ def find_repairs(
                 left[number] = relative
             elif (repair := searches[number].least(left.pop(number), relative)) is not None:
                 found.append(repair)
-    return sorted(found, key=lambda repair: repair.size)
+    return sorted(found, key=lambda repair: repair.rank)
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,7 +318,8 @@ class _Search:
         relative = self._narrowed(low, high)
         if change.old == 0 and relative <= change.least:  # any above 0 seems to do: the first that was tried
             new = change.rounded(high, width / 2)
-            return self._repair(new, self.certified(new))
+            design = self.certified(new)
+            return repair_of(change, new, design) if design is not None else None
         for _ in range(ROUNDS):
             new = change.rounded(relative, width / 2)
             design, partial = self.certified(new), change.partial(new, SHARE)
@@ -274,15 +328,8 @@ class _Search:
             elif self.certified(partial) is not None:
                 relative = change.relative_change(partial)
             else:
-                return self._repair(new, design)
+                return repair_of(change, new, design)
         return None
-
-    def _repair(self, new: float, design: Judgement | None) -> Repair | None:
-        """Return a change that leads to a certified design, None if it leads to none."""
-        if design is None:
-            return None
-        change, error = self.change, design.transparency.error
-        return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
 
     def _narrowed(self, low: float, high: float) -> float:
         """Return a relative change that seems to suffice, narrowed towards one that does not."""

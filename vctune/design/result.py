@@ -87,7 +87,8 @@ class Polished:
 class Repair:
     """A change of one number of the problem file after which there is a design, while 90 % of it is not enough.
 
-    Of a number that is 0 it may be that any other is enough; then it is a small one.
+    Of a number that is 0 it may be that any other is enough; then it is a small one. A number of a design that is
+    given is not changed as little as will do, but to the value with the least error, or back to what was solved.
 
     Attributes
     ----------
@@ -95,7 +96,7 @@ class Repair:
     old, new : its values, in the unit of the file
     change : what that means
     needs : what the file has to say, a line of TOML
-    size : change relative to the greater of both values, by which repairs are compared (`ParameterChange.size`)
+    size : change relative to the greater of both values; of repairs with the same error the smallest comes first
     error : transparency error of the design that there is then
     """
 
@@ -109,6 +110,11 @@ class Repair:
 
     def __str__(self) -> str:
         return f"{self.key} = {self.new:.12g} instead of {self.old:.12g}"
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What repairs are sorted by: the error in the digits that are shown, then the size of the change."""
+        return float(f"{self.error:.4g}"), self.size
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,9 +213,9 @@ class Solved:
 
     @property
     def reason(self) -> str | None:
-        """Why there is no design, with the smallest repair or what may be one; or by how little a given one fails."""
+        """Why there is no design, with the best repair or what may be one; or by how little a given one fails."""
         if self.infeasibility is None:
             return self.judgement.reserve_missed if self.judgement else None
         if self.repairs:
-            return f"{self.infeasibility.cause}; the smallest repair: {self.repairs[0]}"
+            return f"{self.infeasibility.cause}; the repair with the least error: {self.repairs[0]}"
         return self.infeasibility.reason

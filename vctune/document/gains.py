@@ -30,6 +30,41 @@ def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, fl
     return tables
 
 
+def design_numbers(gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
+    """Return the numbers of a design by their keys, in order; an impedance display has no K_p.
+
+    Parameters
+    ----------
+    gains, coupling : plain floats
+    """
+    tables = design_tables(gains, coupling)
+    return {f"{table}.{name}": value for table, numbers in tables.items() for name, value in numbers.items()}
+
+
+def numbers_text(gains: Gains, coupling: AnyCoupling) -> str:
+    """Return the numbers of a design as one text, from which an edited file knows what it was.
+
+    Parameters
+    ----------
+    gains, coupling : plain floats
+    """
+    return " ".join(repr(number) for number in design_numbers(gains, coupling).values())
+
+
+def numbers_in(text: str, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
+    """Return the numbers that `numbers_text` wrote by their keys; none where they are not those of such a design.
+
+    Parameters
+    ----------
+    text : of the numbers
+    gains, coupling : a design of the same kind
+    """
+    try:
+        return dict(zip(design_numbers(gains, coupling), map(float, text.split()), strict=True))
+    except ValueError:
+        return {}
+
+
 def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: UnitSystem = "linear") -> str:
     """Return the text of a gains file.
 

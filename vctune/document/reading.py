@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from vctune.document import toml
 from vctune.document.contradictions import contradictions
 from vctune.document.defaults import resolve
 from vctune.document.digest import problem_digest
+from vctune.document.gains import numbers_in
 from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
 from vctune.document.units import units_stated
 from vctune.document.validation import Contradiction, Fault, examined, refusal, validated
@@ -160,6 +162,7 @@ class GainsFile:
     units : that the numbers are in, if the file says so
     text : the file's text
     source : the path of the file; "design" where there is none
+    solved : the numbers of the design that it was made of, by key; none if the file does not say so
     """
 
     gains: Gains
@@ -168,6 +171,7 @@ class GainsFile:
     units: UnitSystem | None
     text: str
     source: str = "design"
+    solved: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def display(self) -> Display:
@@ -199,7 +203,9 @@ def gains_file(text: str, path: Path) -> GainsFile:
     document = validated(model, text, str(path), _other_display)
     gains = Gains(document.gains.velocity, getattr(document.gains, "position", 0.0))
     coupling = (SpringDamper if spring else Coupling)(**document.coupling.model_dump())
-    return GainsFile(gains, coupling, document.design.sha256, document.design.units, text, str(path))
+    origin = document.design
+    solved = numbers_in(origin.numbers or "", gains, coupling)
+    return GainsFile(gains, coupling, origin.sha256, origin.units, text, str(path), solved)
 
 
 def _coupling_is_spring(raw: dict[str, Any]) -> bool:

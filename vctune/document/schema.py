@@ -292,6 +292,7 @@ class OriginTable(Table):
         None,
         description="Digest of what the problem means: resolved, without comments, name, description and experiments.",
     )
+    numbers: Text | None = Field(None, description="The design's numbers as they were solved, in their order.")
 
 
 class GainsDocument(Table):
