@@ -6,6 +6,7 @@ See cli/README.md, section 2.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -318,8 +319,10 @@ def _repairs(
     if judgement.idle:
         return _cures(file, stated, pasted, changed, progress), []
     repairs = repairs_of_design(stated, judgement, changed, progress)
-    together = len(changed) > 1 and not taken_back(repairs, changed) and undone_together(pasted, changed, OF_FIXED)
-    return repairs, changed if together else []
+    with suppress(OutOfTimeError):
+        if len(changed) > 1 and not taken_back(repairs, changed) and undone_together(pasted, changed, OF_FIXED):
+            return repairs, changed
+    return repairs, []
 
 
 def _cures(
