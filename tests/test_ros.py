@@ -209,7 +209,7 @@ def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code
 
 def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
     """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
-    monkeypatch.setattr("vctune.design.check.find_repairs", lambda *problem: [])
+    monkeypatch.setattr("vctune.design.check.repairs_of_design", lambda *design: [])
     ratios = []
     for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
         changed(arm, damping_ratio=text)
