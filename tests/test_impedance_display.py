@@ -416,7 +416,7 @@ def test_a_device_without_damping_is_not_refused_in_hands():
 def test_an_uncertain_arm_says_what_hands_alone_would_allow():
     """By one device that stands for all of them; the search over the box of devices finds the same."""
     file = read_problem(ROOT / "problems/desktop-arm.toml")
-    problem, solved = file.problem, with_alternatives(solve(file.problem))
+    problem, solved = file.problem, with_alternatives(file, solve(file.problem))
     (alone,) = solved.alternatives
     direct = estimated(replace(problem, stability=replace(problem.stability, criterion="hands")))
     assert alone.criterion == "hands" and direct is not None
