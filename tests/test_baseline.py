@@ -388,7 +388,7 @@ def test_one_interrupt_leaves_what_was_decided_and_two_leave_nothing(baseline, n
     left = {path.name for path in (out / "device").iterdir()}
     assert (done.returncode, "Traceback" in done.stderr) == (code, False)
     assert done.stdout.count("went on") == 1
-    assert left == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
+    assert left - {"problem-file.txt"} == ({"region.json", "region.svg"} if code is ExitCode.UNDECIDED else set())
 
 
 @pytest.mark.slow
