@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from itertools import count
+from time import perf_counter, process_time
 
 import pytest
 from command import process, run
