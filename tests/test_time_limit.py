@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 from itertools import count
+from time import perf_counter, process_time
 
 import pytest
-from command import run
+from command import process, run
 
 import vctune
 from vctune import running
@@ -22,6 +23,8 @@ PASSIVE = DEVICE + '[stability]\ncriterion = "passive"\n'
 GAINS = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.37\n"
 STUDY = 'problem = "device.toml"\n[axes]\n"device.damping" = [1.0, 2.0, 4.0]\n'
 ENOUGH = 10**9
+BUSY = 3.0
+"""What starting an interpreter and writing may take longer on a busy machine, s."""
 
 
 @pytest.fixture
@@ -184,3 +187,36 @@ def test_a_mistake_of_units_is_named_before_the_work(folder, ticks, text, code):
     (folder / "doubtful.toml").write_text(text)
     done = run("solve", "doubtful.toml", "--time-limit", 1, cwd=folder)
     assert done.returncode == ExitCode.UNDECIDED and f"[{code}]" in done.stderr.splitlines()[0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [5.0, 15.0])
+def test_a_command_ends_in_time_with_what_is_known(tmp_path, seconds):
+    """Three uncertain numbers of a light device keep the default criterion busy for minutes."""
+    (tmp_path / "unc.toml").write_text(
+        "[device]\nmass = 0.216\ndamping = 0.091\nsample_time = 0.386e-3\ndelay = 1e-3\n"
+        "[uncertainty]\nmass = 0.3\ndamping = 0.9\ndelay = 0.9\n"
+    )
+    began = perf_counter()
+    done = process("solve", "unc.toml", "--time-limit", seconds, cwd=tmp_path)
+    took = perf_counter() - began
+    record = solved(tmp_path, "unc")
+    assert done.returncode == ExitCode.UNDECIDED and record["status"] == "undecided"
+    assert took < 1.2 * seconds + BUSY, took
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "change", ["sample_time = 0.5", "sample_time = 2000.0", *(f"{k:g}" for k in (1e6, 1e8, 1e10, 6e11))]
+)
+def test_a_mistake_of_units_has_an_answer_in_a_minute_of_processor_time(change):
+    device = {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}
+    operator = {}
+    if "=" in change:
+        device["sample_time"] = float(change.split()[-1])
+    else:
+        device["mass"], operator = 110.0, {"operator": {"stiffness": {"min": 0.0, "max": float(change)}}}
+    began = process_time()
+    found = vctune.solve({"name": "doubtful", "device": device, **operator})
+    assert process_time() - began < 60
+    assert found.status in ("certified", "undecided", "infeasible") and not found.cut

@@ -57,8 +57,8 @@ costs proofs."""
 SEARCH, PROOF = "the search", "the proof"
 """What a time limit may cut short."""
 SEARCHING = 0.6
-"""The share of the time that is left within which the starts are polished, if there is a time limit: a proof takes
-about as long as a polish. Half finds worse designs, all of it proves none."""
+"""The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as long
+as a polish. Half finds worse designs, all of it proves none."""
 
 Progress = Callable[[str], None]
 
@@ -93,16 +93,14 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
     progress : told the stage of the work
     """
     began = perf_counter()
-    with time_limit(SEARCHING * seconds_left()):
-        optima = local_optima(prepared, scanned, progress, WORTH_POLISHING)
-        searched = not out_of_time()
+    optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
     polished = perf_counter()
     progress(f"proving{_best_known(optima, prepared.units.error)}")
     best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
         tried = [optimum.start for optimum in optima]
         others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
-        optima = local_optima(prepared, others, progress, inf)
+        optima, _ = local_optima(prepared, others, progress, inf)
         best, judgement = _best_proved(prepared, scanned, optima)
     if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
         with suppress(OutOfTimeError):
@@ -129,8 +127,9 @@ def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
     if impossible(problem) is not None:
         return None
     prepared = prepare(problem)
-    optima = local_optima(prepared, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
-    check_time()
+    optima, complete = local_optima(prepared, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    if not complete:
+        raise OutOfTimeError
     return design_of(prepared.units.to_si(optima[0].values)) if optima else None
 
 
@@ -190,7 +189,9 @@ def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | 
     return judgement
 
 
-def local_optima(prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float) -> list[Polished]:
+def local_optima(
+    prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float
+) -> tuple[list[Polished], bool]:
     """Polish the starts that can still win; return the local optima, best first.
 
     Parameters
@@ -202,38 +203,44 @@ def local_optima(prepared: Prepared, scanned: ScanResult, progress: Progress, wo
 
     Returns
     -------
-    list of Polished
-        Dimensionless, the least error first; not proved. The time limit leaves those that are known by then.
+    optima : dimensionless, the least error first; not proved
+    complete : whether the time limit has left time for every start
     """
     optima: list[Polished] = []
+    complete = False
     with suppress(OutOfTimeError):
         _polish_starts(prepared, scanned, progress, worth, optima)
-    return sorted(optima, key=lambda optimum: optimum.error)
+        complete = not out_of_time()
+    return sorted(optima, key=lambda optimum: optimum.error), complete
 
 
 def _polish_starts(
     prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
 ) -> None:
     """Add the local optima that starts lead to."""
-    scaled, done = prepared.scaled, list[Start]()
+    scaled, done, available = prepared.scaled, list[Start](), seconds_left()
+    for_proof = (1 - SEARCHING) * available if available < inf else 0.0
     for number, start in enumerate(scanned.starts, 1):
         least = min((optimum.error for optimum in optima), default=inf)
         hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
         if start.error > worth * least or hopeless or start in done:
             continue
-        check_time()
         progress(f"polishing start {number} of {len(scanned.starts)}{_best_known(optima, prepared.units.error)}")
-        polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
+        with time_limit(seconds_left() - for_proof if optima else inf):
+            check_time()
+            polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
         if polished is not None:
             optima.append(polished)
             left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
             done += in_same_basin(scaled, left, design_of(polished.values)[0])
     optima.sort(key=lambda optimum: optimum.error)
     if optima:
-        nearby = better_start_near(scaled, *design_of(optima[0].values))
+        with time_limit(seconds_left() - for_proof):
+            nearby = better_start_near(scaled, *design_of(optima[0].values))
         if nearby is not None:
             progress(f"polishing once more{_best_known(optima, prepared.units.error)}")
-            better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
+            with time_limit(seconds_left() - for_proof):
+                better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
             optima += [better] if better is not None else []
 
 
