@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from vctune.document.identification import IdentificationRecord
 from vctune.document.recording import Floats
-from vctune.identification.identify import Identified, RecordStudy
+from vctune.identification.identify import Identified
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.periodic_study import PeriodicStudy, behind_force
+from vctune.identification.record_study import RecordStudy
 from vctune.identification.unmodelled import covered
 from vctune.model.units import Units
 from vctune.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
@@ -144,8 +145,7 @@ def _lines_left(study: RecordStudy) -> tuple[Floats, Floats, Floats]:
     periodic = study.periodic
     assert periodic is not None
     lines = periodic.measured.position
-    left = np.abs(periodic.fit.position / lines.ratio - 1)
-    return lines.omega / (2 * pi), np.maximum(left, 1e-12), np.maximum(lines.spread, 1e-12)
+    return lines.omega / (2 * pi), np.maximum(periodic.left, 1e-12), np.maximum(lines.spread, 1e-12)
 
 
 def _numbers(record: IdentificationRecord) -> Figure:
