@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.filters import Complex, drive, edge, filtered, smooth
-from vctune.identification.signals import Signals, derivatives
-from vctune.model.device import Device
+from vctune.identification.filters import Complex, edge, filtered, smooth, stride
+from vctune.identification.signals import Signals, acceleration
 
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
@@ -47,8 +46,6 @@ class MotionFit:
     cutoff_hz : of the low-pass on both sides
     samples : how many were used, and of the log's samples how many there are
     residual, force : root mean squares, N
-    time, measured, fitted : of the samples that were used, s and N
-    sensitivity : of the fitted force to each number, shape (samples, p)
     """
 
     names: tuple[str, ...]
@@ -58,10 +55,6 @@ class MotionFit:
     samples: tuple[int, int]
     residual: float
     force: float
-    time: Floats
-    measured: Floats
-    fitted: Floats
-    sensitivity: Floats
 
     def value(self, name: str) -> float:
         """Return a number by its name."""
@@ -74,18 +67,46 @@ class MotionFit:
 
 
 @dataclass(frozen=True, slots=True)
+class FittedSamples:
+    """What a regression was made of, and what came of it: samples as many as the cut-off asks for.
+
+    Attributes
+    ----------
+    rows : their places among every `stride` sample of the log
+    step : from one of these to the next, s
+    measured, fitted : N
+    sensitivity : of the fitted force to each number, shape (samples, p)
+    """
+
+    rows: NDArray[np.int64]
+    step: float
+    measured: Floats
+    fitted: Floats
+    sensitivity: Floats
+
+    @property
+    def time(self) -> Floats:
+        """When they were taken, s."""
+        return np.asarray(self.rows * self.step, dtype=np.float64)
+
+    @property
+    def left(self) -> Floats:
+        """What the fit leaves of the force, N."""
+        return self.measured - self.fitted
+
+
+@dataclass(frozen=True, slots=True)
 class _Filtered:
-    """Both sides for given delays: force, its slopes by the delays, regressors; and which samples count."""
+    """Both sides for given delays, of the samples that count: force, its slopes by the delays, regressors."""
 
     force: Floats
     slopes: Floats
     regressors: Floats
-    kept: Flags
 
 
 def motion_fit(
     signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
-) -> MotionFit:
+) -> tuple[MotionFit, FittedSamples]:
     """Fit a recording.
 
     Parameters
@@ -100,10 +121,14 @@ def motion_fit(
     -------
     MotionFit
         Of the numbers in `names` and the delays that are not known.
+    FittedSamples
+        What it was made of.
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]
-    regressors, kept = _regressors(signals, cutoff_hz, names, slow)
+    every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
+    kept = used[::every]
+    regressors = _regressors(signals, cutoff_hz, names, every)[kept]
     step = signals.sample_time
     for _ in range(STEPS):
         at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
@@ -124,21 +149,16 @@ def motion_fit(
     residual = at.force - at.regressors @ theta
     sensitivity = np.column_stack([at.regressors, -at.slopes])
     information = sensitivity.T @ sensitivity
-    covariance = _covariance(sensitivity, residual, information, kept, cutoff_hz, step)
-    time = np.asarray(np.flatnonzero(kept) * step, dtype=np.float64)
-    return MotionFit(
+    fit = MotionFit(
         names=(*names, *free),
         values=np.array([*theta, *(delays[name] for name in free)]),
-        covariance=covariance,
+        covariance=_covariance(sensitivity, residual, information, kept, cutoff_hz, step * every),
         cutoff_hz=cutoff_hz,
-        samples=(int(kept.sum()), signals.position.size),
+        samples=(int(used.sum()), signals.position.size),
         residual=float(np.sqrt(np.mean(residual**2))),
         force=float(np.sqrt(np.mean(at.force**2))),
-        time=time,
-        measured=at.force,
-        fitted=at.regressors @ theta,
-        sensitivity=sensitivity,
     )
+    return fit, FittedSamples(np.flatnonzero(kept), step * every, at.force, at.force - residual, sensitivity)
 
 
 def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
@@ -164,64 +184,63 @@ def _sides(
     regressors: Floats,
     kept: Flags,
 ) -> _Filtered:
-    T = signals.sample_time
-    force, slopes = np.zeros(signals.position.size), {}
-    if signals.command is not None:
-        device = Device(1.0, 0.0, T, 0.0, actuator=signals.actuator)
-        late = delays["delay"]
+    every = stride(cutoff_hz, signals.sample_time)
+    force, slopes = np.zeros(len(regressors)), {}
+    for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
+        if column not in signals.spectra:
+            continue
+        late = delays[name]
 
-        def driven(omega: Floats) -> Complex:
-            through = drive(device, omega) if signals.is_command else 1.0
-            return np.asarray(through * np.exp(-1j * omega * late) * smooth(omega, cutoff_hz))
+        def through(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
-        force = force + filtered(signals.command, driven, T)
-        slopes["delay"] = filtered(signals.command, lambda omega: -1j * omega * driven(omega), T)
-    if signals.hand is not None:
-        early = delays["sensor_delay"]
+        def slope(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(sign * omega * np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
-        def sensed(omega: Floats) -> Complex:
-            return np.asarray(np.exp(1j * omega * early) * smooth(omega, cutoff_hz))
-
-        force = force + filtered(signals.hand, sensed, T)
-        slopes["sensor_delay"] = filtered(signals.hand, lambda omega: 1j * omega * sensed(omega), T)
-    columns = [slopes[name][kept] for name in free]
-    return _Filtered(force[kept], np.column_stack(columns) if columns else np.empty((kept.sum(), 0)), regressors, kept)
+        force += filtered(signals.spectra[column], through, every)[kept]
+        if name in free:
+            slopes[name] = filtered(signals.spectra[column], slope, every)[kept]
+    columns = [slopes[name] for name in free]
+    return _Filtered(force, np.column_stack(columns) if columns else np.empty((force.size, 0)), regressors)
 
 
-def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, Flags]:
-    """Return a column for each name, and which samples count: neither at an end nor at a turn."""
-    T = signals.sample_time
-    a, v = derivatives(signals.position, cutoff_hz, T)[0], signals.velocity
-    columns = regressors_of(a, v, names, lambda values: filtered(values, lambda w: smooth(w, cutoff_hz), T))
+def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
+    """Return which samples count: neither at an end nor at a turn."""
+    T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
     kept[:margin] = kept[-margin:] = False
-    slow = (np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)).astype(float)
-    near = 1 + 2 * int(0.25 / cutoff_hz / T)
-    away = kept & (np.convolve(slow, np.ones(near), "same") < 0.5)
-    if away.sum() >= LEAST_KEPT * kept.sum():
-        kept = away
-    return columns[kept], kept
+    slow = np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)
+    half = int(0.25 / cutoff_hz / T)
+    counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
+    counted = np.append(counted, np.full(half, counted[-1]))
+    away = kept & (counted[2 * half + 1 :] == counted[: -2 * half - 1])
+    return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
 
 
-def regressors_of(a: Floats, v: Floats, names: Sequence[str], low_pass: Callable[[Floats], Floats]) -> Floats:
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Floats:
+    """Return a column for each name."""
+    a = acceleration(signals.spectra["position"], cutoff_hz, every)
+    return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
+
+
+def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Floats:
     """Return what each number multiplies, shape (n, p).
 
     Parameters
     ----------
-    a, v : acceleration and velocity, m/s2 and m/s; a is behind the low-pass
+    a : acceleration behind the low-pass, m/s2
+    behind : gives a column of `WAYS` behind the low-pass
     names : `DIRECTIONAL` or `SYMMETRIC`
-    low_pass : what the other columns still have to go through
     """
-    ahead, back = np.maximum(np.sign(v), 0.0), np.maximum(np.sign(-v), 0.0)
     made: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
-        "damping": lambda: low_pass(v),
-        "damping_forwards": lambda: low_pass(v * ahead),
-        "damping_backwards": lambda: low_pass(v * back),
-        "coulomb": lambda: low_pass(ahead - back),
-        "coulomb_forwards": lambda: low_pass(ahead),
-        "coulomb_backwards": lambda: -low_pass(back),
-        "offset": lambda: low_pass(np.ones(v.size)),
+        "damping": lambda: behind("forwards") + behind("backwards"),
+        "damping_forwards": lambda: behind("forwards"),
+        "damping_backwards": lambda: behind("backwards"),
+        "coulomb": lambda: behind("ahead") - behind("back"),
+        "coulomb_forwards": lambda: behind("ahead"),
+        "coulomb_backwards": lambda: -behind("back"),
+        "offset": lambda: behind("always"),
     }
     return np.column_stack([made[name]() for name in names])

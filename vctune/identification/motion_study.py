@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -12,12 +12,13 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
 from vctune.identification.box import COULOMB_SHARE, Estimate
-from vctune.identification.filters import HIGHEST, smooth
+from vctune.identification.filters import HIGHEST, smooth, spectrum
 from vctune.identification.friction import FrictionFound, friction_of
 from vctune.identification.known import known_delays
-from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, MotionFit, motion_fit
+from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
 from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
-from vctune.identification.signals import Signals, acceleration_noise, cutoffs, derivatives, signals_of
+from vctune.identification.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
+from vctune.identification.signals import signals as turned_signals
 from vctune.model.device import Actuator
 
 UNEXPLAINED = 0.6
@@ -37,6 +38,7 @@ class MotionStudy:
     Attributes
     ----------
     directional, symmetric : fits with friction each way, and the same both ways
+    samples : of the directional one
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
@@ -50,6 +52,7 @@ class MotionStudy:
 
     directional: MotionFit
     symmetric: MotionFit
+    samples: FittedSamples
     others: tuple[MotionFit, ...]
     force_noise: float | None
     checks: tuple[Check, ...]
@@ -65,12 +68,12 @@ class MotionStudy:
 
         Parameters
         ----------
-        hertz : of the bins, evenly spaced up to Nyquist
-        sample_time : s
+        hertz : of the bins, evenly spaced from 0
+        sample_time : of the log, s
         """
         omega = 2 * np.pi * hertz
         share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
-        return share * self.position_noise / sqrt(hertz.size)
+        return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
 
     def estimates(self, source: str) -> list[Estimate]:
         """Return what it says of the numbers of a problem file."""
@@ -134,17 +137,18 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
-    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays) for cutoff in usable}
-    best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
+    fits, best, samples = _fits(signals, usable, delays)
     _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), known.document.classical
-    symmetric = motion_fit(signals, best, SYMMETRIC, delays)
+    symmetric, _ = motion_fit(signals, best, SYMMETRIC, delays)
+    checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
     return MotionStudy(
         directional=fits[best],
         symmetric=symmetric,
+        samples=samples,
         others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
         force_noise=None if hand is None else force_noise(hand),
-        checks=tuple(each for each in (bootstrap(fits[best]), instrumental(signals, fits[best])) if each is not None),
+        checks=tuple(each for each in checks if each is not None),
         classical=None if recipe is None else classical(recording, sample_time, recipe),
         friction=friction_of(signals, symmetric, delays),
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
@@ -152,6 +156,19 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         chi2=_chi2(signals, fits[best]),
         sharp_chi2=(_chi2(signals, fits[max(fits)]), 2 * max(fits) * sample_time * fits[max(fits)].samples[0]),
     )
+
+
+def _fits(
+    signals: Signals, usable: Sequence[float], delays: Mapping[str, float]
+) -> tuple[dict[float, MotionFit], float, FittedSamples]:
+    """Return the fit at each cut-off, the best of these, and the samples of that one alone: they are large."""
+    best, (fit, samples) = usable[0], motion_fit(signals, usable[0], DIRECTIONAL, delays)
+    fits = {best: fit}
+    for cutoff in usable[1:]:
+        fits[cutoff], others = motion_fit(signals, cutoff, DIRECTIONAL, delays)
+        if fits[cutoff].sigma("mass") < fits[best].sigma("mass"):
+            best, samples = cutoff, others
+    return fits, best, samples
 
 
 def _chi2(signals: Signals, fit: MotionFit) -> float:
@@ -190,12 +207,13 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
     """Return the share of the residual with force and position in each other's place."""
     if signals.command is None:
         return None
-    turned = replace(signals, position=signals.command, command=signals.position, reference=None, noise=0.0)
-    turned = replace(turned, velocity=derivatives(turned.position, HIGHEST / turned.sample_time, turned.sample_time)[1])
+    T, position = signals.sample_time, signals.command
+    v = speed(spectrum(position - position.mean(), T), HIGHEST / T)
+    turned = turned_signals(position, signals.position, T, 0.0, v, is_command=signals.is_command)
     usable = cutoffs(turned)
     if not usable:
         return None
-    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)
+    fit, _ = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)
     return fit.residual / fit.force
 
 
