@@ -8,7 +8,7 @@ the velocity too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -95,15 +95,6 @@ class FittedSamples:
         return self.measured - self.fitted
 
 
-@dataclass(frozen=True, slots=True)
-class _Filtered:
-    """Both sides for given delays, of the samples that count: force, its slopes by the delays, regressors."""
-
-    force: Floats
-    slopes: Floats
-    regressors: Floats
-
-
 def motion_fit(
     signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
 ) -> tuple[MotionFit, FittedSamples]:
@@ -128,13 +119,13 @@ def motion_fit(
     free = [name for name in delays if name not in known]
     every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
     kept = used[::every]
-    regressors = _regressors(signals, cutoff_hz, names, every)[kept]
-    step = signals.sample_time
+    step, linear = signals.sample_time, len(names)
+    sensitivity = np.empty((int(kept.sum()), linear + len(free)))
+    for at, column in enumerate(_regressors(signals, cutoff_hz, names, every)):
+        sensitivity[:, at] = column[kept]
     for _ in range(STEPS):
-        at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
-        sensitivity = np.column_stack([at.regressors, -at.slopes])
-        solved = np.linalg.lstsq(sensitivity, at.force, rcond=None)[0]
-        moved = solved[len(names) :]
+        force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+        moved = np.linalg.lstsq(sensitivity, force, rcond=None)[0][linear:]
         delays = {
             **delays,
             **{
@@ -144,10 +135,9 @@ def motion_fit(
         }
         if not free or np.abs(moved).max() < 1e-4 * step:
             break
-    at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
-    theta = np.linalg.lstsq(at.regressors, at.force, rcond=None)[0]
-    residual = at.force - at.regressors @ theta
-    sensitivity = np.column_stack([at.regressors, -at.slopes])
+    force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+    theta = np.linalg.lstsq(sensitivity[:, :linear], force, rcond=None)[0]
+    residual = force - sensitivity[:, :linear] @ theta
     information = sensitivity.T @ sensitivity
     fit = MotionFit(
         names=(*names, *free),
@@ -156,9 +146,9 @@ def motion_fit(
         cutoff_hz=cutoff_hz,
         samples=(int(used.sum()), signals.position.size),
         residual=float(np.sqrt(np.mean(residual**2))),
-        force=float(np.sqrt(np.mean(at.force**2))),
+        force=float(np.sqrt(np.mean(force**2))),
     )
-    return fit, FittedSamples(np.flatnonzero(kept), step * every, at.force, at.force - residual, sensitivity)
+    return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual, sensitivity)
 
 
 def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
@@ -171,21 +161,23 @@ def _covariance(
 ) -> Floats:
     """Return the covariance, residuals in their place in time: what was dropped is 0."""
     scores = np.zeros((kept.size, sensitivity.shape[1]))
-    scores[kept] = sensitivity * residual[:, None]
+    for score, slope in zip(scores.T, sensitivity.T, strict=True):
+        score[kept] = slope * residual
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
     return robust_covariance(scores, information, reach)
 
 
-def _sides(
+def _pushed(
     signals: Signals,
     cutoff_hz: float,
     delays: Mapping[str, float],
     free: Sequence[str],
-    regressors: Floats,
     kept: Flags,
-) -> _Filtered:
+    slopes: Floats,
+) -> Floats:
+    """Return the force at the samples that count; `slopes` is filled with those of the fitted force by free delays."""
     every = stride(cutoff_hz, signals.sample_time)
-    force, slopes = np.zeros(len(regressors)), {}
+    force = np.zeros(len(slopes))
     for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
         if column not in signals.spectra:
             continue
@@ -195,13 +187,12 @@ def _sides(
             return np.asarray(np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
         def slope(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
-            return np.asarray(sign * omega * np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
+            return np.asarray(-sign * omega * np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
         force += filtered(signals.spectra[column], through, every)[kept]
         if name in free:
-            slopes[name] = filtered(signals.spectra[column], slope, every)[kept]
-    columns = [slopes[name] for name in free]
-    return _Filtered(force, np.column_stack(columns) if columns else np.empty((force.size, 0)), regressors)
+            slopes[:, free.index(name)] = filtered(signals.spectra[column], slope, every)[kept]
+    return force
 
 
 def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
@@ -218,14 +209,14 @@ def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
     return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
 
 
-def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Floats:
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
     """Return a column for each name."""
     a = acceleration(signals.spectra["position"], cutoff_hz, every)
     return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
 
 
-def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Floats:
-    """Return what each number multiplies, shape (n, p).
+def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
+    """Return what each number multiplies, one after the other.
 
     Parameters
     ----------
@@ -243,4 +234,4 @@ def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[st
         "coulomb_backwards": lambda: -behind("back"),
         "offset": lambda: behind("always"),
     }
-    return np.column_stack([made[name]() for name in names])
+    return (made[name]() for name in names)

@@ -75,7 +75,10 @@ def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Ch
     reference = spectrum(signals.reference - signals.reference.mean(), T)
     a, columns = acceleration(reference, cutoff, every), ways(speed(reference, cutoff))
     made = regressors_of(a, lambda way: filtered(spectrum(columns[way], T), low_pass, every), DIRECTIONAL)
-    instruments, regressors = made[samples.rows], samples.sensitivity[:, : len(DIRECTIONAL)]
+    instruments, regressors = (
+        np.column_stack([column[samples.rows] for column in made]),
+        samples.sensitivity[:, : len(DIRECTIONAL)],
+    )
     theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ samples.measured, rcond=None)[0]
     return Check("check-instrument", "mass, reference as instrument", float(theta[0]), None)
 
