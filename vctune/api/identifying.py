@@ -144,7 +144,7 @@ def require_scipy() -> None:
         If it is not, with how to install it.
     """
     if find_spec("scipy") is None:
-        raise InputError.of("vctune identify", "missing-package", "needs SciPy; pip install 'vctune[identify]'")
+        raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")
 
 
 def _versions() -> dict[str, str | None]:

@@ -37,8 +37,8 @@ class Check:
     sigma: float | None
 
 
-def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check:
-    """Return the mass from blocks of the log drawn at random, and its deviation over the draws.
+def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
+    """Return the mass from blocks of the log drawn at random, and its deviation; None of a log that has no two blocks.
 
     Parameters
     ----------
@@ -47,6 +47,8 @@ def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check:
     """
     length = max(1, round(MEMORY / samples.step))
     count = samples.rows.size // length
+    if count < 2:
+        return None
     Z, y = samples.sensitivity[: count * length], samples.left[: count * length]
     blocks = Z.reshape(count, length, -1)
     squares = np.einsum("bli,blj->bij", blocks, blocks)
