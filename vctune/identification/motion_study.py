@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import sqrt
 
@@ -137,10 +137,12 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
-    fits, best, samples = _fits(signals, usable, delays)
+    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
+    best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: those of all fits at once are too many
     _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), known.document.classical
-    symmetric, _ = motion_fit(signals, best, SYMMETRIC, delays)
+    symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
     checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
     return MotionStudy(
         directional=fits[best],
@@ -156,19 +158,6 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         chi2=_chi2(signals, fits[best]),
         sharp_chi2=(_chi2(signals, fits[max(fits)]), 2 * max(fits) * sample_time * fits[max(fits)].samples[0]),
     )
-
-
-def _fits(
-    signals: Signals, usable: Sequence[float], delays: Mapping[str, float]
-) -> tuple[dict[float, MotionFit], float, FittedSamples]:
-    """Return the fit at each cut-off, the best of these, and the samples of that one alone: they are large."""
-    best, (fit, samples) = usable[0], motion_fit(signals, usable[0], DIRECTIONAL, delays)
-    fits = {best: fit}
-    for cutoff in usable[1:]:
-        fits[cutoff], others = motion_fit(signals, cutoff, DIRECTIONAL, delays)
-        if fits[cutoff].sigma("mass") < fits[best].sigma("mass"):
-            best, samples = cutoff, others
-    return fits, best, samples
 
 
 def _chi2(signals: Signals, fit: MotionFit) -> float:
@@ -213,7 +202,7 @@ def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
     usable = cutoffs(turned)
     if not usable:
         return None
-    fit, _ = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)
+    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)[0]
     return fit.residual / fit.force
 
 
