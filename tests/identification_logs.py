@@ -159,3 +159,17 @@ def random_case(seed: int) -> Case:
     toml = f'[device.velocity]\nfrom = "difference"\nfilter_hz = {velocity.filter_hz!r}\n'
     log = Log({"time_s": time, "position_m": encoded(position, quantum), "command_N": recorded["motor"]}, toml)
     return Case(kind, device, friction, log)
+
+
+def spoiled(case: Case, seed: int) -> Log:
+    """Return a log of a case as users have them: a force alone or a copy of the command, noise, a start that is cut."""
+    random = np.random.default_rng(seed)
+    columns = dict(case.log.columns)
+    command = columns.pop("command_N")
+    noise = float(random.choice([0.0, 1e-3, 3e-2, 0.3])) * command.std()
+    noisy = command + noise * random.normal(size=command.size)
+    role = seed // len(KINDS) % 3
+    columns |= [{"command_N": noisy}, {"force_N": noisy}, {"command_N": command, "force_N": noisy}][role]
+    first = int(random.integers(0, command.size // 4))
+    columns = {header: values[first:] for header, values in columns.items()}
+    return Log(columns, case.log.toml if random.uniform() < 0.5 else "")

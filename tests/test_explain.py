@@ -37,7 +37,7 @@ from vctune.report.experiments import HEADINGS
 GUIDES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))}
 CODES = get_args(Code)
 BLOCK = re.compile(r"```text\n(.*?)```", re.DOTALL)
-UNSHOWN = {"missing-package", "no-compiler", "internal-error", "interrupted", "warn-repairs-cut-short"}
+UNSHOWN = {"limit-handle", "missing-package", "no-compiler", "internal-error", "interrupted", "warn-repairs-cut-short"}
 """Codes whose example is not to be had by a command: each has a test of its own."""
 
 

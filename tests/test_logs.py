@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import re
+import zipfile
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from jsonschema import Draft202012Validator
 from vctune import identify
 from vctune.document.codes import ENDING
 from vctune.document.errors import InputError
+from vctune.document.log import read_log, read_log_map
 from vctune.document.schemas import SCHEMAS
 from vctune.model.device import Device
 from vctune.model.experiment import USUAL_MASS, Friction
@@ -194,4 +196,48 @@ def test_bad_input_is_code_2_and_leaves_nothing(log, tmp_path):
 
 def test_without_scipy_it_says_how_to_install_it(log, tmp_path, monkeypatch):
     monkeypatch.setattr("vctune.api.identifying.find_spec", lambda name: None)
-    assert "pip install 'vctune[identify]'" in refused(written(tmp_path, log))
+    assert "pip install scipy" in refused(written(tmp_path, log))
+
+
+def test_a_workbook_is_named(tmp_path):
+    path = tmp_path / "log.xlsx"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("[Content_Types].xml", "<Types/>")
+        packed.writestr("xl/workbook.xml", "<workbook/>")
+    assert refused(path) == f"{path}: is an Excel workbook and not text; save it as CSV [log-text]"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_decimal_commas_are_named_once(log, tmp_path, separator):
+    path = written(tmp_path, log)
+    header, *rows = path.read_text().splitlines()
+    cells = [[cell.replace(".", ",") for cell in row.split(",")] for row in rows]
+    path.write_text("\n".join(separator.join(row) for row in [header.split(","), *cells]))
+    message = refused(path)
+    assert "\n" not in message and 'has a decimal comma in "' in message
+
+
+@pytest.mark.parametrize(
+    ("row", "fault"), [("0,0,1", "has 3 columns, not 2"), ("0,001;1", '"001;1" is not'), ("\n0,1", "has 1 columns")]
+)
+def test_a_torn_row_is_no_decimal_comma(tmp_path, row, fault):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["position_m,command_N", "0,1", "1,1", "2,1", "3,1", row]))
+    message = refused(path)
+    assert "decimal comma" not in message and "log.csv:6: " in message
+
+
+def test_a_column_that_the_map_names_is_in_no_other_role(log, tmp_path):
+    """A header that ends in a unit of force is not the measured force too where it is named as the command."""
+    config = tmp_path / "log.toml"
+    config.write_text('[columns]\ncommand = "force_N"\n')
+    force = dict(zip(("time_s", "position_m", "force_N"), log.values(), strict=True))
+    recording = read_log(written(tmp_path, force), read_log_map(config))
+    assert recording.values("force") is None and recording.values("command") is not None
+
+
+def test_a_column_with_two_roles_is_refused_with_both(log, tmp_path):
+    config = tmp_path / "log.toml"
+    config.write_text('[columns]\ncommand = "force_N"\nforce = { column = "force_N", scale = 2.0 }\n')
+    message = refused(written(tmp_path, log), config)
+    assert "log.toml:3: columns.force" in message and "columns.command" in message

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -66,3 +67,10 @@ def test_a_wheel_in_an_empty_environment_solves_its_own_example(tmp_path):
     text = (ROOT / "problems/friction-wheel.toml").read_text()
     assert made["design"]["sha256"] == problem_digest(parse_problem(text, "friction-wheel", "friction-wheel"))
     assert (tmp_path / "results/friction-wheel/report.html").exists()
+
+
+def test_no_remedy_names_a_package_that_no_index_has():
+    """Extras are those of a checkout: vctune is on no index."""
+    said = [path for path in (ROOT / "vctune").rglob("*") if path.suffix in (".py", ".md")]
+    assert len(said) > 100
+    assert [path for path in said if re.search(r"pip install\s+\W?vctune", path.read_text())] == []

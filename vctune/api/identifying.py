@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from vctune.identification.excitation import Excitation
     from vctune.identification.identify import Identified
 
+LONGEST_NAME = 200
+"""Of what a problem file takes; a file's own may be longer."""
+
 
 @dataclass(frozen=True, slots=True)
 class Identification:
@@ -81,7 +84,8 @@ def identify(
     from vctune.identification.identify import identify as run
     from vctune.identification.record import identification_record
 
-    name = known.document.name or paths[0].name.removesuffix(".gz").removesuffix(".csv") or "device"
+    stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]
+    name = known.document.name or stem or "device"
     found = run(recordings, known, name, progress)
     next_one = suggested(found) if excitation else None
     record = identification_record(found, known.document.description, _versions(), next_one)
@@ -140,7 +144,7 @@ def require_scipy() -> None:
         If it is not, with how to install it.
     """
     if find_spec("scipy") is None:
-        raise InputError.of("vctune identify", "missing-package", "needs SciPy; pip install 'vctune[identify]'")
+        raise InputError.of("vctune identify", "missing-package", "needs SciPy: pip install scipy")
 
 
 def _versions() -> dict[str, str | None]:

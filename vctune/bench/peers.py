@@ -22,7 +22,7 @@ def need(package: str) -> None:
         If it is not.
     """
     if find_spec(package) is None:
-        lacking = f"needs {PACKAGES[package]}; install what it compares with: pip install 'vctune[bench]'"
+        lacking = f"needs {PACKAGES[package]}, which it compares with: pip install {package}"
         raise InputError.of("vctune bench", "missing-package", lacking)
 
 

@@ -22,7 +22,7 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 def bench() -> None:
     """Measure vctune against its peers and at the extremes; results go to OUT/, as CSV, picture and page.
 
-    Peers come with pip install 'vctune[bench]'.
+    The peers need SciPy and mpmath: pip install scipy mpmath.
     """
 
 

@@ -42,6 +42,8 @@ def print_identification(record: IdentificationRecord, folder: Path) -> None:
     if record.unmodelled:
         worst = max(record.unmodelled, key=lambda point: point[1] or 0.0)
         console.print(f"unmodelled: up to {worst[1]:.3g} of the response, at {worst[0]:.4g} Hz")
+    for warning in record.warnings:
+        console.print(f"[yellow]warning:[/yellow] {escape(printable(warning))}", soft_wrap=True)
     for remark in record.remarks:
         console.print(f"[dim]{escape(printable(remark))}[/dim]", soft_wrap=True)
     if record.excitation is not None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from math import ceil
+from math import ceil, pi
 from typing import Annotated, Any
 
 from pydantic import Field
 
 from vctune.document.errors import printable
+from vctune.document.experiment_contradictions import MOST_SAMPLES
+from vctune.document.experiment_schema import OperatorTable
 from vctune.document.part import Document, Number, Pair, Part
 from vctune.document.toml_text import toml_text
 from vctune.model.experiment import usual_share
 from vctune.model.units import UNITS, Units
 
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
+STROKE = {"to": 0.05, "speed": 0.01}
+"""Of the hand in the experiment, m and m/s; it is shorter where that would be too many samples."""
 STEP = 1e-5
 """What shares are rounded up to, so that the box as written holds the box as found."""
 
@@ -114,12 +118,14 @@ class IdentificationRecord(Document):
     rotary: bool
     sample_time: float
     device: dict[str, Any]
+    assumed: list[str]
     numbers: Annotated[list[BoundedRecord], Field(min_length=1)]
     unmodelled: list[Pair]
     friction: FrictionRecord | None
     force_noise: Number
     excitation: ExcitationRecord | None
     recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
+    warnings: list[str]
     remarks: list[str]
     versions: dict[str, str | None]
 
@@ -142,6 +148,8 @@ def stated(value: float, low: float, high: float) -> tuple[float, float]:
         Value and share.
     """
     shown = float(f"{value:.6g}")
+    if shown == 0:
+        return 0.0, 0.0
     share = max(high - shown, shown - low) / shown
     return shown, min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
 
@@ -177,6 +185,7 @@ def _head(record: IdentificationRecord) -> list[str]:
         lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
     if any(each.low <= 0 for each in record.numbers):
         lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
+    lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
     lines += [f"# {printable(remark)}" for remark in record.remarks]
     return lines
 
@@ -198,6 +207,9 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
         key = line.partition(" = ")[0]
         if heading == "[device]" and key in notes:
             lines.append(f"{line}  {notes[key]}")
+            continue
+        if heading == "[device]" and key in record.assumed:
+            lines.append(f"{line}  # assumed: no log tells it; write what the firmware does")
             continue
         if heading == "[device]" and " = {" in line:
             lines += [
@@ -221,9 +233,13 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
     made: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
+    cycles = OperatorTable.model_fields["cycles"].default
+    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
+    if record.rotary or furthest < STROKE["to"]:
+        made["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
     if record.rotary:
         share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
-        made["operator"] = {"to": 0.05, "speed": 0.01, "damping": 2.0 * share, "stiffness": 1000.0 * share}
+        made["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
         bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
     if record.friction is not None:
         found = record.friction

@@ -77,10 +77,25 @@ class ColumnsTable(Table):
     time: Column | None = Field(None, description="When the row was sampled. Default: a column time_s, time_ms, ...")
     position: Column | None = Field(None, description="Of the motor, as the encoder has it.")
     command: Column | None = Field(None, description="Force that the firmware commands; held until the next sample.")
-    force: Column | None = Field(None, description="Force of the motor as it was measured: current by its constant.")
+    force: Column | None = Field(
+        None,
+        description="Force of the motor as it was measured: current by its constant. Without a command: measured or "
+        "commanded, whichever explains the log better.",
+    )
     hand: Column | None = Field(None, description="Force of the hand on the handle, as sensed.")
     handle: Column | None = Field(None, description="Position of the handle behind a spring, where it is measured too.")
     reference: Column | None = Field(None, description="Position that the firmware was told; used as an instrument.")
+
+
+class KnownVelocityTable(VelocityTable):
+    """How the firmware knows the velocity of the motor."""
+
+    source: Literal["measured", "difference"] | None = Field(
+        None,
+        alias="from",
+        description="A sensor of its own, or the backward difference of the sampled position. Default: difference, "
+        "which is then said to be assumed.",
+    )
 
 
 class KnownDeviceTable(Table):
@@ -88,7 +103,7 @@ class KnownDeviceTable(Table):
 
     delay: NotNegative | None = Field(None, description="From sampling to actuation beyond the hold, s.")
     delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
-    velocity: VelocityTable | None = Field(None, description="The firmware's velocity estimate.")
+    velocity: KnownVelocityTable | None = Field(None, description="The firmware's velocity estimate.")
     actuator: ActuatorTable | None = Field(None, description="The force loop, where its bandwidth is known.")
     force_sensor: ForceSensorTable | None = Field(None, description="The force sensor, where it is known.")
 

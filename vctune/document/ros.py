@@ -93,7 +93,7 @@ def read_admittance(path: Path) -> AdmittanceFile:
     try:
         import yaml
     except ImportError:
-        raise InputError.of(source, "missing-package", 'reading YAML needs PyYAML: pip install "vctune[ros]"') from None
+        raise InputError.of(source, "missing-package", "reading YAML needs PyYAML: pip install pyyaml") from None
     text = toml.read_text(path)
     try:
         root = yaml.compose(text, yaml.SafeLoader)

@@ -100,6 +100,8 @@ def _bounded(key: str, estimates: list[Estimate], factor: float, sample_time: fl
     sampled = factor * max(each.sigma for each in estimates)
     limit = _widest(key, estimates, sampled)
     low, high = max(low, 0.0), max(high, 0.0)
+    if high == 0 and not key.endswith("delay"):
+        high = max(abs(each.value) for each in estimates)  # as wrong as it is negative
     middle = 0.5 * (low + high)
     least = DELAY_FLOOR * sample_time if key.endswith("delay") else FLOORS.get(key, 0.0) * middle
     if high - low < 2 * least:

@@ -10,6 +10,8 @@ from vctune.document.recording import Floats
 
 TOGETHER = 0.95
 """Probability that all the intervals of a box hold at once."""
+BLOCK = 1 << 16
+"""Rows that are summed at once."""
 
 
 def robust_covariance(scores: Floats, information: Floats, reach: int) -> Floats:
@@ -26,20 +28,19 @@ def robust_covariance(scores: Floats, information: Floats, reach: int) -> Floats
     array of float
         Shape (p, p).
     """
-    n = len(scores)
-    size = 1 << (2 * n - 1).bit_length()
-    spectra = np.fft.rfft(scores, size, axis=0)
-    lags = np.arange(min(reach, n - 1) + 1)
-    weights = 1 - lags / (lags[-1] + 1)
-    p = scores.shape[1]
-    middle = np.empty((p, p))
-    for i in range(p):
-        for j in range(i, p):
-            crossed = np.fft.irfft(spectra[:, i] * np.conj(spectra[:, j]), size)
-            both = crossed[lags] + np.where(lags > 0, crossed[-lags], 0.0)
-            middle[i, j] = middle[j, i] = float(weights @ both)
+    n, p = scores.shape
+    window = min(reach, n - 1) + 1
+    middle = np.zeros((p, p))
+    # Bartlett's weights are those of the products of all sums over a window, the windows over the ends too.
+    for first in range(0, n + window - 1, BLOCK):
+        ends = np.arange(first, min(first + BLOCK, n + window - 1)) + 1
+        low, high = max(first + 1 - window, 0), min(int(ends[-1]), n)
+        summed = np.zeros((high - low + 1, p))
+        np.cumsum(scores[low:high], axis=0, out=summed[1:])
+        within = summed[np.minimum(ends, high) - low] - summed[np.maximum(ends - window, low) - low]
+        middle += within.T @ within / window
     inverse = np.linalg.inv(information)
-    return inverse @ middle @ inverse
+    return np.asarray(inverse @ middle @ inverse)
 
 
 def joint_factor(count: int) -> float:

@@ -1,9 +1,12 @@
-"""Filters without phase, by their frequency response: the same for every column, so that none leads another."""
+"""Filters without phase, by their frequency response: the same for every column, so that none leads another.
+
+What a low-pass leaves needs no more samples than its cut-off asks for: `stride` says which to keep.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import ceil, log
 from typing import Any
 
@@ -22,6 +25,48 @@ HIGHEST = 0.08
 """Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: 1 %."""
 REACH = 1.1
 """Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
+LONGEST = 64
+"""Greatest stride."""
+BEHIND = 1 << 16
+"""Zeros behind a long column, samples: longer than the lowest cut-off's kernel, the longest delay and an actuator's
+ringing together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Of a column with zeros behind it.
+
+    Attributes
+    ----------
+    lines : shape (size // 2 + 1,)
+    samples, size : of the column, and with its zeros
+    sample_time : s
+    """
+
+    lines: Complex
+    samples: int
+    size: int
+    sample_time: float
+
+    def omega(self, every: int = 1) -> Floats:
+        """Return the frequencies up to the Nyquist frequency of every which sample, rad/s."""
+        numbers = np.arange(self.size // (2 * every) + 1, dtype=np.float64)
+        return numbers * (2 * np.pi / (self.size * self.sample_time))
+
+
+def spectrum(values: Floats, sample_time: float) -> Spectrum:
+    """Return the spectrum of a column, to be filtered as often as one likes.
+
+    Parameters
+    ----------
+    values : shape (n,)
+    sample_time : s
+    """
+    from scipy.fft import next_fast_len
+
+    needed = values.size + min(values.size, BEHIND)
+    size = LONGEST * next_fast_len(ceil(needed / LONGEST), real=True)
+    return Spectrum(np.fft.rfft(values, size), values.size, size, sample_time)
 
 
 def smooth(omega: Floats, cutoff_hz: float) -> Floats:
@@ -35,19 +80,32 @@ def smooth(omega: Floats, cutoff_hz: float) -> Floats:
     return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
 
 
-def filtered(values: Floats, response: Response, sample_time: float) -> Floats:
+def stride(cutoff_hz: float, sample_time: float) -> int:
+    """Return every which sample says all that is left behind a low-pass: what it folds back is 1e-6.
+
+    Parameters
+    ----------
+    cutoff_hz : of the low-pass, Hz
+    sample_time : s
+    """
+    every = 1
+    while every < LONGEST and 2 * every * cutoff_hz * sample_time <= HIGHEST * (1 + 1e-9):
+        every *= 2
+    return every
+
+
+def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
     """Return a column behind a filter of any response; its ends, a reach of the kernel long, are not of the log.
 
     Parameters
     ----------
-    values : shape (n,)
+    column : its spectrum
     response : of omega, rad/s
-    sample_time : s
+    every : which samples are returned; a power of two, at most `LONGEST`
     """
-    n = values.size
-    size = 1 << (2 * n - 1).bit_length()
-    omega = np.asarray(2 * np.pi * np.fft.rfftfreq(size, sample_time), dtype=np.float64)
-    return np.fft.irfft(np.fft.rfft(values, size) * response(omega), size)[:n]
+    omega = column.omega(every)
+    values = np.fft.irfft(column.lines[: omega.size] * response(omega), column.size // every)
+    return np.asarray(values[: ceil(column.samples / every)] / every)
 
 
 def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:

@@ -66,8 +66,10 @@ class ResponseFit:
         return sqrt(max(float(self.covariance[at, at]), 0.0))
 
 
-def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[ResponseFit, list[ResponseFit]]:
-    """Return the simplest candidate that explains a response as well as the best, and all candidates.
+def fit_response(
+    measured: Response, actuator: Actuator | None = None
+) -> tuple[ResponseFit, tuple[ResponseFit, ...]] | None:
+    """Return the simplest candidate that explains a response as well as the best, and all; None with too few lines.
 
     Parameters
     ----------
@@ -79,6 +81,8 @@ def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[
     candidates = [Candidate(masses, lag, load) for masses, load in shapes for lag in lags]
     fits = [fit for candidate in candidates if (fit := _fitted(measured, candidate, actuator)) is not None]
     fits = [fit for fit in fits if _resonates(fit, measured)]
+    if not fits:
+        return None
     reference = np.min([fit.model_errors for fit in fits], axis=0)
     costs = {fit.candidate: _criterion(measured, fit, actuator, reference) for fit in fits}
     best = [
@@ -87,7 +91,7 @@ def fit_response(measured: Response, actuator: Actuator | None = None) -> tuple[
     ]
     found = [fit for fit in best if fit is not None]
     rigid, flexible = found[0], found[-1]
-    return (flexible if CLEARER * costs[flexible.candidate] < costs[rigid.candidate] else rigid), fits
+    return (flexible if CLEARER * costs[flexible.candidate] < costs[rigid.candidate] else rigid), tuple(fits)
 
 
 def _resonates(fit: ResponseFit, measured: Response) -> bool:

@@ -10,8 +10,8 @@ import numpy as np
 
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.filters import filtered, smooth
-from vctune.identification.motion import MEMORY, SYMMETRIC, MotionFit, motion_fit
+from vctune.identification.filters import filtered, smooth, spectrum, stride
+from vctune.identification.motion import MEMORY, SYMMETRIC, FittedSamples, MotionFit, motion_fit
 from vctune.identification.signals import Signals
 
 CLEAR = 4.0
@@ -51,15 +51,11 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
     if coulomb <= 2 * fit.sigma("coulomb"):
         return None
     delays = known | {name: fit.value(name) for name in ("delay", "sensor_delay") if name in fit.names}
-    whole = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays, slow=0.0)
-    v = signals.velocity
-    rows = np.round(whole.time / signals.sample_time).astype(int)
-    best = min(
-        (_risen(signals, whole, v, rows, float(speed)) for speed in _speeds(v)),
-        key=lambda each: each.power,
-        default=None,
-    )
-    if best is None or not (CLEAR * best.sigma < best.rise < WITHIN * best.coulomb) or best.coulomb <= 0:
+    whole, samples = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays, slow=0.0)
+    tried = {speed: _risen(signals, whole, samples, speed)[1].power for speed in _speeds(signals.velocity)}
+    sensitivity, best = _risen(signals, whole, samples, min(tried, key=lambda speed: tried[speed]))
+    sigma = _sigma(samples, sensitivity, best)
+    if not (CLEAR * sigma < best.rise < WITHIN * best.coulomb) or best.coulomb <= 0:
         return FrictionFound(coulomb)
     return FrictionFound(best.coulomb, best.coulomb + best.rise, best.speed)
 
@@ -68,24 +64,30 @@ def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> Fr
 class _Risen:
     power: float
     rise: float
-    sigma: float
     coulomb: float
     speed: float
+    left: Floats
 
 
 def _speeds(v: Floats) -> Sequence[float]:
     top = float(np.abs(v).max())
-    return list(np.exp(np.linspace(log(0.01 * top), log(0.5 * top), TRIED)))
+    return [float(each) for each in np.exp(np.linspace(log(0.01 * top), log(0.5 * top), TRIED))]
 
 
-def _risen(signals: Signals, fit: MotionFit, v: Floats, rows: np.ndarray, speed: float) -> _Risen:
-    """Fit once more with a rise of the friction towards low speed."""
-    T, cutoff = signals.sample_time, fit.cutoff_hz
-    rise = filtered(np.sign(v) * np.exp(-((v / speed) ** 2)), lambda w: smooth(w, cutoff), T)[rows]
-    Z = np.column_stack([fit.sensitivity, rise])
-    theta = np.linalg.lstsq(Z, fit.measured, rcond=None)[0]
-    left = fit.measured - Z @ theta
-    scores = Z * left[:, None]
-    covariance = robust_covariance(scores, Z.T @ Z, round(min(MEMORY / T, 0.1 * len(rows))))
-    sigma = sqrt(max(float(covariance[-1, -1]), 0.0))
-    return _Risen(float(left @ left), float(theta[-1]), sigma, float(theta[fit.names.index("coulomb")]), speed)
+def _risen(signals: Signals, fit: MotionFit, samples: FittedSamples, speed: float) -> tuple[Floats, _Risen]:
+    """Return the sensitivity and the fit with a rise of the friction towards low speed too."""
+    T, cutoff, v = signals.sample_time, fit.cutoff_hz, signals.velocity
+    column = spectrum(np.sign(v) * np.exp(-((v / speed) ** 2)), T)
+    rise = filtered(column, lambda w: smooth(w, cutoff), stride(cutoff, T))[samples.rows]
+    Z = np.column_stack([samples.sensitivity, rise])
+    theta = np.linalg.lstsq(Z, samples.measured, rcond=None)[0]
+    left = samples.measured - Z @ theta
+    coulomb = float(theta[fit.names.index("coulomb")])
+    return Z, _Risen(float(left @ left), float(theta[-1]), coulomb, speed, left)
+
+
+def _sigma(samples: FittedSamples, Z: Floats, risen: _Risen) -> float:
+    """Return the standard deviation of the rise."""
+    reach = round(min(MEMORY / samples.step, 0.1 * len(Z)))
+    covariance = robust_covariance(Z * risen.left[:, None], Z.T @ Z, reach)
+    return sqrt(max(float(covariance[-1, -1]), 0.0))

@@ -12,39 +12,18 @@ from vctune.document.codes import Note
 from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
-from vctune.identification.box import DELAY_FLOOR, Bounded, Estimate, box
-from vctune.identification.checks import check, remarks
-from vctune.identification.drive_fit import fit_drive
-from vctune.identification.fit import fit_response
+from vctune.identification.box import Bounded, box
+from vctune.identification.checks import check
 from vctune.identification.friction import FrictionFound
-from vctune.identification.motion_study import MotionStudy, motion_study
-from vctune.identification.periodic_study import PeriodicStudy, behind_force, periodic_estimates
-from vctune.identification.response import response
+from vctune.identification.known import check_known, known_actuator, known_sensor, velocity_estimate, with_known
+from vctune.identification.periodic_study import behind_force
+from vctune.identification.readable import readable
+from vctune.identification.record_study import RecordStudy, record_study
+from vctune.identification.remarks import what_is_not_told
 from vctune.identification.unmodelled import distances, envelope
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Actuator, Device, ForceSensor, Structure
 
 Progress = Callable[[str], None]
-WEAK = 0.5
-"""Half-width of a delay, as a share of it, from which on it is said to be weak."""
-
-
-@dataclass(frozen=True, slots=True)
-class RecordStudy:
-    """A recording and what came of it: one of the two studies.
-
-    Attributes
-    ----------
-    recording : as it was read
-    sample_time : s
-    motion, periodic : of any motion, or of a periodic excitation; None for the other
-    remarks : what to know of the recording
-    """
-
-    recording: Recording
-    sample_time: float
-    motion: MotionStudy | None
-    periodic: PeriodicStudy | None
-    remarks: tuple[Note, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,17 +79,17 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         If a recording cannot be used, says nothing, or the sample times differ.
     """
     times = [check(recording, known.document.sample_time) for recording in recordings]
+    T = times[0]
     _same_sample_time(recordings, times)
-    actuator = _actuator(known)
+    check_known(known, T)
     studies = []
-    for recording, T in zip(recordings, times, strict=True):
+    for recording, step in zip(recordings, times, strict=True):
         progress(f"fitting {recording.source}")
-        studies.append(_study(recording, T, actuator, known))
-    estimates = [estimate for study in studies for estimate in _estimates(study, times[0])]
-    estimates, said = _with_known(estimates, known, times[0], recordings)
-    bounds = box(estimates, times[0])
-    _check_delay(bounds, recordings[0], times[0])
-    device = _device(bounds, known, times[0])
+        studies.append(record_study(recording, step, known))
+    found_by_all = [estimate for study in studies for estimate in study.estimates]
+    estimates, said = with_known(found_by_all, known, T, recordings)
+    bounds = readable(box(estimates, T), recordings[0], T)
+    device = _device(bounds, known, T)
     progress("comparing lines with the box")
     found = [_line_distances(study, device, bounds) for study in studies if study.periodic is not None]
     return Identified(
@@ -122,10 +101,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
         records=tuple(studies),
-        remarks=(
-            *said,
-            *_remarks(studies, bounds, lag_known=actuator is not None or known.document.device.delay is not None),
-        ),
+        remarks=(*said, *what_is_not_told(studies, bounds, known)),
     )
 
 
@@ -136,80 +112,19 @@ def _same_sample_time(recordings: Sequence[Recording], times: Sequence[float]) -
             raise InputError.of(recording.source, "log-samples", message)
 
 
-def _actuator(known: LogMap) -> Actuator | None:
-    stated = known.document.device.actuator
-    return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
-
-
-def _study(recording: Recording, T: float, actuator: Actuator | None, known: LogMap) -> RecordStudy:
-    said = tuple(remarks(recording))
-    measured = None if "hand" in recording.channels else response(recording, T)
-    if measured is None:
-        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, said)
-    fit, candidates = fit_response(measured, actuator)
-    drive = None if measured.drive is None else fit_drive(measured.drive, T)
-    return RecordStudy(recording, T, None, PeriodicStudy(measured, fit, tuple(candidates), drive), said)
-
-
-def _estimates(study: RecordStudy, T: float) -> list[Estimate]:
-    source = study.recording.name
-    if study.motion is not None:
-        return study.motion.estimates(source)
-    assert study.periodic is not None
-    return periodic_estimates(study.periodic, source, T)
-
-
-def _with_known(
-    estimates: list[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
-) -> tuple[list[Estimate], list[Note]]:
-    """Return the estimates with a delay that the user knows in place of what was found of it."""
-    stated = known.document.device
-    if stated.delay is not None:
-        others = [each for each in estimates if each.key != "delay"]
-        half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
-        text = f"the delay is the stated one, {stated.delay:g} s, within {half:g} s"
-        told = Estimate("delay", stated.delay, 0.0, known.source, (half, half), stated=True)
-        return [*others, told], [Note("remark-stated-delay", text)]
-    if not any(each.key == "delay" for each in estimates):
-        message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
-        raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
-    return estimates, []
-
-
-def _check_delay(bounds: Sequence[Bounded], recording: Recording, T: float) -> None:
-    delay = next(each for each in bounds if each.key == "delay")
-    latest, name = max(each.value for each in delay.estimates), recording.units.force_name
-    widest = 4 * max(each.sigma for each in delay.estimates)
-    if latest + widest < -0.5 * T:
-        message = (
-            f"the position is {-latest:.3g} s ahead of the {name}: the columns were not sampled together; shift the "
-            f"{name}'s column, or log both in the same interrupt"
-        )
-        raise InputError.of(recording.source, "log-unexplained", message)
-
-
 def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
-    stated = known.document.device
     value = {each.key: each.value for each in bounds}
-    actuator = _actuator(known)
+    actuator, sensor, structure = known_actuator(known), known_sensor(known), None
     if "actuator.bandwidth_hz" in value:
         actuator = Actuator(value["actuator.bandwidth_hz"])
-    structure = None
     if "structure.handle_mass" in value:
         handle, hertz, ratio = (value[f"structure.{name}"] for name in ("handle_mass", "frequency_hz", "damping_ratio"))
         structure = Structure(handle, hertz, ratio)
-    sensor, estimate = stated.force_sensor, stated.velocity
-    found = None
-    if sensor is not None:
-        found = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay)
-    elif "force_sensor.delay" in value:
-        found = ForceSensor(delay=value["force_sensor.delay"])
-    velocity = None
-    if estimate is not None:
-        velocity = VelocityEstimate(estimate.source or "measured", estimate.filter_hz, estimate.filter_order)
+    if sensor is None and "force_sensor.delay" in value:
+        sensor = ForceSensor(delay=value["force_sensor.delay"])
     return Device(
-        value["mass"], value["damping"], T, value["delay"], velocity=velocity, actuator=actuator,
-        force_sensor=found, structure=structure,
+        value["mass"], value["damping"], T, value["delay"], velocity=velocity_estimate(known), actuator=actuator,
+        force_sensor=sensor, structure=structure,
     )  # fmt: skip
 
 
@@ -240,34 +155,3 @@ def _friction(studies: Sequence[RecordStudy]) -> FrictionFound | None:
             if fit.numbers["coulomb"] > 2 * fit.sigma("coulomb") > 0:
                 found.append(FrictionFound(fit.numbers["coulomb"]))
     return max(found, key=lambda each: each.coulomb, default=None)
-
-
-def _remarks(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], *, lag_known: bool) -> list[Note]:
-    """Return what the recordings do not tell; `lag_known` is whether actuator or delay are the user's."""
-    said = [remark for study in studies for remark in study.remarks]
-    keys = {each.key for each in bounds}
-    if any(study.motion is not None for study in studies) and "actuator.bandwidth_hz" not in keys and not lag_known:
-        text = "a log of motion does not tell the actuator's lag from a delay: the delay holds both"
-        said.append(Note("remark-actuator-lag", text))
-    delay = next(each for each in bounds if each.key == "delay")
-    if delay.share > WEAK:
-        text = f"the delay is hardly told: anything from {delay.low:.2g} to {delay.high:.2g} s fits"
-        said.append(Note("remark-weak-delay", text))
-    if "structure.handle_mass" not in keys and all(study.periodic is None for study in studies):
-        text = "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled"
-        said.append(Note("remark-slow-motion", f"{text}: record a multisine (vctune identify --excitation)"))
-    return said + [note for study in studies if study.periodic for note in _of_lines(study, study.periodic)]
-
-
-def _of_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]:
-    top = periodic.measured.position.omega[-1] / (2 * pi)
-    text = f"{study.recording.name}: nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
-    said = [Note("remark-highest-line", text)]
-    if periodic.fit.candidate.load:
-        text = (
-            f"{study.recording.name}: the handle has a damping of its own, "
-            f"{periodic.fit.numbers['handle_damping']:.3g} {study.recording.units.damping}, which a problem file "
-            "cannot say: the intervals of both dampings hold it and the fit without it, unmodelled the rest"
-        )
-        said.append(Note("remark-handle-damping", text))
-    return said

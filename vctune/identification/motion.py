@@ -8,7 +8,7 @@ the velocity too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
 
@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
 from vctune.identification.covariance import robust_covariance
-from vctune.identification.filters import Complex, drive, edge, filtered, smooth
-from vctune.identification.signals import Signals, derivatives
-from vctune.model.device import Device
+from vctune.identification.filters import Complex, edge, filtered, smooth, stride
+from vctune.identification.signals import Signals, acceleration
 
 DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
 SYMMETRIC = ("mass", "damping", "coulomb", "offset")
@@ -47,8 +46,6 @@ class MotionFit:
     cutoff_hz : of the low-pass on both sides
     samples : how many were used, and of the log's samples how many there are
     residual, force : root mean squares, N
-    time, measured, fitted : of the samples that were used, s and N
-    sensitivity : of the fitted force to each number, shape (samples, p)
     """
 
     names: tuple[str, ...]
@@ -58,10 +55,6 @@ class MotionFit:
     samples: tuple[int, int]
     residual: float
     force: float
-    time: Floats
-    measured: Floats
-    fitted: Floats
-    sensitivity: Floats
 
     def value(self, name: str) -> float:
         """Return a number by its name."""
@@ -74,18 +67,37 @@ class MotionFit:
 
 
 @dataclass(frozen=True, slots=True)
-class _Filtered:
-    """Both sides for given delays: force, its slopes by the delays, regressors; and which samples count."""
+class FittedSamples:
+    """What a regression was made of, and what came of it: samples as many as the cut-off asks for.
 
-    force: Floats
-    slopes: Floats
-    regressors: Floats
-    kept: Flags
+    Attributes
+    ----------
+    rows : their places among every `stride` sample of the log
+    step : from one of these to the next, s
+    measured, fitted : N
+    sensitivity : of the fitted force to each number, shape (samples, p)
+    """
+
+    rows: NDArray[np.int64]
+    step: float
+    measured: Floats
+    fitted: Floats
+    sensitivity: Floats
+
+    @property
+    def time(self) -> Floats:
+        """When they were taken, s."""
+        return np.asarray(self.rows * self.step, dtype=np.float64)
+
+    @property
+    def left(self) -> Floats:
+        """What the fit leaves of the force, N."""
+        return self.measured - self.fitted
 
 
 def motion_fit(
     signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
-) -> MotionFit:
+) -> tuple[MotionFit, FittedSamples]:
     """Fit a recording.
 
     Parameters
@@ -100,16 +112,20 @@ def motion_fit(
     -------
     MotionFit
         Of the numbers in `names` and the delays that are not known.
+    FittedSamples
+        What it was made of.
     """
     delays = _delays(signals, known)
     free = [name for name in delays if name not in known]
-    regressors, kept = _regressors(signals, cutoff_hz, names, slow)
-    step = signals.sample_time
+    every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
+    kept = used[::every]
+    step, linear = signals.sample_time, len(names)
+    sensitivity = np.empty((int(kept.sum()), linear + len(free)))
+    for at, column in enumerate(_regressors(signals, cutoff_hz, names, every)):
+        sensitivity[:, at] = column[kept]
     for _ in range(STEPS):
-        at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
-        sensitivity = np.column_stack([at.regressors, -at.slopes])
-        solved = np.linalg.lstsq(sensitivity, at.force, rcond=None)[0]
-        moved = solved[len(names) :]
+        force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+        moved = np.linalg.lstsq(sensitivity, force, rcond=None)[0][linear:]
         delays = {
             **delays,
             **{
@@ -119,26 +135,20 @@ def motion_fit(
         }
         if not free or np.abs(moved).max() < 1e-4 * step:
             break
-    at = _sides(signals, cutoff_hz, delays, free, regressors, kept)
-    theta = np.linalg.lstsq(at.regressors, at.force, rcond=None)[0]
-    residual = at.force - at.regressors @ theta
-    sensitivity = np.column_stack([at.regressors, -at.slopes])
+    force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+    theta = np.linalg.lstsq(sensitivity[:, :linear], force, rcond=None)[0]
+    residual = force - sensitivity[:, :linear] @ theta
     information = sensitivity.T @ sensitivity
-    covariance = _covariance(sensitivity, residual, information, kept, cutoff_hz, step)
-    time = np.asarray(np.flatnonzero(kept) * step, dtype=np.float64)
-    return MotionFit(
+    fit = MotionFit(
         names=(*names, *free),
         values=np.array([*theta, *(delays[name] for name in free)]),
-        covariance=covariance,
+        covariance=_covariance(sensitivity, residual, information, kept, cutoff_hz, step * every),
         cutoff_hz=cutoff_hz,
-        samples=(int(kept.sum()), signals.position.size),
+        samples=(int(used.sum()), signals.position.size),
         residual=float(np.sqrt(np.mean(residual**2))),
-        force=float(np.sqrt(np.mean(at.force**2))),
-        time=time,
-        measured=at.force,
-        fitted=at.regressors @ theta,
-        sensitivity=sensitivity,
+        force=float(np.sqrt(np.mean(force**2))),
     )
+    return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual, sensitivity)
 
 
 def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
@@ -151,77 +161,77 @@ def _covariance(
 ) -> Floats:
     """Return the covariance, residuals in their place in time: what was dropped is 0."""
     scores = np.zeros((kept.size, sensitivity.shape[1]))
-    scores[kept] = sensitivity * residual[:, None]
+    for score, slope in zip(scores.T, sensitivity.T, strict=True):
+        score[kept] = slope * residual
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
     return robust_covariance(scores, information, reach)
 
 
-def _sides(
+def _pushed(
     signals: Signals,
     cutoff_hz: float,
     delays: Mapping[str, float],
     free: Sequence[str],
-    regressors: Floats,
     kept: Flags,
-) -> _Filtered:
-    T = signals.sample_time
-    force, slopes = np.zeros(signals.position.size), {}
-    if signals.command is not None:
-        device = Device(1.0, 0.0, T, 0.0, actuator=signals.actuator)
-        late = delays["delay"]
+    slopes: Floats,
+) -> Floats:
+    """Return the force at the samples that count; `slopes` is filled with those of the fitted force by free delays."""
+    every = stride(cutoff_hz, signals.sample_time)
+    force = np.zeros(len(slopes))
+    for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
+        if column not in signals.spectra:
+            continue
+        late = delays[name]
 
-        def driven(omega: Floats) -> Complex:
-            through = drive(device, omega) if signals.is_command else 1.0
-            return np.asarray(through * np.exp(-1j * omega * late) * smooth(omega, cutoff_hz))
+        def through(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
-        force = force + filtered(signals.command, driven, T)
-        slopes["delay"] = filtered(signals.command, lambda omega: -1j * omega * driven(omega), T)
-    if signals.hand is not None:
-        early = delays["sensor_delay"]
+        def slope(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(-sign * omega * np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
 
-        def sensed(omega: Floats) -> Complex:
-            return np.asarray(np.exp(1j * omega * early) * smooth(omega, cutoff_hz))
-
-        force = force + filtered(signals.hand, sensed, T)
-        slopes["sensor_delay"] = filtered(signals.hand, lambda omega: 1j * omega * sensed(omega), T)
-    columns = [slopes[name][kept] for name in free]
-    return _Filtered(force[kept], np.column_stack(columns) if columns else np.empty((kept.sum(), 0)), regressors, kept)
+        force += filtered(signals.spectra[column], through, every)[kept]
+        if name in free:
+            slopes[:, free.index(name)] = filtered(signals.spectra[column], slope, every)[kept]
+    return force
 
 
-def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], least: float) -> tuple[Floats, Flags]:
-    """Return a column for each name, and which samples count: neither at an end nor at a turn."""
-    T = signals.sample_time
-    a, v = derivatives(signals.position, cutoff_hz, T)[0], signals.velocity
-    columns = regressors_of(a, v, names, lambda values: filtered(values, lambda w: smooth(w, cutoff_hz), T))
+def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
+    """Return which samples count: neither at an end nor at a turn."""
+    T, v = signals.sample_time, signals.velocity
     kept = np.ones(v.size, dtype=bool)
     margin = edge(cutoff_hz, 4 * T, T)
     kept[:margin] = kept[-margin:] = False
-    slow = (np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)).astype(float)
-    near = 1 + 2 * int(0.25 / cutoff_hz / T)
-    away = kept & (np.convolve(slow, np.ones(near), "same") < 0.5)
-    if away.sum() >= LEAST_KEPT * kept.sum():
-        kept = away
-    return columns[kept], kept
+    slow = np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)
+    half = int(0.25 / cutoff_hz / T)
+    counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
+    counted = np.append(counted, np.full(half, counted[-1]))
+    away = kept & (counted[2 * half + 1 :] == counted[: -2 * half - 1])
+    return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
 
 
-def regressors_of(a: Floats, v: Floats, names: Sequence[str], low_pass: Callable[[Floats], Floats]) -> Floats:
-    """Return what each number multiplies, shape (n, p).
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
+    """Return a column for each name."""
+    a = acceleration(signals.spectra["position"], cutoff_hz, every)
+    return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
+
+
+def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
+    """Return what each number multiplies, one after the other.
 
     Parameters
     ----------
-    a, v : acceleration and velocity, m/s2 and m/s; a is behind the low-pass
+    a : acceleration behind the low-pass, m/s2
+    behind : gives a column of `WAYS` behind the low-pass
     names : `DIRECTIONAL` or `SYMMETRIC`
-    low_pass : what the other columns still have to go through
     """
-    ahead, back = np.maximum(np.sign(v), 0.0), np.maximum(np.sign(-v), 0.0)
     made: dict[str, Callable[[], Floats]] = {
         "mass": lambda: a,
-        "damping": lambda: low_pass(v),
-        "damping_forwards": lambda: low_pass(v * ahead),
-        "damping_backwards": lambda: low_pass(v * back),
-        "coulomb": lambda: low_pass(ahead - back),
-        "coulomb_forwards": lambda: low_pass(ahead),
-        "coulomb_backwards": lambda: -low_pass(back),
-        "offset": lambda: low_pass(np.ones(v.size)),
+        "damping": lambda: behind("forwards") + behind("backwards"),
+        "damping_forwards": lambda: behind("forwards"),
+        "damping_backwards": lambda: behind("backwards"),
+        "coulomb": lambda: behind("ahead") - behind("back"),
+        "coulomb_forwards": lambda: behind("ahead"),
+        "coulomb_backwards": lambda: -behind("back"),
+        "offset": lambda: behind("always"),
     }
-    return np.column_stack([made[name]() for name in names])
+    return (made[name]() for name in names)

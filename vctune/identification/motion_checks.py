@@ -10,9 +10,9 @@ import numpy as np
 from vctune.document.codes import Code
 from vctune.document.log_schema import ClassicalTable
 from vctune.document.recording import Floats, Recording
-from vctune.identification.filters import filtered, smooth
-from vctune.identification.motion import DIRECTIONAL, MEMORY, MotionFit, regressors_of
-from vctune.identification.signals import Signals, derivatives
+from vctune.identification.filters import filtered, smooth, spectrum, stride
+from vctune.identification.motion import DIRECTIONAL, MEMORY, FittedSamples, MotionFit, regressors_of
+from vctune.identification.signals import Signals, acceleration, speed, ways
 
 BLOCKS = 400
 """Resamplings; half and twice as many change a deviation by a twentieth."""
@@ -37,16 +37,19 @@ class Check:
     sigma: float | None
 
 
-def bootstrap(fit: MotionFit) -> Check:
-    """Return the mass from blocks of the log drawn at random, and its deviation over the draws.
+def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
+    """Return the mass from blocks of the log drawn at random, and its deviation; None of a log that has no two blocks.
 
     Parameters
     ----------
     fit : of the motion
+    samples : what it was made of
     """
-    length = max(1, round(MEMORY / float(np.median(np.diff(fit.time)))))
-    count = fit.time.size // length
-    Z, y = fit.sensitivity[: count * length], (fit.measured - fit.fitted)[: count * length]
+    length = max(1, round(MEMORY / samples.step))
+    count = samples.rows.size // length
+    if count < 2:
+        return None
+    Z, y = samples.sensitivity[: count * length], samples.left[: count * length]
     blocks = Z.reshape(count, length, -1)
     squares = np.einsum("bli,blj->bij", blocks, blocks)
     crossed = np.einsum("bli,bl->bi", blocks, y.reshape(count, length))
@@ -58,22 +61,27 @@ def bootstrap(fit: MotionFit) -> Check:
     return Check("check-blocks", "mass, blocks of the log at random", value, sigma)
 
 
-def instrumental(signals: Signals, fit: MotionFit) -> Check | None:
+def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
     """Return the mass with the reference's motion as an instrument, which no noise of the loop is in; None without one.
 
     Parameters
     ----------
     signals : of the recording
     fit : of its motion, each way
+    samples : what it was made of
     """
     if signals.reference is None:
         return None
     T, cutoff = signals.sample_time, fit.cutoff_hz
-    a, v = derivatives(signals.reference, cutoff, T)
-    columns = regressors_of(a, v, DIRECTIONAL, lambda values: filtered(values, lambda w: smooth(w, cutoff), T))
-    rows = np.round(fit.time / T).astype(int)
-    instruments, regressors = columns[rows], fit.sensitivity[:, : len(DIRECTIONAL)]
-    theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ fit.measured, rcond=None)[0]
+    every, low_pass = stride(cutoff, T), lambda omega: smooth(omega, cutoff)
+    reference = spectrum(signals.reference - signals.reference.mean(), T)
+    a, columns = acceleration(reference, cutoff, every), ways(speed(reference, cutoff))
+    made = regressors_of(a, lambda way: filtered(spectrum(columns[way], T), low_pass, every), DIRECTIONAL)
+    instruments, regressors = (
+        np.column_stack([column[samples.rows] for column in made]),
+        samples.sensitivity[:, : len(DIRECTIONAL)],
+    )
+    theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ samples.measured, rcond=None)[0]
     return Check("check-instrument", "mass, reference as instrument", float(theta[0]), None)
 
 

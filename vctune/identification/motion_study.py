@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
@@ -12,14 +12,14 @@ from vctune.document.errors import InputError, Mistake
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
 from vctune.identification.box import COULOMB_SHARE, Estimate
-from vctune.identification.filters import HIGHEST, smooth
+from vctune.identification.filters import HIGHEST, smooth, spectrum
 from vctune.identification.friction import FrictionFound, friction_of
-from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, MotionFit, motion_fit
+from vctune.identification.known import known_delays
+from vctune.identification.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
 from vctune.identification.motion_checks import Check, Classical, bootstrap, classical, instrumental
-from vctune.identification.signals import Signals, acceleration_noise, cutoffs, derivatives, signals_of
-from vctune.model.arithmetic import FLOATS
-from vctune.model.device import Actuator, ForceSensor
-from vctune.model.filters import force_sensor_response
+from vctune.identification.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
+from vctune.identification.signals import signals as turned_signals
+from vctune.model.device import Actuator
 
 UNEXPLAINED = 0.6
 """Greatest residual, of the force, with which a log is one of a mass with friction at all."""
@@ -38,6 +38,7 @@ class MotionStudy:
     Attributes
     ----------
     directional, symmetric : fits with friction each way, and the same both ways
+    samples : of the directional one
     others : directional fits at other cut-offs
     force_noise : standard deviation of a sample of the sensed force, N; None without one
     checks : other ways to the mass
@@ -46,10 +47,12 @@ class MotionStudy:
     speed : root mean square of it, m/s
     position_noise : standard deviation of a position sample, m
     chi2 : power of the residual over that of the encoder's noise in it
+    sharp_chi2 : the same at the highest cut-off, and its degrees of freedom: where two models differ most
     """
 
     directional: MotionFit
     symmetric: MotionFit
+    samples: FittedSamples
     others: tuple[MotionFit, ...]
     force_noise: float | None
     checks: tuple[Check, ...]
@@ -58,18 +61,19 @@ class MotionStudy:
     speed: float
     position_noise: float
     chi2: float
+    sharp_chi2: tuple[float, float]
 
     def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
         """Return the root mean square of the encoder's noise in the force, of each bin of a spectrum, N.
 
         Parameters
         ----------
-        hertz : of the bins, evenly spaced up to Nyquist
-        sample_time : s
+        hertz : of the bins, evenly spaced from 0
+        sample_time : of the log, s
         """
         omega = 2 * np.pi * hertz
         share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
-        return share * self.position_noise / sqrt(hertz.size)
+        return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
 
     def estimates(self, source: str) -> list[Estimate]:
         """Return what it says of the numbers of a problem file."""
@@ -128,49 +132,45 @@ def motion_study(recording: Recording, sample_time: float, actuator: Actuator | 
         If no mass and friction explain the force.
     """
     signals = signals_of(recording, sample_time, actuator)
-    known_delays = _known_delays(known)
+    delays = known_delays(known)
     usable = cutoffs(signals)
     if not usable:
         message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
         raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
-    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, known_delays) for cutoff in usable}
+    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
     best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
-    _check_explained(recording, signals, fits[best], known_delays)
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: those of all fits at once are too many
+    _check_explained(recording, signals, fits[best], delays)
     hand, recipe = recording.values("hand"), known.document.classical
-    symmetric = motion_fit(signals, best, SYMMETRIC, known_delays)
-    noise = abs(fits[best].value("mass")) * acceleration_noise(signals, best)
+    symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
+    checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
     return MotionStudy(
         directional=fits[best],
         symmetric=symmetric,
+        samples=samples,
         others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
         force_noise=None if hand is None else force_noise(hand),
-        checks=tuple(each for each in (bootstrap(fits[best]), instrumental(signals, fits[best])) if each is not None),
+        checks=tuple(each for each in checks if each is not None),
         classical=None if recipe is None else classical(recording, sample_time, recipe),
-        friction=friction_of(signals, symmetric, known_delays),
+        friction=friction_of(signals, symmetric, delays),
         speed=float(np.sqrt(np.mean(signals.velocity**2))),
         position_noise=signals.noise,
-        chi2=(fits[best].residual / noise) ** 2,
+        chi2=_chi2(signals, fits[best]),
+        sharp_chi2=(_chi2(signals, fits[max(fits)]), 2 * max(fits) * sample_time * fits[max(fits)].samples[0]),
     )
 
 
-def _known_delays(known: LogMap) -> dict[str, float]:
-    stated, found = known.document.device, {}
-    if stated.delay is not None:
-        found["delay"] = stated.delay
-    if stated.force_sensor is not None:
-        sensor = ForceSensor(stated.force_sensor.bandwidth_hz, stated.force_sensor.order, stated.force_sensor.delay)
-        through = force_sensor_response(sensor, 0.0, FLOATS)
-        found["sensor_delay"] = 0.0 if through is None else float(through.lag)
-    return found
+def _chi2(signals: Signals, fit: MotionFit) -> float:
+    return (fit.residual / (abs(fit.value("mass")) * acceleration_noise(signals, fit.cutoff_hz))) ** 2
 
 
-def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, known_delays: Mapping[str, float]) -> None:
+def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
     mass, left = fit.value("mass"), fit.residual / fit.force
     headers = {role: channel.header for role, channel in recording.channels.items()}
     pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
     faults, units = [], recording.units
     found = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
-    other = _swapped(signals, known_delays) if left > SUSPICIOUS else None
+    other = _swapped(signals, delays) if left > SUSPICIOUS else None
     swapped = other is not None and other < 0.3 * left
     if left > UNEXPLAINED or swapped:
         hint = f"; is {units.translated('a force')} missing (a hand's), or is one of another axis?"
@@ -192,16 +192,17 @@ def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, kno
         raise InputError(recording.source, faults)
 
 
-def _swapped(signals: Signals, known_delays: Mapping[str, float]) -> float | None:
+def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
     """Return the share of the residual with force and position in each other's place."""
     if signals.command is None:
         return None
-    turned = replace(signals, position=signals.command, command=signals.position, reference=None, noise=0.0)
-    turned = replace(turned, velocity=derivatives(turned.position, HIGHEST / turned.sample_time, turned.sample_time)[1])
+    T, position = signals.sample_time, signals.command
+    v = speed(spectrum(position - position.mean(), T), HIGHEST / T)
+    turned = turned_signals(position, signals.position, T, 0.0, v, is_command=signals.is_command)
     usable = cutoffs(turned)
     if not usable:
         return None
-    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, known_delays)
+    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)[0]
     return fit.residual / fit.force
 
 

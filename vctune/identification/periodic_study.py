@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import pi, sqrt
+from math import hypot, pi, sqrt
 
+import numpy as np
+
+from vctune.document.device_contradictions import FASTEST
+from vctune.document.recording import Floats
 from vctune.identification.box import COULOMB_SHARE, Bounded, Estimate, box
 from vctune.identification.drive_fit import DriveFit
 from vctune.identification.fit import ResponseFit
 from vctune.identification.response import Response
 from vctune.model.device import Device
+
+TOLD = 3.0
+"""How many deviations a lag must be from none: no interval of a box is wider."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +35,26 @@ class PeriodicStudy:
     fit: ResponseFit
     candidates: tuple[ResponseFit, ...]
     drive: DriveFit | None
+
+    @property
+    def left(self) -> Floats:
+        """By how much the fit differs from each line of the position, relatively."""
+        return np.abs(self.fit.position / self.measured.position.ratio - 1)
+
+    @property
+    def lag(self) -> tuple[float, float] | None:
+        """The actuator's lag and its deviation, s; None where none was looked for."""
+        if self.drive is not None:
+            return self.drive.lag, self.drive.lag_sigma
+        return (self.fit.numbers["lag"], self.fit.sigma("lag")) if "lag" in self.fit.numbers else None
+
+    @property
+    def lag_told(self) -> bool:
+        """Whether the lag is told from none, and is long enough to do anything."""
+        if self.lag is None:
+            return False
+        lag, sigma = self.lag
+        return lag > max(TOLD * sigma, self.measured.sample_time / (2 * pi * FASTEST))
 
 
 def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
@@ -48,10 +75,11 @@ def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Esti
     add("mass", numbers["mass"], fit.sigma("mass"))
     late, sigma = numbers["delay"], fit.sigma("delay")
     if study.drive is not None:
-        late, sigma = late + study.drive.delay - T / 2, sqrt(sigma**2 + study.drive.delay_sigma**2)
-        add("actuator.bandwidth_hz", *_bandwidth(study.drive.lag, study.drive.lag_sigma))
-    elif "lag" in numbers:
-        add("actuator.bandwidth_hz", *_bandwidth(numbers["lag"], fit.sigma("lag")))
+        late, sigma = late + study.drive.delay - T / 2, hypot(sigma, study.drive.delay_sigma)
+    if study.lag is not None and study.lag_told:
+        add("actuator.bandwidth_hz", *_bandwidth(*study.lag))
+    elif study.lag is not None:
+        late, sigma = late + study.lag[0], hypot(sigma, study.lag[1])
     add("delay", late, sigma)
     alike = [fit]
     if fit.candidate.load:

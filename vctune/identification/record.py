@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
-
-from vctune.document.codes import coded
+from vctune.document.codes import Note, coded
 from vctune.document.identification import (
     BoundedRecord,
     CandidateRecord,
@@ -25,10 +23,11 @@ from vctune.document.units import unit_of
 from vctune.identification.box import Bounded
 from vctune.identification.excitation import Excitation
 from vctune.identification.fit import ResponseFit
-from vctune.identification.identify import Identified, RecordStudy
+from vctune.identification.identify import Identified
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.physics import antiresonance_hz
+from vctune.identification.record_study import RecordStudy
 from vctune.model.arithmetic import FLOATS
 from vctune.model.device_response import mechanism
 from vctune.model.units import UNITS, Units, UnitSystem
@@ -56,15 +55,21 @@ def identification_record(
         rotary=rotary,
         sample_time=float(device.sample_time),
         device=table_of(device),
+        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in found.remarks) else [],
         numbers=numbers,
         unmodelled=[list(point) for point in found.unmodelled],
         friction=_friction(found),
         force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
         excitation=None if next_one is None else _excitation(next_one),
         recordings=[_recording(study) for study in found.records],
-        remarks=[note.line for note in found.remarks],
+        warnings=[note.line for note in found.remarks if _is_warning(note)],
+        remarks=[note.line for note in found.remarks if not _is_warning(note)],
         versions=dict(versions),
     )
+
+
+def _is_warning(note: Note) -> bool:
+    return note.code.startswith("warn-")
 
 
 def _bounded(found: Bounded, units: Units) -> BoundedRecord:
@@ -126,8 +131,8 @@ def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
         kind="any motion",
         cutoff_hz=fit.cutoff_hz,
         residual=fit.residual,
-        residual_share=fit.residual / fit.force,
-        chi2=motion.chi2,
+        residual_share=study.residual_share,
+        chi2=study.chi2,
         numbers=numbers,
         derived=[]
         if classical is None
@@ -148,18 +153,17 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
         drive = periodic.drive
         numbers.append(_number("command to force, lag", drive.lag, drive.lag_sigma))
         numbers.append(_number("command to force, delay", drive.delay, drive.delay_sigma))
-    error = np.abs(fit.position / measured.position.ratio - 1)
     return RecordingRecord(
         source=study.recording.name,
         sha256=study.recording.sha256,
         samples=len(study.recording),
         used=measured.period * measured.periods,
         sample_time=study.sample_time,
-        kind=f"{measured.periods} periods of {measured.period * study.sample_time:g} s, {error.size} lines",
+        kind=f"{measured.periods} periods of {measured.period * study.sample_time:g} s, {fit.position.size} lines",
         cutoff_hz=None,
         residual=None,
-        residual_share=float(np.sqrt(np.mean(error**2))),
-        chi2=fit.chi2,
+        residual_share=study.residual_share,
+        chi2=study.chi2,
         numbers=numbers,
         derived=_derived(fit, study.recording.units),
         checks=[],

@@ -21,6 +21,8 @@ ABOVE_NOISE = 5.0
 """Least amplitude of an excited line in standard deviations of its mean."""
 FINER = 32
 """Points per sample at which the direction of motion is looked at. Half and twice change the lines by a thousandth."""
+MOST_POINTS = 1 << 21
+"""Of half a period: fewer for each sample of a very long one."""
 HIGHEST_LINE = 0.45
 """Of the sampling rate: beyond, filters against aliasing say more than the device."""
 
@@ -169,11 +171,12 @@ def _direction(position: Complex) -> Complex:
     position : spectrum of a period, without drift
     """
     count = position.size
-    fine = np.zeros((count - 1) * FINER + 1, dtype=complex)
+    finer = max(2, min(FINER, MOST_POINTS // count))
+    fine = np.zeros((count - 1) * finer + 1, dtype=complex)
     inside = np.arange(count) < HIGHEST_LINE * 2 * (count - 1)
     fine[:count] = 1j * np.arange(count) * position * inside
     sign = np.sign(np.fft.irfft(fine))
-    return np.asarray(np.fft.rfft(sign)[:count] / FINER)
+    return np.asarray(np.fft.rfft(sign)[:count] / finer)
 
 
 def _rounding(channel: Channel, period: int) -> float:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import log, sqrt
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import ceil, log, sqrt
+from types import MappingProxyType
 
 import numpy as np
 
 from vctune.document.recording import Floats, Recording
-from vctune.identification.filters import HIGHEST, edge, filtered, smooth
-from vctune.model.device import Actuator
+from vctune.identification.filters import HIGHEST, Spectrum, drive, edge, filtered, smooth, spectrum, stride
+from vctune.model.device import Actuator, Device
+
+WAYS = ("forwards", "backwards", "ahead", "back", "always")
+"""What friction goes with."""
 
 ATTENUATION = 1e-4
 """Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""
@@ -30,6 +35,7 @@ class Signals:
     actuator : of a held command, where it is known
     noise : standard deviation of a position sample, m
     velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
+    spectra : of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
     """
 
     position: Floats
@@ -41,20 +47,75 @@ class Signals:
     actuator: Actuator | None
     noise: float
     velocity: Floats
+    spectra: Mapping[str, Spectrum]
 
 
-def derivatives(position: Floats, cutoff_hz: float, sample_time: float) -> tuple[Floats, Floats]:
-    """Return acceleration and velocity behind the low-pass, m/s2 and m/s.
+def signals(
+    position: Floats,
+    force: Floats | None,
+    sample_time: float,
+    noise: float,
+    velocity: Floats,
+    *,
+    hand: Floats | None = None,
+    reference: Floats | None = None,
+    is_command: bool = False,
+    actuator: Actuator | None = None,
+) -> Signals:
+    """Return columns with their spectra; what they are, `Signals` says.
 
     Parameters
     ----------
-    position : evenly sampled, m or rad, shape (n,)
-    cutoff_hz : of the low-pass, Hz
+    position, force : m and N, shape (n,); no force where none moves
     sample_time : s
+    noise : standard deviation of a position sample, m
+    velocity : m/s
+    hand, reference : N and m; None without
+    is_command : whether the force is a command, held between samples
+    actuator : of a held command, where it is known
     """
-    centred = position - position.mean()
-    a = filtered(centred, lambda w: -(w**2) * smooth(w, cutoff_hz), sample_time)
-    return a, filtered(centred, lambda w: 1j * w * smooth(w, cutoff_hz), sample_time)
+    columns = {"position": position - position.mean()} | ways(velocity)
+    columns |= {} if hand is None else {"hand": hand}
+    spectra = {name: spectrum(values, sample_time) for name, values in columns.items()}
+    if force is not None:
+        pushed = spectrum(force, sample_time)
+        if is_command:
+            through = drive(Device(1.0, 0.0, sample_time, 0.0, actuator=actuator), pushed.omega())
+            pushed = replace(pushed, lines=pushed.lines * through)
+        spectra["command"] = pushed
+    return Signals(
+        position, force, hand, reference, sample_time, is_command, actuator, noise, velocity, MappingProxyType(spectra)
+    )
+
+
+def ways(velocity: Floats) -> dict[str, Floats]:
+    """Return what friction goes with: the velocity each way, its sign each way, and what is always there."""
+    ahead, back = np.maximum(np.sign(velocity), 0.0), np.maximum(np.sign(-velocity), 0.0)
+    columns = (velocity * ahead, velocity * back, ahead, back, np.ones(velocity.size))
+    return dict(zip(WAYS, columns, strict=True))
+
+
+def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats:
+    """Return the acceleration behind the low-pass, m/s2.
+
+    Parameters
+    ----------
+    position : about its mean, m or rad
+    cutoff_hz : of the low-pass, Hz
+    every : which samples
+    """
+    return filtered(position, lambda w: -(w**2) * smooth(w, cutoff_hz), every)
+
+
+def speed(position: Spectrum, cutoff_hz: float) -> Floats:
+    """Return the velocity behind the low-pass, m/s.
+
+    Parameters
+    ----------
+    position : about its mean, m or rad
+    cutoff_hz : of the low-pass, Hz
+    """
+    return filtered(position, lambda w: 1j * w * smooth(w, cutoff_hz))
 
 
 def cutoffs(signals: Signals) -> list[float]:
@@ -64,8 +125,9 @@ def cutoffs(signals: Signals) -> list[float]:
         cutoff = HIGHEST / T / 2**halvings
         if edge(cutoff, 0.0, T) * 4 > signals.position.size:
             break
-        margin = edge(cutoff, 0.0, T)
-        a = derivatives(signals.position, cutoff, T)[0][margin:-margin]
+        every = stride(cutoff, T)
+        margin = ceil(edge(cutoff, 0.0, T) / every)
+        a = acceleration(signals.spectra["position"], cutoff, every)[margin:-margin]
         if acceleration_noise(signals, cutoff) ** 2 < ATTENUATION * float(np.mean(a**2)):
             found.append(cutoff)
     return found
@@ -99,25 +161,26 @@ def signals_of(recording: Recording, sample_time: float, actuator: Actuator | No
         force = None
     position = recording.channels["position"]
     noise = position_noise(position.values, position.quantum)
-    return Signals(
-        position=position.values,
-        command=force,
+    centred = spectrum(position.values - position.values.mean(), sample_time)
+    return signals(
+        position.values,
+        force,
+        sample_time,
+        noise,
+        _velocity(centred, noise),
         hand=recording.values("hand"),
         reference=recording.values("reference"),
-        sample_time=sample_time,
         is_command=held,
         actuator=actuator if held else None,
-        noise=noise,
-        velocity=_velocity(position.values, noise, sample_time),
     )
 
 
-def _velocity(position: Floats, noise: float, sample_time: float) -> Floats:
+def _velocity(position: Spectrum, noise: float) -> Floats:
     """Return the velocity behind the highest cut-off at which its noise is a hundredth of it."""
-    omega = np.linspace(0, np.pi / sample_time, 4096)
-    v, cutoff = position, HIGHEST / sample_time
+    omega = np.linspace(0, np.pi / position.sample_time, 4096)
+    cutoff = HIGHEST / position.sample_time
     for _ in range(7):
-        v = derivatives(position, cutoff, sample_time)[1]
+        v = speed(position, cutoff)
         unsure = noise * sqrt(float(np.mean((omega * smooth(omega, cutoff)) ** 2)))
         if unsure < 0.01 * float(np.sqrt(np.mean(v**2))):
             break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import ceil, pi
 
 import numpy as np
 from matplotlib import rc_context
@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 
 from vctune.document.identification import IdentificationRecord
 from vctune.document.recording import Floats
-from vctune.identification.identify import Identified, RecordStudy
+from vctune.identification.identify import Identified
 from vctune.identification.motion_study import MotionStudy
 from vctune.identification.periodic_study import PeriodicStudy, behind_force
+from vctune.identification.record_study import RecordStudy
 from vctune.identification.unmodelled import covered
 from vctune.model.units import Units
 from vctune.report.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
@@ -50,8 +51,8 @@ def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
     axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
     for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
         assert study.motion is not None
-        fit = study.motion.directional
-        left = fit.measured - fit.fitted
+        fit = study.motion.samples
+        left = fit.left
         worst = fit.time[int(np.argmax(np.abs(left)))]
         shown = np.abs(fit.time - worst) < WINDOW / 2
         close.plot(fit.time[shown], fit.measured[shown], color=BLUE, label=f"recorded, {study.recording.name}")
@@ -125,9 +126,10 @@ def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
 
 def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
     """Return frequencies, the residual's and the encoder's root mean square in bands of a fifth of an octave."""
-    fit, T = motion.directional, study.sample_time
-    whole = np.zeros(fit.samples[1])
-    whole[np.round(fit.time / T).astype(int)] = fit.measured - fit.fitted
+    fit, samples = motion.directional, motion.samples
+    T = samples.step
+    whole = np.zeros(ceil(fit.samples[1] * study.sample_time / T * (1 - 1e-12)))
+    whole[samples.rows] = samples.left
     spectrum = 2 * np.abs(np.fft.rfft(whole)) ** 2 / whole.size**2
     f = np.asarray(np.fft.rfftfreq(whole.size, T), dtype=np.float64)
     edges = np.exp(np.linspace(np.log(f[2]), np.log(min(3 * fit.cutoff_hz, 0.5 / T)), SPECTRUM_BINS))
@@ -135,7 +137,7 @@ def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Float
     found = [i for i in range(1, edges.size) if np.any(place == i)]
     power = np.array([np.sqrt(spectrum[place == i].sum()) for i in found]) / fit.force
     middle = np.array([np.sqrt(edges[i - 1] * edges[i]) for i in found])
-    each = motion.encoder_noise(f, T) / fit.force
+    each = motion.encoder_noise(f, study.sample_time) / fit.force
     noise = np.array([np.sqrt(np.sum(each[place == i] ** 2)) for i in found])
     return middle, np.maximum(power, 1e-12), np.maximum(noise, 1e-12)
 
@@ -144,8 +146,7 @@ def _lines_left(study: RecordStudy) -> tuple[Floats, Floats, Floats]:
     periodic = study.periodic
     assert periodic is not None
     lines = periodic.measured.position
-    left = np.abs(periodic.fit.position / lines.ratio - 1)
-    return lines.omega / (2 * pi), np.maximum(left, 1e-12), np.maximum(lines.spread, 1e-12)
+    return lines.omega / (2 * pi), np.maximum(periodic.left, 1e-12), np.maximum(lines.spread, 1e-12)
 
 
 def _numbers(record: IdentificationRecord) -> Figure:

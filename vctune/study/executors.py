@@ -167,7 +167,7 @@ def _dask_pool(choice: str, address: str, jobs: int) -> Iterator[WorkerPool]:
         from distributed import CancelledError, KilledWorker
         from distributed.comm import CommClosedError
     except ImportError:
-        raise _refusal(choice, "needs Dask; install it with: pip install 'vctune[cluster]'") from None
+        raise _refusal(choice, "needs Dask: pip install distributed") from None
     with _no_logs(), _client(choice, address, jobs) as client:
         threads = sum(client.nthreads().values())
         if threads == 0:

@@ -1,0 +1,106 @@
+"""What the user knows of the device, from a log.toml: it is taken as it stands, and need not be found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from vctune.document import toml
+from vctune.document.codes import Note
+from vctune.document.device_contradictions import impossible_parts
+from vctune.document.errors import InputError
+from vctune.document.log import LogMap
+from vctune.document.recording import Recording
+from vctune.document.validation import Fault, refusal
+from vctune.identification.box import DELAY_FLOOR, Estimate
+from vctune.model.arithmetic import FLOATS
+from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
+from vctune.model.filters import force_sensor_response
+
+
+def check_known(known: LogMap, sample_time: float) -> None:
+    """Make sure that what is known of the device can be so at its sample time.
+
+    Parameters
+    ----------
+    known : LogMap
+    sample_time : s
+
+    Raises
+    ------
+    InputError
+        Listing what cannot be, each with its line and key.
+    """
+    raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
+    device = raw.get("device", {}) | {"sample_time": sample_time}
+    faults = [Fault(path, message, "contradiction") for path, message in impossible_parts({"device": device})]
+    if faults:
+        raise refusal(faults, known.text, known.source)
+
+
+def known_actuator(known: LogMap) -> Actuator | None:
+    """Return the actuator that is known."""
+    stated = known.document.device.actuator
+    return None if stated is None else Actuator(stated.bandwidth_hz, stated.order)
+
+
+def known_sensor(known: LogMap) -> ForceSensor | None:
+    """Return the force sensor that is known."""
+    stated = known.document.device.force_sensor
+    return None if stated is None else ForceSensor(stated.bandwidth_hz, stated.order, stated.delay)
+
+
+def velocity_estimate(known: LogMap) -> VelocityEstimate:
+    """Return how the firmware knows its velocity: by the difference of the position, where nobody says otherwise."""
+    stated = known.document.device.velocity
+    if stated is None:
+        return VelocityEstimate("difference")
+    return VelocityEstimate(stated.source or "difference", stated.filter_hz, stated.filter_order)
+
+
+def velocity_assumed(known: LogMap) -> bool:
+    """Whether nobody says how the firmware knows its velocity."""
+    stated = known.document.device.velocity
+    return stated is None or stated.source is None
+
+
+def known_delays(known: LogMap) -> dict[str, float]:
+    """Return the delays that need not be found in a motion, s."""
+    stated, found = known.document.device, {}
+    if stated.delay is not None:
+        found["delay"] = stated.delay
+    sensor = known_sensor(known)
+    if sensor is not None:
+        through = force_sensor_response(sensor, 0.0, FLOATS)
+        found["sensor_delay"] = 0.0 if through is None else float(through.lag)
+    return found
+
+
+def with_known(
+    estimates: Sequence[Estimate], known: LogMap, T: float, recordings: Sequence[Recording]
+) -> tuple[list[Estimate], list[Note]]:
+    """Return the estimates with a delay that the user knows in place of what was found of it, and what to say of it.
+
+    Parameters
+    ----------
+    estimates : of all recordings
+    known : LogMap
+    T : sample time, s
+    recordings : for messages
+
+    Raises
+    ------
+    InputError
+        If nothing tells the delay.
+    """
+    stated = known.document.device
+    if stated.delay is not None:
+        others = [each for each in estimates if each.key != "delay"]
+        half = max(stated.delay_uncertainty, DELAY_FLOOR * T)
+        text = f"the delay is the stated one, {stated.delay:g} s, within {half:g} s"
+        told = Estimate("delay", stated.delay, 0.0, known.source, (half, half), stated=True)
+        return [*others, told], [Note("remark-stated-delay", text)]
+    if not any(each.key == "delay" for each in estimates):
+        message = "the command never moves, so no log tells the delay; write device.delay, and delay_uncertainty"
+        raise InputError.of(recordings[0].source, "log-unexplained", message, key="device.delay")
+    return list(estimates), []

@@ -1,0 +1,175 @@
+"""A recording and what came of it; a force alone is looked at both as a command and as measured (README, section 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from vctune.document.codes import Note
+from vctune.document.errors import InputError
+from vctune.document.log import LogMap
+from vctune.document.recording import Recording
+from vctune.identification.box import DELAY_FLOOR, Estimate
+from vctune.identification.checks import remarks
+from vctune.identification.drive_fit import fit_drive
+from vctune.identification.fit import fit_response
+from vctune.identification.known import known_actuator
+from vctune.identification.motion_study import MotionStudy, motion_study
+from vctune.identification.periodic_study import PeriodicStudy, periodic_estimates
+from vctune.identification.response import response
+
+POOR = 0.05
+"""Residual, of the force or of the response, from which on a reader is warned."""
+HELD, MEASURED = "held command", "measured force"
+"""What a force that is recorded without a command may be: the firmware's, from the sample on, or a sensor's sample."""
+EVIDENCE, HALF = 10.0, 2.0
+"""Gain in log likelihood that tells one from the other, or how many times smaller chi2 must be. Slow motions gain less
+than 1, the noise of a closed loop 5 and more, multisines hundreds."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordStudy:
+    """A recording and what came of it: one of the two studies.
+
+    Attributes
+    ----------
+    recording : as it was read; a force alone as what it was taken for
+    sample_time : s
+    motion, periodic : of any motion, or of a periodic excitation; None for the other
+    remarks : what to know of the recording
+    alike : what another reading of it says that explains it as well
+    """
+
+    recording: Recording
+    sample_time: float
+    motion: MotionStudy | None
+    periodic: PeriodicStudy | None
+    remarks: tuple[Note, ...]
+    alike: tuple[Estimate, ...] = ()
+
+    @property
+    def residual_share(self) -> float:
+        """What the fit leaves, of the force or of the response."""
+        if self.motion is not None:
+            return self.motion.directional.residual / self.motion.directional.force
+        assert self.periodic is not None
+        return float(np.sqrt(np.mean(self.periodic.left**2)))
+
+    @property
+    def chi2(self) -> float:
+        """Power of what is left over that of the noise, per degree of freedom."""
+        if self.motion is not None:
+            return self.motion.chi2
+        assert self.periodic is not None
+        return self.periodic.fit.chi2
+
+    @property
+    def sharp_chi2(self) -> tuple[float, float]:
+        """The same where two models differ most, and its degrees of freedom."""
+        if self.motion is not None:
+            return self.motion.sharp_chi2
+        assert self.periodic is not None
+        return self.chi2, 2.0 * self.periodic.fit.lines
+
+    @property
+    def estimates(self) -> list[Estimate]:
+        """What it says of the numbers of a problem file."""
+        if self.motion is not None:
+            found = self.motion.estimates(self.recording.name)
+        else:
+            assert self.periodic is not None
+            found = periodic_estimates(self.periodic, self.recording.name, self.sample_time)
+        least = DELAY_FLOOR * self.sample_time if self.alike else 0.0
+        return [_at_least(each, least) if each.key == "delay" else each for each in (*found, *self.alike)]
+
+
+def _at_least(estimate: Estimate, least: float) -> Estimate:
+    below, above = estimate.excess
+    return replace(estimate, excess=(max(below, least), max(above, least)))
+
+
+def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+    """Study a recording.
+
+    Parameters
+    ----------
+    recording : checked
+    T : sample time, s
+    known : what the user says of the device
+
+    Returns
+    -------
+    RecordStudy
+        A force without a command is taken for what explains the recording better.
+
+    Raises
+    ------
+    InputError
+        If nothing explains it.
+    """
+    if "force" not in recording.channels or "command" in recording.channels:
+        return _warned(_studied(recording, T, known))
+    tried = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
+    fits = {name: each for name, each in tried.items() if isinstance(each, RecordStudy)}
+    if not fits:
+        raise next(each for each in tried.values() if isinstance(each, InputError))
+    best, *others = sorted(fits, key=lambda name: fits[name].sharp_chi2)
+    alike = [name for name in others if not _clearly_better(fits[best], fits[name])]
+    said = Note("remark-force-role", _compared(recording, fits, best, alike))
+    late = tuple(each for name in alike for each in fits[name].estimates if each.key == "delay")
+    return _warned(replace(fits[best], remarks=(*fits[best].remarks, said), alike=late))
+
+
+def _clearly_better(best: RecordStudy, other: RecordStudy) -> bool:
+    """Whether chi2 tells two readings apart; model error counts as noise that is as large."""
+    (least, dof), (more, _) = best.sharp_chi2, other.sharp_chi2
+    return log(more / least) > min(log(HALF), EVIDENCE * 2 * max(1.0, least) / dof)
+
+
+def _commanded(recording: Recording) -> Recording:
+    """Return a recording whose force is what the firmware commanded, held between samples."""
+    channels = {"command" if role == "force" else role: channel for role, channel in recording.channels.items()}
+    return replace(recording, channels=channels)
+
+
+def _attempt(recording: Recording, T: float, known: LogMap) -> RecordStudy | InputError:
+    try:
+        return _studied(recording, T, known)
+    except InputError as error:
+        return error
+
+
+def _studied(recording: Recording, T: float, known: LogMap) -> RecordStudy:
+    said, actuator = tuple(remarks(recording)), known_actuator(known)
+    measured = None if "hand" in recording.channels else response(recording, T)
+    fitted = None if measured is None else fit_response(measured, actuator)
+    if measured is None or fitted is None:
+        return RecordStudy(recording, T, motion_study(recording, T, actuator, known), None, said)
+    drive = None if measured.drive is None else fit_drive(measured.drive, T)
+    return RecordStudy(recording, T, None, PeriodicStudy(measured, *fitted, drive), said)
+
+
+def _compared(recording: Recording, fits: Mapping[str, RecordStudy], best: str, alike: Sequence[str]) -> str:
+    results = [
+        f"as a {name} {each.residual_share:.3%} of it is left, chi2/dof {each.sharp_chi2[0]:.4g}"
+        for name, each in fits.items()
+    ]
+    text = f"{recording.name}: {recording.channels['force'].header} is taken for a {best}: {'; '.join(results)}"
+    text += "; these are not told apart: the delay holds both" if alike else ""
+    return text + ("; what lies between command and force is in no number" if best == MEASURED else "")
+
+
+def _warned(study: RecordStudy) -> RecordStudy:
+    """Return a study that says so where much is left."""
+    left = study.residual_share
+    if left <= POOR:
+        return study
+    of = study.recording.units.force_name if study.motion is not None else "response"
+    text = (
+        f"{study.recording.name}: the device in the file leaves {left:.1%} of the {of} unexplained: no design for it "
+        "is better than that; see the report for when and at which frequencies"
+    )
+    return replace(study, remarks=(*study.remarks, Note("warn-residual", text)))
