@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,11 @@ class Cells:
         """Return the middle of each cell."""
         middle = 0.5 * (self.low + self.high)
         return Cells(middle, middle)
+
+    def corners(self) -> list[Cells]:
+        """Return each corner of the cells, of the numbers that vary in any of them."""
+        ends = [(low, high) if np.any(low < high) else (low,) for low, high in zip(self.low, self.high, strict=True)]
+        return [Cells(np.array(corner), np.array(corner)) for corner in product(*ends)]
 
     @property
     def extended(self) -> bool:

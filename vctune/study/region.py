@@ -167,8 +167,9 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
     demands = pose(problem).demands
     damping, places = _estimate(problem, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
-    hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
+    hopeful = np.flatnonzero(~np.isnan(damping))
+    hopeful = hopeful[_met_at_corners(problem, served.subset(hopeful))]
     kinds[hopeful[prove(demands, served.subset(hopeful)).proved]] = Kind.FEASIBLE
     left = np.flatnonzero(kinds != Kind.FEASIBLE)
     rest, there = cells.subset(left), places.subset(left)
@@ -180,6 +181,17 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
         lost[near] = refuted(demands, rest.subset(near), _closer(problem, rest.subset(near), there.subset(near)))
     kinds[left[lost]] = Kind.INFEASIBLE
     return kinds, np.where((kinds == Kind.FEASIBLE) & free, damping, np.nan)
+
+
+def _met_at_corners(problem: Problem, cells: Cells) -> NDArray[np.bool_]:
+    """Return the cells whose corners seem to meet the demands: a proof of the others would be in vain."""
+    left = np.arange(len(cells))
+    for corner in cells.corners():
+        damping, _ = _estimate(problem, corner.subset(left), free=False)
+        left = left[~np.isnan(damping)]
+    met = np.zeros(len(cells), bool)
+    met[left] = True
+    return met
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
