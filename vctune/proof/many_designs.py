@@ -24,7 +24,8 @@ from vctune.proof.envelope import envelope
 
 HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
 """What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory."""
+known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
+of those next to K_p = 0 are left to smaller cells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -185,13 +185,10 @@ def _judged(problem: Problem, plane: Plane, squares: Squares) -> tuple[Kinds, Fl
 
 def _met_at_corners(problem: Problem, cells: Cells) -> NDArray[np.bool_]:
     """Return the cells whose corners seem to meet the demands: a proof of the others would be in vain."""
-    left = np.arange(len(cells))
-    for corner in cells.corners():
-        damping, _ = _estimate(problem, corner.subset(left), free=False)
-        left = left[~np.isnan(damping)]
-    met = np.zeros(len(cells), bool)
-    met[left] = True
-    return met
+    corners = cells.corners()
+    together = Cells(*(np.concatenate([getattr(one, end) for one in corners], axis=1) for end in ("low", "high")))
+    damping, _ = _estimate(problem, together, free=False)
+    return np.asarray(np.isfinite(damping).reshape(len(corners), -1).all(axis=0))
 
 
 def _closer(problem: Problem, cells: Cells, places: Places) -> Places:
@@ -278,11 +275,13 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
 
 def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
     """Return the same at each angle in the worst hand there."""
-    needed, worst = np.empty((2, len(gains.velocity), at.theta.size))
-    for i in range(0, len(needed), LOOPS_AT_ONCE):
-        some = Gains(*(gain[i : i + LOOPS_AT_ONCE, :, None] for gain in astuple(gains)))
+    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells share their corners
+    needed, worst = np.empty((2, len(few), at.theta.size))
+    for i in range(0, len(few), LOOPS_AT_ONCE):
+        some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])
         R = np.nan_to_num(at.required(some), nan=0.0)
         needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
+    needed, worst = needed[same], worst[same]
 
     def place(which: Integers) -> Floats:
         hand = worst[np.arange(len(which)), which].astype(np.intp)
