@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from fractions import Fraction
 from math import inf, pi
 
 import numpy as np
@@ -18,9 +19,9 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.keys import KEYS
 from vctune.proof.array_claims import Demands
-from vctune.proof.array_intervals import Enclosure, between, decimal
-from vctune.proof.box_tests import positive
-from vctune.proof.boxes import Cells, band_of, over_cells
+from vctune.proof.array_intervals import SWELL, Enclosure, between, decimal, raised
+from vctune.proof.box_tests import lower_bound_over, positive
+from vctune.proof.boxes import Boxes, Cells, band_of, over_cells
 from vctune.proof.branching import prove as prove_boxes
 from vctune.proof.certificate import certify
 from vctune.proof.claims import Design
@@ -252,3 +253,42 @@ def test_enclosed_decimals():
             assert contains(between(0.0, float(text)), mpf(text))
     assert isinstance(Enclosure(1.0) * Jet(Enclosure(2.0), (None,)), Jet)
     assert ENCLOSURES.is_zero(decimal(0.0)) and not ENCLOSURES.is_zero(decimal(pi))
+
+
+ROUNDING = 2.0**-53
+LOST = ROUNDING * (1 - 2.0**-20)
+"""Added to 1 it is rounded away."""
+
+
+@pytest.mark.parametrize("rows", [14, 60])
+def test_a_sum_over_rows_is_raised_by_all_that_rounding_took_from_it(rows):
+    # the first term, (1 + 2u + u) (1 - u), is rounded down twice, each of the others away
+    sizes, reaches = np.full(rows, LOST), np.ones(rows)
+    sizes[0], reaches[0] = (1 + 2 * ROUNDING) + LOST, 1 - ROUNDING
+    exact = (Fraction(1 + 2 * ROUNDING) + Fraction(LOST)) * Fraction(1 - ROUNDING) + (rows - 1) * Fraction(LOST)
+    total = np.tile((sizes * reaches)[:, None], 2).sum(axis=0)  # one after the other, as rows of many boxes are
+    assert total[0] == 1.0
+    assert Fraction(float(raised(total, rows)[0])) >= exact
+    assert Fraction(float((total * (1 + rows * ROUNDING))[0])) < exact, "as many roundings as terms are too few"
+    assert rows < 16 or Fraction(float((total * SWELL)[0])) < exact, "and so are those of an operation"
+
+
+@pytest.mark.parametrize("rows", [14, 60])
+def test_a_bound_over_many_rows_is_below_the_exact_one(rows):
+    low, high = np.full((2, rows, 1), -1.0)[0], np.ones((rows, 1))
+    low[0], high[0] = 1.0, 1.0 + 2.0**-30  # a frequency
+    one = np.zeros(1, np.intp)
+    boxes = Boxes(("frequency", *map(str, range(rows - 1))), low, high, one, one)
+    least = 1 + rows * ROUNDING
+
+    def margin(frequency, values):
+        numbers = list(values.values())[: rows - 1]
+        if not isinstance(frequency, Jet):
+            return Enclosure(np.full(1, least), np.full(1, LOST))
+        slopes = [Enclosure(np.zeros(1), np.full(1, 1.0 if k == 0 else LOST)) for k in range(len(numbers))]
+        return Jet(Enclosure(np.zeros(1), np.full(1, inf)), (Enclosure(np.zeros(1), np.zeros(1)), *slopes))
+
+    bound = float(lower_bound_over(margin, boxes, {})[0])
+    exact = Fraction(least) - Fraction(LOST) - 1 - (rows - 2) * Fraction(LOST)
+    assert Fraction(bound) <= exact
+    assert bound > -1e-12

@@ -24,8 +24,24 @@ TINY = 1e-300
 """More than what underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
 device comes near it, so that half and twice it are no different."""
 SWELL = 1 + 2.0**-49
-"""Covers the rounding of a radius, a sum of at most seven positive terms and products: 16 roundings. Half would cover
-8, twice widens a radius by 2e-15 of itself."""
+"""Covers 16 roundings of a radius, each u = 2^-53 of it. A reciprocal's takes most, 7: the difference and the sum of
+size and radius, two quotients, the sum with the value's own rounding, the product with this number, which itself is
+exact, and the sum with `TINY`. A product's takes 6. A sum over the rows of a box has no such count, and is `raised` by
+its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itself."""
+
+
+def raised(total: Floats, terms: int) -> Floats:
+    """Return a rounded sum such that it is not below what it would be without rounding.
+
+    With u = 2^-53, n terms are added by n - 1 roundings, and n + 5 more are left for the terms themselves and for this
+    product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+
+    Parameters
+    ----------
+    total : of positive numbers, each the result of at most n + 4 operations on positive numbers
+    terms : n, at most a million
+    """
+    return total * (1 + (terms + 8) * UNIT)
 
 
 def _enclosed(mid: Floats, rad: Floats) -> Enclosure:

@@ -14,7 +14,7 @@ from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hands
 from vctune.proof.array_claims import Claims, Demands, claims_of
 from vctune.proof.array_intervals import Flags, Floats
-from vctune.proof.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band, halved_rows
+from vctune.proof.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
 from vctune.proof.box_tests import Margin, lower_bound_over, positive
 from vctune.proof.boxes import Cells, Integers, band_of, over_each, over_hands
 from vctune.proof.branching import prove as prove_boxes
@@ -22,9 +22,10 @@ from vctune.proof.claims import HALF_TURN, outwards, resistance_apart
 from vctune.proof.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.envelope import envelope
 
-HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 8_000, 128
+HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
 """What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
-known of them fits into memory."""
+known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
+of those next to K_p = 0 are left to smaller cells."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +144,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
             positive(claims.in_hand, {}),
             over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
             len(part),
-            halved=halved_rows(cells, 1 + len(HAND)),
+            halved=[True] * (1 + len(HAND) + len(cells.keys)),
             max_halvings=HALVINGS_IN_HANDS,
             max_boxes=BOXES_IN_HANDS,
             at_ends=True,

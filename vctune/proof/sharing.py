@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from vctune.model.arithmetic import Number
-from vctune.proof.array_intervals import SWELL, Enclosure, selected
+from vctune.proof.array_intervals import Enclosure, raised, selected
 from vctune.proof.jets import Jet
 from vctune.proof.taylor import Taylor
 
@@ -57,7 +57,7 @@ def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
         return over
     slopes = [(over.slopes[place], rad) for place, rad in radii.items() if place < len(over.slopes)]
     reach = sum((np.abs(slope.mid) + slope.rad) * rad for slope, rad in slopes if slope is not None)
-    rad = (at.rad + reach) * SWELL
+    rad = raised(at.rad + reach, 1 + len(slopes))
     return Jet(selected(np.asarray(rad < over.value.rad), Enclosure(at.mid, rad), over.value), over.slopes)
 
 

@@ -178,8 +178,8 @@ def _judged(problems: Sequence[Problem], plane: Plane, squares: Squares) -> tupl
     cells, free = easiest(plane.cells(squares), plane), free_damping(plane)
     damping, places = _estimate(problems, cells, free=free)
     kinds = np.full(len(cells), Kind.UNDECIDED)
-    hopeful = np.flatnonzero(~np.isnan(damping))
     served = with_damping(cells, damping) if free else cells
+    hopeful = np.flatnonzero(~np.isnan(damping))
     for problem in problems:
         hopeful = hopeful[prove(pose(problem).demands, served.subset(hopeful)).proved]
     kinds[hopeful] = Kind.FEASIBLE
@@ -313,11 +313,13 @@ def _asked(problem: Problem, K_v: Floats, K_p: Floats) -> dict[str, _Asked]:
 
 def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gains) -> _Asked:
     """Return the same at each angle in the worst hand there."""
-    needed, worst = np.empty((2, len(gains.velocity), at.theta.size))
-    for i in range(0, len(needed), LOOPS_AT_ONCE):
-        some = Gains(*(gain[i : i + LOOPS_AT_ONCE, :, None] for gain in astuple(gains)))
+    few, same = np.unique(np.hstack(astuple(gains)), axis=0, return_inverse=True)  # cells of a plane share some
+    needed, worst = np.empty((2, len(few), at.theta.size))
+    for i in range(0, len(few), LOOPS_AT_ONCE):
+        some = Gains(*few[i : i + LOOPS_AT_ONCE].T[..., None, None])
         R = np.nan_to_num(at.required(some), nan=0.0)
         needed[i : i + LOOPS_AT_ONCE], worst[i : i + LOOPS_AT_ONCE] = factor * R.max(axis=1), R.argmax(axis=1)
+    needed, worst = needed[same], worst[same]
 
     def place(which: Integers) -> Floats:
         hand = worst[np.arange(len(which)), which].astype(np.intp)
