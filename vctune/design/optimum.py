@@ -57,8 +57,8 @@ costs proofs."""
 SEARCH, PROOF = "the search", "the proof"
 """What a time limit may cut short."""
 SEARCHING = 0.6
-"""The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as long
-as a polish. Half finds worse designs, all of it proves none."""
+"""The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
+long as a polish. Half finds worse designs, all of it proves none."""
 
 Progress = Callable[[str], None]
 
