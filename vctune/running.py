@@ -24,6 +24,7 @@ class OutOfTimeError(Exception):
 
 _END: ContextVar[float] = ContextVar("end", default=inf)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
+_ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
 
 @contextmanager
@@ -98,13 +99,23 @@ def told(listener: Listener) -> Iterator[None]:
         _LISTENER.reset(token)
 
 
+@contextmanager
+def aloud() -> Iterator[None]:
+    """Let `tell` be heard within the block: proofs that a search makes in passing are nobody's business."""
+    token = _ALOUD.set(True)
+    try:
+        yield
+    finally:
+        _ALOUD.reset(token)
+
+
 def tell(words: Callable[[], str]) -> None:
-    """Tell whoever listens how far the work is.
+    """Tell whoever listens how far the work is, where that is said `aloud`.
 
     Parameters
     ----------
     words : makes the text, if somebody listens
     """
     listener = _LISTENER.get()
-    if listener is not None:
+    if listener is not None and _ALOUD.get():
         listener(words())

@@ -70,6 +70,7 @@ class Cells:
         middle = 0.5 * (self.low + self.high)
         return Cells(middle, middle)
 
+    @property
     def extended(self) -> bool:
         """Whether some cell is more than a single design."""
         return bool(np.any(self.low < self.high))

@@ -42,7 +42,7 @@ from vctune.proof.robust import (
 )
 from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity, unmodelled_at
 from vctune.proof.whole_samples import beside_whole_sample
-from vctune.running import OutOfTimeError, check_time, tell
+from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 
 class Claim(StrEnum):
@@ -200,7 +200,7 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
     if demands.hands is not None:
         in_hands = Claim.FORCE_HANDS if design.device.renders_force else Claim.HANDS
         proofs[in_hands] = partial(prove_hands, design, demands, box)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(PRECISION), aloud():
         for number, (name, proof) in enumerate(proofs.items(), 1):
             tell(partial("claim {} of {}".format, number, len(proofs)))
             outcomes[name] = _in_time(proof)
