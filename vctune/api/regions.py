@@ -35,6 +35,8 @@ from vctune.study.region_json import region_record
 REGION_FILE = "region.json"
 SOLVING = 0.5
 """The share of a time limit that solving takes at most, whose design a region shows and does not need."""
+DIVIDING = 0.75
+"""The share of what is left then for the cells: they are still to be drawn, which takes a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +127,9 @@ def region(
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
     with limited(time_limit):
         solved = solved or best_design(file.problem, progress)
-        return AdmissibleGains(file, divide(file.problem, across, across.coarsest_squares(), progress, stopped), solved)
+        with limited(DIVIDING * seconds_left()):
+            cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
+        return AdmissibleGains(file, cells, solved)
 
 
 def best_design(problem: Problem, progress: Progress = lambda stage: None) -> Solved:

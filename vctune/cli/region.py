@@ -9,7 +9,7 @@ import click
 from vctune.api.limits import RESOLUTIONS
 from vctune.cli.options import out_option, output_options, problem_argument, time_limited
 from vctune.model.keys import KEYS, SPRING_KEYS
-from vctune.running import out_of_time, unlimited
+from vctune.running import unlimited
 
 NAMED = (*KEYS, *SPRING_KEYS[3:])
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
@@ -58,7 +58,7 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
         solved = best_design(file.problem, progress)
         with interrupt_noted() as stopped:  # from here on something would be lost
             found = find(file, x, y, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
-            late = out_of_time()
+            late = found.region.interrupted and not stopped()
             progress("drawing")
             with unlimited():
                 kept = write_region(found, folder)
