@@ -14,7 +14,18 @@ from mpmath.ctx_mp import MPContext
 
 from vctune.design.nlp import SYMBOLS
 from vctune.model.arithmetic import FLOATS
-from vctune.model.matrices import COTH_WITHIN, Matrix, bernoulli, blocked, half_coth, inverse, minors, norm_of, rows_of
+from vctune.model.matrices import (
+    COTH_WITHIN,
+    Matrix,
+    bernoulli,
+    blocked,
+    exponential_less_one,
+    half_coth,
+    inverse,
+    minors,
+    norm_of,
+    rows_of,
+)
 from vctune.proof.arb_balls import BALLS
 from vctune.proof.array_intervals import Enclosure, between, matmul
 from vctune.proof.jets import ENCLOSURES, Jet, variables
@@ -130,6 +141,18 @@ def test_what_is_0_by_structure_stays_0():
                 assert type(found[i][j]) is int and found[i][j] == 0
         for i in range(3):
             assert float(found[i][i]) == pytest.approx(A[i][i] / 2 / np.tanh(A[i][i] / 2), rel=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-12, 1e-30])
+@pytest.mark.parametrize("ops", [FLOATS, BALLS], ids=["floats", "balls"])
+def test_an_exponential_has_the_powers_that_reach_its_corners(size, ops):
+    """A chain of four: the corner of e^A is the product of its links over 3!, however short the series could be."""
+    link = arb(size) if ops is BALLS else size
+    chain = tuple(tuple(link if column == row + 1 else 0 for column in range(4)) for row in range(4))
+    corner = exponential_less_one(chain, ops)[0][3]
+    if ops is BALLS:
+        assert corner.contains(link * link * link / 6)
+    assert float(corner) == pytest.approx(size**3 / 6, rel=1e-12)
 
 
 def test_arrays_of_matrices_are_their_matrices_one_by_one():

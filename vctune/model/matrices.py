@@ -94,7 +94,8 @@ def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
     small = blocked(scaled(matrix, 2.0**-halvings), ops)
     total = term = small
     x = norm / 2.0**halvings
-    last = next(n for n in count(2) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
+    # an entry that is 0 in A may first differ from it in the power that is as high as A has rows
+    last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
     for order in range(2, last + 1):
         term = shared(product(term, small), order)
         total = added(total, term)

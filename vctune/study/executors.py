@@ -114,8 +114,10 @@ def _process_pool(jobs: int) -> Iterator[WorkerPool]:
     pool = WorkerPool(start(), PENDING_PER_WORKER * jobs, (BrokenExecutor,), (), renew)
     try:
         yield pool
-    finally:
+    except BaseException:
         pool.executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    pool.executor.shutdown()  # idle workers end at once; not waited for, they may outlive the pipe that wakes them
 
 
 def _context() -> BaseContext:
