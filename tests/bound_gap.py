@@ -17,13 +17,13 @@ from time import perf_counter
 from matplotlib.figure import Figure
 
 from vctune.design.bound.search import Optimality, bound
-from vctune.design.judge import Judgement
-from vctune.design.optimum import improved
 from vctune.design.prepared import prepare
+from vctune.design.search.optimum import improved
 from vctune.design.solve import solve
+from vctune.design.verdict.judge import Judgement
 from vctune.document.reading import read_problem
 from vctune.model.problem import Problem
-from vctune.report.page import svg
+from vctune.report.page.page import svg
 from vctune.running import time_limit
 
 ROOT = Path(__file__).parent.parent

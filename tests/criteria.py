@@ -18,10 +18,10 @@ import numpy as np
 
 from vctune.api.solving import solve
 from vctune.document.building import problem as stated
-from vctune.model.arithmetic import FLOATS
-from vctune.model.hand_loop import loop_in_hand
 from vctune.model.hands import Hand
-from vctune.model.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 
 ROOT = Path(__file__).parents[1]
 TRIES, TOGETHER, SECONDS = 10_000, 500, 120

@@ -11,14 +11,14 @@ from math import pi
 
 import numpy as np
 
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
 from vctune.model.experiment import Environment, Friction, Operator
-from vctune.model.filters import smoothing
-from vctune.simulation.controller import Law
-from vctune.simulation.motion import intended_motion
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.simulation.firmware.controller import Law
+from vctune.simulation.mechanics.intended_motion import intended_motion
+from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns
 from vctune.simulation.scene import Scene
-from vctune.simulation.step import CHUNK, INPUTS, build, columns
 
 OPEN = 1e-9
 """K_v of an open loop, N s/m: what it takes from the motion is nothing."""

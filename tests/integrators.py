@@ -6,8 +6,8 @@ from functools import partial
 
 import casadi as ca
 
-from vctune.simulation.friction import friction_force
-from vctune.simulation.stretches import SYMBOLS, Stretch, fixed_steps, push_at
+from vctune.simulation.mechanics.friction import friction_force
+from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps, push_at
 
 
 def midpoint(substeps: int) -> Stretch:

@@ -21,9 +21,9 @@ from scipy.interpolate import CubicHermiteSpline
 
 from vctune.model.device import Device
 from vctune.model.experiment import Friction, Operator
-from vctune.simulation.arithmetic import FLOATS
-from vctune.simulation.controller import Measurement, State, control
-from vctune.simulation.motion import intended_motion
+from vctune.simulation.firmware.controller import Measurement, State, control
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.mechanics.intended_motion import intended_motion
 from vctune.simulation.scene import Scene
 
 SIZE = 9

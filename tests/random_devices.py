@@ -10,11 +10,11 @@ import numpy as np
 
 from vctune.bench import devices
 from vctune.document.reading import pose
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand
-from vctune.model.limits import lags
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
 
 
 def decimal(x: float) -> float:

@@ -22,7 +22,7 @@ from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
-from vctune.proof.claims import Design
+from vctune.proof.claims.margins_of_claims import Design
 
 SHARES = (0.0, 1e-5, 1e-4, 1e-3, 0.01, 0.1, 0.4, 1.0)
 FEWER = (0.0, 0.01, 0.1, 0.4, 1.0)

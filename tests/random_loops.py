@@ -12,7 +12,7 @@ from device_scan import exact, frequencies, least, ratio, required, sampled_radi
 from random_devices import ordinary, ordinary_gains
 
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.claims import Design
+from vctune.proof.claims.margins_of_claims import Design
 
 NEAR_THE_AXIS = 1e-6
 """A loop whose spectral radius is as near to 1 is drawn again: the oracles judge in doubles."""

@@ -17,10 +17,10 @@ from pathlib import Path
 
 from gallery import gallery
 
-from vctune.document.log_schema import LogDocument
-from vctune.document.rows import COLUMNS
-from vctune.document.schema import json_schema, schema_of
-from vctune.model.units import LINEAR
+from vctune.document.records.rows_json import COLUMNS
+from vctune.document.schema.log_schema import LogDocument
+from vctune.document.schema.problem_schema import json_schema, schema_of
+from vctune.model.numbers.units import LINEAR
 
 ROOT = Path(__file__).parent.parent
 PAGES = [

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from vctune.design.nlp import assembled
-from vctune.design.nlp_structure import NlpStructure
-from vctune.simulation.step import Step
+from vctune.design.nlp.nlp import assembled
+from vctune.design.nlp.nlp_structure import NlpStructure
+from vctune.simulation.mechanics.step import Step
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,11 +22,11 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from vctune.document.reading import read_gains, read_problem
-from vctune.report.page import svg
-from vctune.simulation.arithmetic import FLOATS
-from vctune.simulation.controller import Measurement, State, control
-from vctune.simulation.friction import friction_force
-from vctune.simulation.motion import hand_force_derivatives, intended_motion
+from vctune.report.page.page import svg
+from vctune.simulation.firmware.controller import Measurement, State, control
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.mechanics.friction import friction_force
+from vctune.simulation.mechanics.intended_motion import hand_force_derivatives, intended_motion
 from vctune.simulation.run import run
 from vctune.simulation.scene import baseline_scene, designed_scene, equilibrium
 

@@ -12,28 +12,28 @@ if TYPE_CHECKING:
     from vctune.api.checking import check as check
     from vctune.api.checking import check_region as check_region
     from vctune.api.comparing import compare as compare
+    from vctune.api.design_files import write_design as write_design
+    from vctune.api.design_files import write_report as write_report
     from vctune.api.experiments import simulate as simulate
     from vctune.api.explaining import explain as explain
     from vctune.api.exporting import export as export
     from vctune.api.exporting import write_export as write_export
-    from vctune.api.files import write_design as write_design
-    from vctune.api.files import write_report as write_report
     from vctune.api.identifying import identify as identify
     from vctune.api.identifying import write_identification as write_identification
     from vctune.api.regions import region as region
     from vctune.api.solving import solve as solve
     from vctune.api.studies import front as front
     from vctune.api.studies import sweep as sweep
-    from vctune.design.judge import Judgement as Judgement
-    from vctune.design.judge import Status as Status
-    from vctune.design.judge import judge as judge
-    from vctune.design.record import design_record as design_record
     from vctune.design.result import Solved as Solved
+    from vctune.design.verdict.design_record import design_record as design_record
+    from vctune.design.verdict.judge import Judgement as Judgement
+    from vctune.design.verdict.judge import Status as Status
+    from vctune.design.verdict.judge import judge as judge
     from vctune.document.building import Device as Device
     from vctune.document.building import problem as problem
-    from vctune.document.errors import InputError as InputError
     from vctune.document.reading import ProblemFile as ProblemFile
     from vctune.document.reading import read_problem as read_problem
+    from vctune.document.text.errors import InputError as InputError
     from vctune.exit_codes import ExitCode as ExitCode
     from vctune.model.device import Actuator as Actuator
     from vctune.model.device import ForceSensor as ForceSensor
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from vctune.model.problem import Range as Range
     from vctune.proof.certificate import Certificate as Certificate
     from vctune.proof.certificate import certify as certify
-    from vctune.simulation.experiment import Simulated as Simulated
+    from vctune.simulation.two_runs import Simulated as Simulated
 
 
 _HOME = {
@@ -59,15 +59,15 @@ _HOME = {
     "Experiment": "model.experiment",
     "ForceSensor": "model.device",
     "Gains": "model.gains",
-    "InputError": "document.errors",
-    "Judgement": "design.judge",
+    "InputError": "document.text.errors",
+    "Judgement": "design.verdict.judge",
     "LeastOperator": "model.hands",
     "Problem": "model.problem",
     "ProblemFile": "document.reading",
     "Range": "model.problem",
-    "Simulated": "simulation.experiment",
+    "Simulated": "simulation.two_runs",
     "Solved": "design.result",
-    "Status": "design.judge",
+    "Status": "design.verdict.judge",
     "Structure": "model.device",
     "VelocityEstimate": "model.device",
     "bound": "api.bounding",
@@ -75,22 +75,22 @@ _HOME = {
     "check": "api.checking",
     "check_region": "api.checking",
     "compare": "api.comparing",
-    "design_record": "design.record",
+    "design_record": "design.verdict.design_record",
     "explain": "api.explaining",
     "export": "api.exporting",
     "front": "api.studies",
     "identify": "api.identifying",
-    "judge": "design.judge",
+    "judge": "design.verdict.judge",
     "problem": "document.building",
     "read_problem": "document.reading",
     "region": "api.regions",
     "simulate": "api.experiments",
     "solve": "api.solving",
     "sweep": "api.studies",
-    "write_design": "api.files",
+    "write_design": "api.design_files",
     "write_export": "api.exporting",
     "write_identification": "api.identifying",
-    "write_report": "api.files",
+    "write_report": "api.design_files",
 }
 """Public names and the modules that define them, imported when first used: `import vctune` stays cheap."""
 

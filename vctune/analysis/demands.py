@@ -13,17 +13,17 @@ import numpy as np
 from vctune.analysis.extrema import Floats, Minima, frequency_grid, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import loop_gain, sensitivity_of
-from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.device_response import device_response
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
-from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
-from vctune.model.impedances import LoopResponse
-from vctune.model.llewellyn import llewellyn_demand, rollett_factor
-from vctune.model.loop import loop_response
-from vctune.model.pair import Pair
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.impedances import LoopResponse
+from vctune.model.loop.llewellyn import llewellyn_demand, rollett_factor
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
 from vctune.model.problem import Problem
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 from vctune.model.transparency import Terms, log_quadrature, loop_terms, squared_terms
 
 END_DECADES = 5

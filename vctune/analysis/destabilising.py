@@ -19,14 +19,14 @@ from typing import Literal
 
 import numpy as np
 
-from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
-from vctune.model.hand_loop import loop_in_hand
 from vctune.model.hands import Hand
-from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
-from vctune.model.plant_in_hand import PlantInHand, delays_of, plant_in_hand
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
+from vctune.model.sampled.plant_in_hand import PlantInHand, delays_of, plant_in_hand
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
@@ -68,7 +68,7 @@ class GrowingEnvironment:
 
     @property
     def quantity(self) -> Literal["stiffness", "mass"]:
-        """What its value is (`vctune.model.units`)."""
+        """What its value is (`vctune.model.numbers.units`)."""
         return "stiffness" if self.kind == "spring" else "mass"
 
 

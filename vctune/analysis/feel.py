@@ -12,13 +12,13 @@ from vctune.analysis.extrema import Floats, frequency_grid
 from vctune.analysis.phases import force_phases
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex
-from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
-from vctune.model.device_response import device_response, mechanism
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
-from vctune.model.pair import Pair
+from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 FREE_HZ = (1.0, 10.0)
 """Where free motion is looked at, Hz: a slow reach and the fastest that an arm does by itself."""

@@ -12,14 +12,14 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
-from vctune.model.any_hand import AnyHand, any_hand
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand
 from vctune.model.hands import Hand, Hands
-from vctune.model.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
+from vctune.model.sampled.any_hand import AnyHand, any_hand
+from vctune.model.sampled.hand_loop import AnyLoopInHand, loop_in_hand, offered, required_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.running import check_time
 
 SHARES = (0.0, 0.01, 0.1, 0.4, 1.0)

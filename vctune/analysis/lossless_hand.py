@@ -17,14 +17,14 @@ import numpy as np
 from vctune.analysis.destabilising import GrowingEnvironment, growing_with, growing_without
 from vctune.analysis.extrema import Floats
 from vctune.analysis.in_hands import least_ratios_in_any_hand, ratio_in_any_hand
-from vctune.model.any_hand import drive_at, motor_disc
-from vctune.model.arithmetic import FLOATS, Number
 from vctune.model.device import Device
-from vctune.model.device_response import mechanism
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import LeastOperator
-from vctune.model.impedance_display import firmware_filter, spring_damper_admittance
-from vctune.model.pair import Pair
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.any_hand import drive_at, motor_disc
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
 
 TURNED = (1, 3, 5, 9, 17, 33)
 """At how many aliases, the nearest first, the hand has the reactance that is worst: as few as will do. One design in

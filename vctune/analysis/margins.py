@@ -14,7 +14,7 @@ from vctune.analysis.sampled_loop import Complex, loop_gain, return_difference_a
 from vctune.analysis.stability import makes_no_turn, unit_circle
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.pair import Pair
+from vctune.model.numbers.pair import Pair
 
 BISECTIONS = 40
 """Of an interval of the grid: to 1e-12 of it, beyond what is shown. Half: to 1e-6, which is shown. Twice: rounding."""

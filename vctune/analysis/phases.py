@@ -12,13 +12,13 @@ import numpy as np
 from vctune.analysis.extrema import Floats
 from vctune.analysis.margins import unit_gain_frequencies
 from vctune.analysis.sampled_loop import Complex, loop_gain
-from vctune.model.affine import Affine, LoopConstants, loop_constants
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device
-from vctune.model.device_response import device_response, hold_response
-from vctune.model.filters import FilterResponse, actuator_response, force_sensor_response
 from vctune.model.gains import Gains
-from vctune.model.pair import Pair
+from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
+from vctune.model.loop.device_response import device_response, hold_response
+from vctune.model.loop.filters import FilterResponse, actuator_response, force_sensor_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
 
 SENSOR, SENSOR_DELAY, ESTIMATE, LAW = "force sensor", "force sensor's delay", "velocity estimate", "velocity law"
 HOLD, DELAY, ACTUATOR, MECHANISM = "hold", "delay", "actuator", "mechanism"

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.model.sampled import (
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.velocity_loop import (
     ReturnDifference,
     SampledPlant,
     return_difference,

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats, local_minima
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, plant_of
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device
-from vctune.model.device_response import device_response
 from vctune.model.gains import Gains
-from vctune.model.loop import loop_response
-from vctune.model.pair import Pair
-from vctune.model.sampled import ReturnDifference, return_difference
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.velocity_loop import ReturnDifference, return_difference
 
 FIRST_ANGLE, ANGLES_PER_DECADE = 1e-4, 46
 """Of the grid on which turns are counted: chords between neighbours 5 % apart pass 0 on the side of the curve unless it

@@ -9,30 +9,30 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.api.files import json_text, write_record
+from vctune.api.design_files import json_text, write_record
 from vctune.api.folders import DESIGN_FILE
 from vctune.api.solving import require_gap, solve
 from vctune.design.bound.resume import ResumeState, read_resume, resume_bytes
 from vctune.design.bound.search import Optimality
 from vctune.design.bound.search import bound as search
-from vctune.design.infeasible import OPENINGS
-from vctune.design.judge import Judgement, Status, judge
-from vctune.design.nlp import ipopt_version
-from vctune.design.optimum import Progress, improved
+from vctune.design.nlp.nlp import ipopt_version
 from vctune.design.prepared import prepare
-from vctune.design.record import optimality_record, record_of
 from vctune.design.result import Solved
+from vctune.design.search.optimum import Progress, improved
+from vctune.design.verdict.design_record import optimality_record, record_of
+from vctune.design.verdict.infeasible import OPENINGS
+from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.date import today
-from vctune.document.design import read_design
-from vctune.document.errors import InputError
-from vctune.document.files import write_together
-from vctune.document.kinds import require_record_of
 from vctune.document.reading import ProblemFile
-from vctune.document.record import DesignRecord
+from vctune.document.records.design_file import read_design
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.schema.kinds import require_record_of
+from vctune.document.text.date import today
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import write_together
 from vctune.markup import html_facts
-from vctune.report.contents import report_paths
+from vctune.report.page.contents import report_paths
 from vctune.running import OutOfTimeError
 from vctune.running import time_limit as limited
 

@@ -6,11 +6,11 @@ import json
 from math import inf
 from pathlib import Path
 
-from vctune.design.check import Checked, check_problem
+from vctune.design.verdict.gains_check import Checked, check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
-from vctune.document.files import make_folder, write_together
+from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.gains import Coupling
 from vctune.running import time_limit as limited
 from vctune.study.region_check import Recheck
@@ -85,8 +85,8 @@ def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:
     InputError
         If the folder cannot be written.
     """
-    from vctune.report.page import figure_file
-    from vctune.report.region import lost_figure
+    from vctune.report.figures.region_figure import lost_figure
+    from vctune.report.page.page import figure_file
 
     make_folder(folder)
     record = json.dumps(checked.finding.record() if checked.finding else None, indent=2, allow_nan=False)

@@ -9,17 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from vctune.analysis.demands import transparency_error
-from vctune.api.files import known_record
+from vctune.api.design_files import known_record
 from vctune.api.solving import solve
-from vctune.design.felt import felt_record
-from vctune.design.optimum import Progress
 from vctune.design.prepared import pose
-from vctune.design.record import record_of
+from vctune.design.search.optimum import Progress
+from vctune.design.verdict.design_record import record_of
+from vctune.design.verdict.felt import felt_record
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.comparison import ComparisonRecord, MeasuredRecord, Side, comparison
 from vctune.document.reading import on_yardstick, parse_problem
-from vctune.document.record import DesignRecord
+from vctune.document.records.comparison import ComparisonRecord, MeasuredRecord, Side, comparison
+from vctune.document.records.design_json import DesignRecord
 from vctune.model.problem import Problem, Transparency
 
 SAME = 1e-9

@@ -6,8 +6,8 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from vctune.document.errors import InputError
-from vctune.document.files import make_folder, write_together
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import make_folder, write_together
 
 SCHEMA_LINE = re.compile(r"\A#:schema .*\n")
 SCHEMA_FILE = "document/problem.schema.json"

@@ -11,21 +11,21 @@ from typing import Any
 import numpy as np
 
 from vctune.api.folders import DESIGN_FILE
-from vctune.design.optimum import Progress
+from vctune.design.search.optimum import Progress
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
-from vctune.document.design import read_design
-from vctune.document.errors import InputError
-from vctune.document.files import Content, write_together
 from vctune.document.reading import ProblemFile
-from vctune.document.simulation import FILE, SimulationRecord, simulation_of
+from vctune.document.records.design_file import read_design
+from vctune.document.records.simulation_json import FILE, SimulationRecord, simulation_of
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import Content, write_together
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.experiment import Simulated
-from vctune.simulation.experiment import simulate as run
-from vctune.simulation.library import CompiledController
-from vctune.simulation.record import simulation_record, trace_arrays
+from vctune.simulation.firmware.library import CompiledController
+from vctune.simulation.simulation_record import simulation_record, trace_arrays
+from vctune.simulation.two_runs import Simulated
+from vctune.simulation.two_runs import simulate as run
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Simulation:
         return simulation_record(self.file, self.gains, self.coupling, list(self.experiments), self.controller)
 
     def _repr_html_(self) -> str:
-        from vctune.report.experiments import HEADINGS, measured_rows
+        from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
 
         return html_table(self.file.problem.name, measured_rows(self._measured()), HEADINGS)
 
@@ -162,7 +162,7 @@ def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:
     InputError
         If the folder cannot be written.
     """
-    from vctune.report.report import report_files, simulation_files
+    from vctune.report.design_report import report_files, simulation_files
 
     value, traces = simulation.record(), BytesIO()
     record = simulation_of(value)

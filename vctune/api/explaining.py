@@ -11,10 +11,10 @@ from importlib.resources import files
 from importlib.resources.abc import Traversable
 from typing import Literal
 
-from vctune.document.errors import InputError
-from vctune.document.outputs import EntryRecord, ExplanationRecord
-from vctune.document.units import unit_of
-from vctune.model.units import LINEAR, ROTARY
+from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
+from vctune.document.schema.number_units import unit_of
+from vctune.document.text.errors import InputError
+from vctune.model.numbers.units import LINEAR, ROTARY
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)

@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from vctune.api.files import known_record
+from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
-from vctune.design.judge import Status
-from vctune.design.optimum import Progress
+from vctune.design.search.optimum import Progress
+from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError, Mistake
-from vctune.document.files import Content, folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile, parse_problem
-from vctune.document.record import DesignRecord
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.stepped import Precision
+from vctune.simulation.firmware.stepped import Precision
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"
@@ -169,7 +169,7 @@ def stated_design(
 def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
     if to == "json":
         from vctune.firmware.coefficients import controller_record
-        from vctune.report.controller import controller_page
+        from vctune.report.page.controller_page import controller_page
 
         record = controller_record(made)
         page = controller_page(record, made.device, made.gains, made.coupling)

@@ -7,11 +7,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from vctune.document.design import read_design
-from vctune.document.errors import InputError
-from vctune.document.files import folder_name, make_folder, write_together
 from vctune.document.reading import ProblemFile
-from vctune.document.record import DesignRecord
+from vctune.document.records.design_file import read_design
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import folder_name, make_folder, write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"

@@ -9,12 +9,18 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from vctune.document.errors import InputError
-from vctune.document.files import Content, make_folder, write_together
-from vctune.document.identification import DEVICE_FILE, EXCITATION_FILE, FILE, IdentificationRecord, device_text
 from vctune.document.log import read_log, read_log_map
 from vctune.document.reading import ProblemFile, problem_file
-from vctune.report.contents import identification_paths
+from vctune.document.records.identification_json import (
+    DEVICE_FILE,
+    EXCITATION_FILE,
+    FILE,
+    IdentificationRecord,
+    device_text,
+)
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import Content, make_folder, write_together
+from vctune.report.page.contents import identification_paths
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,8 +87,8 @@ def identify(
     recordings = [read_log(path, known) for path in paths]
     require_scipy()
     from vctune.identification.excitation import excitation as suggested
+    from vctune.identification.identification_record import identification_record
     from vctune.identification.identify import identify as run
-    from vctune.identification.record import identification_record
 
     stem = paths[0].name.removesuffix(".gz").removesuffix(".csv")[:LONGEST_NAME]
     name = known.document.name or stem or "device"
@@ -121,7 +127,7 @@ def write_identification(identified: Identification, folder: str | Path, *, repo
     if identified.excitation is not None:
         files[folder / EXCITATION_FILE] = _excitation_text(identified.excitation, identified.record)
     if report:
-        from vctune.report.identification import identification_files
+        from vctune.report.identification_report import identification_files
 
         files |= identification_files(identified.found, identified.record, folder)
     stale = [*identification_paths(folder), folder / EXCITATION_FILE]

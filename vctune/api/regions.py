@@ -9,28 +9,28 @@ from math import ceil, inf, log2
 from pathlib import Path
 from typing import Any
 
-from vctune.api.limits import RESOLUTIONS
-from vctune.design.judge import Status
-from vctune.design.optimum import Progress
+from vctune.api.argument_ranges import RESOLUTIONS
 from vctune.design.result import Solved
+from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for
+from vctune.design.verdict.judge import Status
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError, Mistake
-from vctune.document.files import previous, write_together
 from vctune.document.reading import ProblemFile
-from vctune.document.region import read_region
+from vctune.document.records.region_json import read_region
+from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Problem
 from vctune.running import seconds_left
 from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
-from vctune.study.region_json import region_record
+from vctune.study.region_record import region_record
 
 REGION_FILE = "region.json"
 SOLVING = 0.5
@@ -195,8 +195,8 @@ def write_region(found: AdmissibleGains, folder: Path) -> Path | None:
     InputError
         If the folder cannot be written.
     """
-    from vctune.report.page import figure_file
-    from vctune.report.region import region_figure
+    from vctune.report.figures.region_figure import region_figure
+    from vctune.report.page.page import figure_file
 
     text = json.dumps(found.record(), allow_nan=False) + "\n"
     pictures = figure_file(region_figure(found.file.problem, found.region, found.designs), folder, "region")

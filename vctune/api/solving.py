@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from math import inf
 
-from vctune.api.limits import GAPS
-from vctune.design.criteria import with_alternatives
-from vctune.design.optimum import Progress
-from vctune.design.prices import with_prices
-from vctune.design.repair import with_repairs
+from vctune.api.argument_ranges import GAPS
 from vctune.design.result import Solved
+from vctune.design.search.optimum import Progress
 from vctune.design.solve import solve as find
+from vctune.design.verdict.criteria import with_alternatives
+from vctune.design.verdict.prices import with_prices
+from vctune.design.verdict.repair import with_repairs
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.errors import InputError
+from vctune.document.text.errors import InputError
 from vctune.running import time_limit as limited
 
 

@@ -13,18 +13,18 @@ from typing import Any
 from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
-from vctune.document.codes import has_code
-from vctune.document.errors import InputError
-from vctune.document.files import make_folder, write_together
-from vctune.document.rows import FrontRecord, SweepRecord
-from vctune.document.study import Study, build_study, read_study
+from vctune.document.records.rows_json import FrontRecord, SweepRecord
+from vctune.document.study_file import Study, build_study, read_study
+from vctune.document.text.codes import has_code
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import make_folder, write_together
 from vctune.study.executors import WorkerPool, available_cores, worker_pool
 from vctune.study.front import band_front, band_study, terms_front, terms_study
 from vctune.study.rows import open_rows
-from vctune.study.summary import summary
+from vctune.study.study_summary import summary
+from vctune.study.study_table import Table, table_files, table_of
 from vctune.study.sweep import OnDone
 from vctune.study.sweep import sweep as run
-from vctune.study.table import Table, table_files, table_of
 
 Bar = Callable[[str, int], AbstractContextManager[OnDone]]
 """Shows how a study of a name and a number of points gets on."""
@@ -201,8 +201,8 @@ def _swept(study: Study, path: Path, pool: WorkerPool, on_done: OnDone, *, resta
 
 def _write(swept: Swept, folder: Path) -> None:
     """Write the table of a sweep and, for one or two axes, its picture."""
-    from vctune.report.page import figure_file
-    from vctune.report.sweep import sweep_figure
+    from vctune.report.figures.sweep_figures import sweep_figure
+    from vctune.report.page.page import figure_file
 
     figure = sweep_figure(swept.table, grid=swept.study.sample.kind == "grid")
     pictures = figure_file(figure, folder, "error") if figure else {}
@@ -212,8 +212,8 @@ def _write(swept: Swept, folder: Path) -> None:
 
 def _write_fronts(fronts: Fronts, edge: float, folder: Path) -> None:
     """Write the fronts as tables and pictures; the band's is marked at the transparency band's upper edge, Hz."""
-    from vctune.report.page import figure_file
-    from vctune.report.sweep import band_figure, terms_figure
+    from vctune.report.figures.sweep_figures import band_figure, terms_figure
+    from vctune.report.page.page import figure_file
 
     files = {**table_files(fronts.terms, folder, "terms"), **figure_file(terms_figure(fronts.terms), folder, "terms")}
     stale = [folder / name for name in ("band.csv", "band.parquet", "band.svg")] if fronts.band is None else []

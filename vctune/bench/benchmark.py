@@ -10,10 +10,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from vctune.document.files import Content, write_together
-from vctune.document.outputs import BenchRecord
-from vctune.report.benchmarks import Panel, benchmark_figure
-from vctune.report.page import svg
+from vctune.document.records.printed_json import BenchRecord
+from vctune.document.text.output_files import Content, write_together
+from vctune.report.figures.benchmark_figures import Panel, benchmark_figure
+from vctune.report.page.page import svg
 
 Tick = Callable[[str], None]
 """Told what is being measured."""

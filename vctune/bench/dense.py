@@ -14,14 +14,14 @@ import casadi as ca
 import numpy as np
 
 from vctune.analysis.extrema import Floats
-from vctune.design.ipopt import NlpNumbers, numbers_of
-from vctune.design.nlp import OPTIONS, assembled
-from vctune.design.nlp_structure import NlpStructure, nlp_structure
+from vctune.design.nlp.ipopt import NlpNumbers, numbers_of
+from vctune.design.nlp.nlp import OPTIONS, assembled
+from vctune.design.nlp.nlp_structure import NlpStructure, nlp_structure
 from vctune.design.prepared import Prepared
-from vctune.design.rounding import rounded
-from vctune.design.start import Start
+from vctune.design.search.rounding import rounded
+from vctune.design.search.start import Start
+from vctune.design.search.working_set import WorkingSet, constraint_points
 from vctune.design.variables import Coordinate, Point, coordinates, design_of, point
-from vctune.design.working_set import WorkingSet, constraint_points
 from vctune.interrupt import interrupt_deferred
 from vctune.model.gains import AnyCoupling, Gains
 

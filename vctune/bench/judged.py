@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from math import inf
 
 from vctune.bench import evaluator
-from vctune.design.judge import Status, judge
+from vctune.design.verdict.judge import Status, judge
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 
 from vctune.bench.dense import Dense, Stopped
-from vctune.document.errors import InputError
+from vctune.document.text.errors import InputError
 
 PACKAGES = {"scipy": "SciPy", "mpmath": "mpmath"}
 

@@ -15,16 +15,16 @@ from vctune.bench.evaluator import case_of, spectral_radius
 from vctune.bench.judged import worth
 from vctune.bench.problems import reference_problems
 from vctune.bench.timing import timed
-from vctune.design.exchange import TIGHTENING
-from vctune.design.judge import Status
-from vctune.design.optimum import WORTH_POLISHING
 from vctune.design.prepared import Prepared, prepare
-from vctune.design.scan import ScanResult, scan
+from vctune.design.search.exchange import TIGHTENING
+from vctune.design.search.optimum import WORTH_POLISHING
+from vctune.design.search.scan import ScanResult, scan
+from vctune.design.search.start import Start
 from vctune.design.solve import solve
-from vctune.design.start import Start
+from vctune.design.verdict.judge import Status
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.report.benchmarks import Panel, Series
+from vctune.report.figures.benchmark_figures import Panel, Series
 
 GRID = 2000
 """Frequencies for Llewellyn's conditions, and as many for |S|, of most peers."""

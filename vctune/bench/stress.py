@@ -21,10 +21,10 @@ from vctune.bench.benchmark import Measured, Tick
 from vctune.bench.devices import device
 from vctune.bench.evaluator import case_of, cases, sensitivity, spectral_radius, stability_ratio, violation
 from vctune.bench.peers import need
-from vctune.design.judge import Judgement
 from vctune.design.solve import solve
+from vctune.design.verdict.judge import Judgement
 from vctune.model.problem import Problem, Range
-from vctune.report.benchmarks import Panel, Series
+from vctune.report.figures.benchmark_figures import Panel, Series
 from vctune.study.executors import available_cores, worker_pool
 
 QUICK, FULL = 40, 3000

@@ -6,23 +6,23 @@ from contextlib import suppress
 
 import click
 
-from vctune.cli.bench import bench
-from vctune.cli.bound import bound
-from vctune.cli.check import check
-from vctune.cli.compare import compare
-from vctune.cli.example import example
-from vctune.cli.explain import explain
-from vctune.cli.export import export
-from vctune.cli.front import front
-from vctune.cli.identify import identify
-from vctune.cli.region import region
-from vctune.cli.report import report
-from vctune.cli.schema import schema
-from vctune.cli.simulate import simulate
-from vctune.cli.solve import solve
-from vctune.cli.sweep import sweep
-from vctune.document.codes import coded
-from vctune.document.errors import InputError
+from vctune.cli.commands.bench import bench
+from vctune.cli.commands.bound import bound
+from vctune.cli.commands.check import check
+from vctune.cli.commands.compare import compare
+from vctune.cli.commands.example import example
+from vctune.cli.commands.explain import explain
+from vctune.cli.commands.export import export
+from vctune.cli.commands.front import front
+from vctune.cli.commands.identify import identify
+from vctune.cli.commands.region import region
+from vctune.cli.commands.report import report
+from vctune.cli.commands.schema import schema
+from vctune.cli.commands.simulate import simulate
+from vctune.cli.commands.solve import solve
+from vctune.cli.commands.sweep import sweep
+from vctune.document.text.codes import coded
+from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 
@@ -35,9 +35,9 @@ EPILOG = (
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
-    from vctune.cli.output import emit
-    from vctune.design.nlp import ipopt_version
-    from vctune.design.record import versions
+    from vctune.cli.printing.output import emit
+    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.verdict.design_record import versions
 
     emit("\n".join(f"{name} {number}" for name, number in versions(ipopt_version()).items()))
     context.exit()

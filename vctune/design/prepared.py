@@ -10,9 +10,9 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.transparency import TERMS, TermName, Terms
-from vctune.proof.array_claims import Demands
-from vctune.proof.devices import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
-from vctune.proof.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
+from vctune.proof.claims.array_claims import Demands
+from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
+from vctune.proof.device_box import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ def of_one_device(problem: Problem) -> Problem | None:
     """Return a problem of a device known exactly that the same couplings meet; None if there is none.
 
     An uncertain one has such a device where all that is uncertain moves as one with the hand
-    (`vctune.proof.devices`) and no loop is closed without the coupling.
+    (`vctune.proof.device_box`) and no loop is closed without the coupling.
     """
     box = pose(problem).box
     if box is None:

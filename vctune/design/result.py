@@ -6,14 +6,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from vctune.analysis.extrema import Floats
-from vctune.design.infeasible import Infeasibility
-from vctune.design.judge import Judgement, Status
-from vctune.design.nlp_structure import NlpStructure
-from vctune.design.scan import ScanResult
-from vctune.design.start import Start
+from vctune.design.nlp.nlp_structure import NlpStructure
+from vctune.design.search.scan import ScanResult
+from vctune.design.search.start import Start
+from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Point
-from vctune.design.working_set import WorkingSet
-from vctune.document.codes import Note
+from vctune.design.verdict.infeasible import Infeasibility
+from vctune.design.verdict.judge import Judgement, Status
+from vctune.document.text.codes import Note
 from vctune.markup import html_facts
 from vctune.model.problem import Criterion, Problem
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from vctune.design.infeasible import nearest_miss, out_of_time_before_a_design
-from vctune.design.judge import judge
-from vctune.design.optimum import PROOF, SEARCH, SEARCHING, Progress, improved, nominal_start, optimum
 from vctune.design.prepared import Prepared, prepare
 from vctune.design.result import Solved
-from vctune.design.scan import scan
-from vctune.design.theorems import impossible
+from vctune.design.search.optimum import PROOF, SEARCH, SEARCHING, Progress, improved, nominal_start, optimum
+from vctune.design.search.scan import scan
+from vctune.design.search.theorems import impossible
+from vctune.design.verdict.infeasible import nearest_miss, out_of_time_before_a_design
+from vctune.design.verdict.judge import judge
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, out_of_time, seconds_left, time_limit
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 from math import exp, expm1, inf, log, log1p
 
-from vctune.model.arithmetic import Number
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.keys import keys_of
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Problem, Range
 
 NAMES = ("velocity", "position", "damping", "mass", "drag")

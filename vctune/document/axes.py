@@ -10,9 +10,9 @@ from functools import cache
 from math import inf
 from typing import Any, Literal
 
-from vctune.document.schema import json_schema
-from vctune.document.study_schema import MOST_VALUES
-from vctune.document.validation import Contradiction, KeyPath, dotted, shown
+from vctune.document.schema.problem_schema import json_schema
+from vctune.document.schema.study_schema import MOST_VALUES
+from vctune.document.schema.validation import Contradiction, KeyPath, dotted, shown
 
 Scale = Literal["list", "linear", "log"]
 SPANS: tuple[Scale, ...] = ("linear", "log")

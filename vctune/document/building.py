@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from vctune.document.device_contradictions import impossible_parts
-from vctune.document.errors import InputError
-from vctune.document.kinds import require_gains_of
 from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
-from vctune.document.schema import DeviceTable, GainsDocument, SpringGainsDocument
-from vctune.document.statement import statement, table_of
-from vctune.document.toml_text import toml_text
-from vctune.document.validation import examined, refusal, shown
+from vctune.document.schema.device_contradictions import impossible_parts
+from vctune.document.schema.kinds import require_gains_of
+from vctune.document.schema.problem_schema import DeviceTable, GainsDocument, SpringGainsDocument
+from vctune.document.schema.statement import statement, table_of
+from vctune.document.schema.validation import examined, refusal, shown
+from vctune.document.text.errors import InputError
+from vctune.document.text.toml_writing import toml_text
 from vctune.model import device as devices
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.problem import Problem

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vctune.document import toml
-from vctune.document.errors import InputError, Mistake
-from vctune.document.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.log_table import read_table
 from vctune.document.recording import ROLES, Channel, Floats, Recording
-from vctune.document.validation import Contradiction, shown, validated
+from vctune.document.schema.log_schema import UNITS, ColumnTable, LogDocument
+from vctune.document.schema.validation import Contradiction, shown, validated
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError, Mistake
 
 KINDS = {
     "time": ("s", "ms", "us"),

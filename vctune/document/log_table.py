@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from vctune.document.errors import InputError, Mistake
 from vctune.document.recording import Floats
-from vctune.document.validation import MAX_MISTAKES, shown
+from vctune.document.schema.validation import MAX_MISTAKES, shown
+from vctune.document.text.errors import InputError, Mistake
 
 MAX_BYTES = 400_000_000
 """A log of a million samples with ten columns has a quarter of it."""

@@ -8,18 +8,18 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
-from vctune.document import toml
-from vctune.document.contradictions import contradictions
-from vctune.document.defaults import resolve
-from vctune.document.digest import problem_digest
-from vctune.document.gains import numbers_in
-from vctune.document.schema import GainsDocument, ProblemDocument, SpringGainsDocument
-from vctune.document.units import units_stated
-from vctune.document.validation import Contradiction, Fault, examined, refusal, validated
+from vctune.document.gains_file import numbers_in
+from vctune.document.schema.contradictions import contradictions
+from vctune.document.schema.defaults import resolve
+from vctune.document.schema.number_units import units_stated
+from vctune.document.schema.problem_schema import GainsDocument, ProblemDocument, SpringGainsDocument
+from vctune.document.schema.validation import Contradiction, Fault, examined, refusal, validated
+from vctune.document.text import toml
+from vctune.document.text.digest import problem_digest
 from vctune.model.device import Display
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.numbers.units import Units, UnitSystem
 from vctune.model.problem import Problem, Transparency
-from vctune.model.units import Units, UnitSystem
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,8 @@ from math import inf, isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
-from vctune.document import toml
-from vctune.document.errors import InputError, Mistake
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError, Mistake
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0

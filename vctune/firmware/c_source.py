@@ -6,14 +6,14 @@ from collections.abc import Iterable
 from dataclasses import asdict, astuple
 from typing import Any
 
-from vctune.document.statement import stated_keys
+from vctune.document.schema.statement import stated_keys
 from vctune.firmware.c_text import code, comment, literal, operations
 from vctune.firmware.firmware import Firmware, certified
-from vctune.model.keys import QUANTITIES, SYMBOLS
-from vctune.model.units import Units
-from vctune.simulation import equations
-from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
-from vctune.simulation.expression import Symbol
+from vctune.model.numbers.keys import QUANTITIES, SYMBOLS
+from vctune.model.numbers.units import Units
+from vctune.simulation.firmware import equations
+from vctune.simulation.firmware.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
+from vctune.simulation.firmware.expression import Symbol
 from vctune.version import __version__
 
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")

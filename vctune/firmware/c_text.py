@@ -8,10 +8,10 @@ from math import inf
 
 import numpy as np
 
-from vctune.document.errors import printable
-from vctune.simulation.equations import Equation
-from vctune.simulation.expression import Operation, Symbol, Term
-from vctune.simulation.stepped import Precision
+from vctune.document.text.errors import printable
+from vctune.simulation.firmware.equations import Equation
+from vctune.simulation.firmware.expression import Operation, Symbol, Term
+from vctune.simulation.firmware.stepped import Precision
 
 BINDING = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 3}
 """How strongly an operator holds its operands."""

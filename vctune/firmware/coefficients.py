@@ -9,9 +9,9 @@ from typing import Any
 from vctune.firmware.c_source import BUILT_IN, assumptions, limiting, not_proved, state_names
 from vctune.firmware.c_text import plain
 from vctune.firmware.firmware import Firmware, certified
-from vctune.model.units import Units
-from vctune.simulation import equations
-from vctune.simulation.equations import COEFFICIENTS, INPUTS, STATE, Quantity
+from vctune.model.numbers.units import Units
+from vctune.simulation.firmware import equations
+from vctune.simulation.firmware.equations import COEFFICIENTS, INPUTS, STATE, Quantity
 from vctune.version import __version__
 
 SCHEMA = "vctune/controller/1"

@@ -7,22 +7,22 @@ from math import log, pi
 
 import numpy as np
 
-from vctune.design.judge import Judgement, Status, judge_all
-from vctune.design.record import record_of
 from vctune.design.result import Solved
-from vctune.document.digest import digest
+from vctune.design.verdict.design_record import record_of
+from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.document.reading import ProblemFile
-from vctune.document.record import DesignRecord
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.text.digest import digest
 from vctune.model.device import Device
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
-from vctune.model.units import UNITS, Units
-from vctune.simulation.coefficients import coupling_of
-from vctune.simulation.controller import coefficients_of
-from vctune.simulation.equations import Parts
+from vctune.simulation.firmware.coefficient_values import coupling_of
+from vctune.simulation.firmware.controller import coefficients_of
+from vctune.simulation.firmware.equations import Parts
+from vctune.simulation.firmware.stepped import Precision, exported_parts
 from vctune.simulation.scene import designed_law
-from vctune.simulation.stepped import Precision, exported_parts
 
 NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
 
@@ -38,7 +38,7 @@ class Firmware:
     gains, coupling : the decimals of the design
     parts : what the firmware consists of, with every built-in environment and a limit
     precision : of its numbers
-    coefficients : of the controller by their names in `vctune.simulation.equations`, as the firmware has them
+    coefficients : of the controller by their names in `vctune.simulation.firmware.equations`, as the firmware has them
     problem_sha256, design_sha256 : digests of the problem, and of problem, gains and coupling
     """
 

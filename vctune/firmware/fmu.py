@@ -13,7 +13,7 @@ from typing import Any
 from uuid import UUID
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from vctune.document.errors import InputError, printable
+from vctune.document.text.errors import InputError, printable
 from vctune.firmware.c_source import c_source, names_and_numbers, not_proved, rendered_template, statement
 from vctune.firmware.firmware import Firmware, certified
 from vctune.version import __version__

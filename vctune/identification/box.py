@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from vctune.document.codes import Note
-from vctune.identification.covariance import joint_factor
+from vctune.document.text.codes import Note
+from vctune.identification.motion.covariance import joint_factor
 
 MASS_FLOOR = 0.01
 """Least half-width of a mass, a share of it: what differs between two days."""

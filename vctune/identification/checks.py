@@ -7,9 +7,9 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.codes import Note
-from vctune.document.errors import InputError, Mistake
 from vctune.document.recording import Channel, Floats, Recording
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError, Mistake
 
 LEAST_SAMPLES = 500
 """Fewer do not hold a second at any rate that a haptic loop runs at."""

@@ -7,11 +7,11 @@ from math import ceil, log2, pi
 
 import numpy as np
 
-from vctune.document.codes import coded
 from vctune.document.recording import Floats
+from vctune.document.text.codes import coded
 from vctune.identification.identify import Identified
-from vctune.identification.physics import antiresonance_hz, compliances
-from vctune.identification.signals import position_noise
+from vctune.identification.motion.signals import position_noise
+from vctune.identification.response.physics import antiresonance_hz, compliances
 
 LINES = 60
 """From the lowest to the highest, evenly on a logarithmic axis; a fit of seven numbers needs no more."""

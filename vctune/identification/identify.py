@@ -8,19 +8,19 @@ from math import pi
 
 import numpy as np
 
-from vctune.document.codes import Note
-from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded, box
 from vctune.identification.checks import check
-from vctune.identification.friction import FrictionFound
 from vctune.identification.known import check_known, known_actuator, known_sensor, velocity_estimate, with_known
-from vctune.identification.periodic_study import behind_force
+from vctune.identification.motion.friction_fit import FrictionFound
 from vctune.identification.readable import readable
 from vctune.identification.record_study import RecordStudy, record_study
 from vctune.identification.remarks import what_is_not_told
-from vctune.identification.unmodelled import distances, envelope
+from vctune.identification.response.periodic_study import behind_force
+from vctune.identification.response.unmodelled import distances, envelope
 from vctune.model.device import Actuator, Device, ForceSensor, Structure
 
 Progress = Callable[[str], None]

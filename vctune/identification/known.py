@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from vctune.document import toml
-from vctune.document.codes import Note
-from vctune.document.device_contradictions import impossible_parts
-from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
-from vctune.document.validation import Fault, refusal
+from vctune.document.schema.device_contradictions import impossible_parts
+from vctune.document.schema.validation import Fault, refusal
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
 from vctune.identification.box import DELAY_FLOOR, Estimate
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
-from vctune.model.filters import force_sensor_response
+from vctune.model.loop.filters import force_sensor_response
+from vctune.model.numbers.arithmetic import FLOATS
 
 
 def check_known(known: LogMap, sample_time: float) -> None:

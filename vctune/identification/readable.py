@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from vctune.document.codes import Note
-from vctune.document.device_contradictions import MAX_DELAY_SAMPLES
-from vctune.document.errors import InputError
 from vctune.document.recording import Recording
+from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 
 LIGHTER = 1 - 1e-3

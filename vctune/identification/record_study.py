@@ -8,18 +8,18 @@ from math import log
 
 import numpy as np
 
-from vctune.document.codes import Note
-from vctune.document.errors import InputError
 from vctune.document.log import LogMap
 from vctune.document.recording import Recording
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
 from vctune.identification.box import DELAY_FLOOR, Estimate
 from vctune.identification.checks import remarks
-from vctune.identification.drive_fit import fit_drive
-from vctune.identification.fit import fit_response
 from vctune.identification.known import known_actuator
-from vctune.identification.motion_study import MotionStudy, motion_study
-from vctune.identification.periodic_study import PeriodicStudy, periodic_estimates
-from vctune.identification.response import response
+from vctune.identification.motion.drive_fit import fit_drive
+from vctune.identification.motion.motion_study import MotionStudy, motion_study
+from vctune.identification.response.periodic_study import PeriodicStudy, periodic_estimates
+from vctune.identification.response.response import response
+from vctune.identification.response.response_fit import fit_response
 
 POOR = 0.05
 """Residual, of the force or of the response, from which on a reader is warned."""

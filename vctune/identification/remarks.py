@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import pi
 
-from vctune.document.codes import Note
 from vctune.document.log import LogMap
+from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded
 from vctune.identification.known import known_actuator, velocity_assumed
-from vctune.identification.periodic_study import PeriodicStudy
 from vctune.identification.record_study import RecordStudy
+from vctune.identification.response.periodic_study import PeriodicStudy
 
 WEAK = 0.5
 """Half-width of a delay, as a share of it, from which on it is said to be weak."""

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.gains import Coupling
-from vctune.model.pair import Pair
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair
 
 
 def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:

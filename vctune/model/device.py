@@ -9,9 +9,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from vctune.model.arithmetic import Number
 from vctune.model.hands import LeastOperator
-from vctune.model.units import UnitSystem
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
 Display = Literal["admittance", "impedance"]
@@ -137,7 +137,7 @@ class Device:
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
     unmodelled : which of the responses that are as good as its own; None for its own
     display : what it makes of what
-    units : whether its handle moves along a line or about an axis (`vctune.model.units`): mass is then its inertia
+    units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then its inertia
     """
 
     mass: Number

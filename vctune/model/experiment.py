@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from vctune.model.units import UnitSystem
+from vctune.model.numbers.units import UnitSystem
 
 Motion = Literal["reciprocate", "sine"]
 Rule = Literal["backward", "trapezoid"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.model.arithmetic import Number
+from vctune.model.numbers.arithmetic import Number
 
 
 @dataclass(frozen=True, slots=True)

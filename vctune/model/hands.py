@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from vctune.model.arithmetic import Number
-from vctune.model.units import Units
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.units import Units
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,11 +8,11 @@ from typing import Literal
 
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
-from vctune.model.frequency import hertz
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import Terms
-from vctune.model.units import UNITS, Units
 
 Norm = Literal["rms", "peak"]
 Criterion = Literal["passive", "hands", "both"]

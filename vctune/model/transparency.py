@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.affine import Affine, LoopConstants
-from vctune.model.arithmetic import Number
-from vctune.model.device_response import DeviceResponse
-from vctune.model.impedances import G_hh_abs2, LoopResponse, tracking_abs2
-from vctune.model.pair import Pair
+from vctune.model.loop.affine import Affine, LoopConstants
+from vctune.model.loop.device_response import DeviceResponse
+from vctune.model.loop.impedances import G_hh_abs2, LoopResponse, tracking_abs2
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import Pair
 
 PANEL_NODES = 8
 """Nodes of Gauss and Legendre on a panel, exact for polynomials of degree 15. Half and twice as many need about twice

@@ -17,20 +17,11 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.frequency import hertz
 from vctune.model.gains import Gains
-from vctune.proof.arb_balls import PRECISION
-from vctune.proof.array_claims import Demands
-from vctune.proof.band_edges import edge_in_hertz
-from vctune.proof.boxes import Cells
-from vctune.proof.claims import Design
-from vctune.proof.devices import DELAYS, DeviceBox
-from vctune.proof.hands import prove_any_hand, prove_hands
-from vctune.proof.interval import Outcome, Verdict, worst_verdict
-from vctune.proof.llewellyn import conditions_at, prove_conditions, widest_band
-from vctune.proof.many_designs import prove
-from vctune.proof.poles import prove_model_poles
-from vctune.proof.robust import (
+from vctune.model.numbers.frequency import hertz
+from vctune.proof.claims.array_claims import Demands
+from vctune.proof.claims.conditions import conditions_at, prove_conditions, widest_band
+from vctune.proof.claims.every_device import (
     NominalProof,
     RobustDesign,
     prove_conditions_for_all,
@@ -40,8 +31,17 @@ from vctune.proof.robust import (
     prove_unmodelled,
     widest_band_for_all,
 )
-from vctune.proof.sampled_loop import prove_sampled_poles, prove_sensitivity, unmodelled_at
-from vctune.proof.whole_samples import beside_whole_sample
+from vctune.proof.claims.every_hand import prove_any_hand, prove_hands
+from vctune.proof.claims.many_designs import prove
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.model_poles import prove_model_poles
+from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensitivity, unmodelled_at
+from vctune.proof.claims.whole_samples import beside_whole_sample
+from vctune.proof.device_box import DELAYS, DeviceBox
+from vctune.proof.enclosures.arb_balls import PRECISION
+from vctune.proof.engine.band_edges import edge_in_hertz
+from vctune.proof.engine.boxes import Cells
+from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
 from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 

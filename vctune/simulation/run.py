@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from vctune.interrupt import interrupt_deferred
-from vctune.simulation.motion import Floats, intended_motion, sample_count
+from vctune.simulation.mechanics.intended_motion import Floats, intended_motion, sample_count
+from vctune.simulation.mechanics.step import CHUNK, INPUTS, build, columns
+from vctune.simulation.mechanics.stretches import Stretch, fixed_steps
 from vctune.simulation.scene import Scene
-from vctune.simulation.step import CHUNK, INPUTS, build, columns
-from vctune.simulation.stretches import Stretch, fixed_steps
 
 DIVERGENCE = 1e3
 """A handle this many times the hand's travel away from where the hand wants it has diverged. No stable loop comes near

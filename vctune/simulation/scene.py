@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from vctune.model.arithmetic import FLOATS
 from vctune.model.device import Device, VelocityEstimate
-from vctune.model.device_response import mechanism
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator
-from vctune.model.filters import smoothing
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.simulation.controller import Law
-from vctune.simulation.friction import Carriage
+from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.simulation.firmware.controller import Law
+from vctune.simulation.mechanics.friction import Carriage
 
 
 @dataclass(frozen=True, slots=True)

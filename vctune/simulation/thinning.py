@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.simulation.motion import Floats
+from vctune.simulation.mechanics.intended_motion import Floats
 
 Indices = NDArray[np.intp]
 

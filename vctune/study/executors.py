@@ -19,7 +19,7 @@ from multiprocessing.connection import wait
 from multiprocessing.context import BaseContext
 from typing import Any
 
-from vctune.document.errors import InputError
+from vctune.document.text.errors import InputError
 from vctune.version import __version__
 
 PENDING_PER_WORKER = 3

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from vctune.analysis.extrema import Floats
 from vctune.document.axes import Axis, Scale, number_keys
-from vctune.document.study import Study
+from vctune.document.study_file import Study
 from vctune.model.problem import Problem, Range
-from vctune.study.table import Table
+from vctune.study.study_table import Table
 
 EXPONENTS = np.arange(-6, 7) / 2
 """Decades by which the weight of |Z_c|/Z_0 is moved against those of the loop's two terms."""

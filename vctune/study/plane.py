@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from vctune.analysis.extrema import Floats
 from vctune.design.prepared import Units, of_one_device
 from vctune.design.variables import Coordinate, coordinates, keys_for, ranges
-from vctune.document.errors import Mistake
-from vctune.model.keys import KEYS, keys_of
+from vctune.document.text.errors import Mistake
+from vctune.model.numbers.keys import KEYS, keys_of
 from vctune.model.problem import Problem, Range
-from vctune.proof.boxes import Cells
+from vctune.proof.engine.boxes import Cells
 
 Squares = NDArray[np.intp]
 """Cells by the numbers of their edges, x_low, x_high, y_low, y_high: shape (4, number of cells).

@@ -9,7 +9,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.document.axes import Axis
-from vctune.document.study import Study
+from vctune.document.study_file import Study
 
 DIGITS = 12
 """Significant digits of the values that are made here, so that they are the same on every machine."""

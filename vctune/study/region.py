@@ -16,19 +16,19 @@ from vctune.analysis.in_hands import LoopsInHands, hardest_near, loops_in_any_ha
 from vctune.analysis.sampled_loop import sensitivity_of
 from vctune.design.prepared import of_one_device, pose, problems_beside
 from vctune.design.variables import coupling_from
-from vctune.model.arithmetic import FLOATS
 from vctune.model.coupling import coupling_impedance
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.hand_loop import offered
-from vctune.model.keys import KEYS
-from vctune.model.llewellyn import required_resistance
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
-from vctune.proof.array_intervals import TINY, Flags
-from vctune.proof.boxes import Cells, Integers
-from vctune.proof.claims import inwards
-from vctune.proof.damping import admissible_damping, no_damping
-from vctune.proof.many_designs import Places, prove, refuted
+from vctune.model.sampled.hand_loop import offered
+from vctune.proof.claims.damping import admissible_damping, no_damping
+from vctune.proof.claims.many_designs import Places, prove, refuted
+from vctune.proof.claims.margins_of_claims import inwards
+from vctune.proof.enclosures.array_intervals import TINY, Flags
+from vctune.proof.engine.boxes import Cells, Integers
 from vctune.running import OutOfTimeError, out_of_time
 from vctune.study.plane import Plane, Squares, halved
 

@@ -9,21 +9,27 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.check import OUT_OF_TIME, Checked, CheckVerdict
-from vctune.design.judge import Status, judge_all
 from vctune.design.variables import keys_for, point, ranges
-from vctune.document import toml
-from vctune.document.codes import Note
-from vctune.document.errors import InputError
-from vctune.document.kinds import require_record_of
+from vctune.design.verdict.gains_check import OUT_OF_TIME, Checked, CheckVerdict
+from vctune.design.verdict.judge import Status, judge_all
 from vctune.document.reading import ProblemFile
-from vctune.document.region import AxesRecord, CheckedProblemRecord, RegionCheckRecord, RegionDocument, read_region
+from vctune.document.records.region_json import (
+    AxesRecord,
+    CheckedProblemRecord,
+    RegionCheckRecord,
+    RegionDocument,
+    read_region,
+)
+from vctune.document.schema.kinds import require_record_of
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
 from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
-from vctune.model.units import Units
 from vctune.study.plane import Plane, Squares, plane_errors
 from vctune.study.region import Kind, Progress, Region, region
-from vctune.study.region_json import Design
+from vctune.study.region_record import Design
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,12 @@ from math import inf, isfinite, pi
 from time import perf_counter
 from typing import Any
 
-from vctune.design.felt import felt_record
-from vctune.design.judge import Status
 from vctune.design.result import Solved
 from vctune.design.solve import solve
 from vctune.design.variables import keys_for, point
-from vctune.document.rows import DESIGN, NUMBERS, YardstickRecord
+from vctune.design.verdict.felt import felt_record
+from vctune.design.verdict.judge import Status
+from vctune.document.records.rows_json import DESIGN, NUMBERS, YardstickRecord
 from vctune.model.problem import Problem
 from vctune.running import time_limit as limited
 from vctune.study.rows import FAILED

@@ -17,11 +17,11 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from vctune.document.digest import digest, problem_digest
-from vctune.document.errors import InputError
-from vctune.document.files import write_together
-from vctune.document.rows import RowsHeader
-from vctune.document.study import Study
+from vctune.document.records.rows_json import RowsHeader
+from vctune.document.study_file import Study
+from vctune.document.text.digest import digest, problem_digest
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import write_together
 from vctune.model.problem import Problem
 from vctune.version import __version__
 

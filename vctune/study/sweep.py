@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 from typing import Any
 
-from vctune.document.errors import InputError
-from vctune.document.rows import RowRecord
-from vctune.document.study import Study
-from vctune.document.validation import dotted
+from vctune.document.records.rows_json import RowRecord
+from vctune.document.schema.validation import dotted
+from vctune.document.study_file import Study
+from vctune.document.text.errors import InputError
 from vctune.model.problem import Problem
 from vctune.study.executors import WorkerPool
 from vctune.study.points import Values, points

@@ -13,14 +13,14 @@ from typing import Protocol
 
 import numpy as np
 
-from vctune.design.bound.boxes import B_0, TAU_C, DesignBoxes
-from vctune.design.bound.coefficients import Coefficients, concatenated
+from vctune.design.bound.design_boxes import B_0, TAU_C, DesignBoxes
+from vctune.design.bound.quadratic_coefficients import Coefficients, concatenated
 from vctune.design.bound.quadratics import GUARD, BoundedQuotient, LeastQuotient, lower, upper
 from vctune.model.device import Device
-from vctune.model.impedance_display import spring_forms
 from vctune.model.problem import Problem, Range
-from vctune.proof.array_intervals import Enclosure, Flags, Floats, decimal
-from vctune.proof.jets import ENCLOSURES
+from vctune.model.sampled.impedance_display import spring_forms
+from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,14 @@ from math import inf
 
 import numpy as np
 
-from vctune.design.bound.boxes import B_0, K_P, K_V, DesignBoxes
 from vctune.design.bound.couplings import LeastCoupling
+from vctune.design.bound.design_boxes import B_0, K_P, K_V, DesignBoxes
 from vctune.design.bound.quadratics import GUARD
 from vctune.design.bound.relaxation import Relaxation
-from vctune.model.arithmetic import FLOATS
-from vctune.model.limits import lags
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Problem
-from vctune.proof.array_intervals import Flags, Floats
+from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +68,7 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
-    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.limits`), where
+    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.loop.limits`), where
     there is no structure, and no operator unless the device is ideal.
 
     Parameters

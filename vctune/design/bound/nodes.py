@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.boxes import Axis, DesignBoxes, all_designs
-from vctune.design.bound.boxes import joined as joined_boxes
-from vctune.proof.array_intervals import Flags, Floats
+from vctune.design.bound.design_boxes import Axis, DesignBoxes, all_designs
+from vctune.design.bound.design_boxes import joined as joined_boxes
+from vctune.proof.enclosures.array_intervals import Flags, Floats
 
 
 @dataclass(frozen=True, slots=True)

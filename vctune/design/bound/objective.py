@@ -14,7 +14,8 @@ from math import inf
 import numpy as np
 from flint import acb, arb, ctx
 
-from vctune.design.bound.coefficients import (
+from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
+from vctune.design.bound.quadratic_coefficients import (
     Coefficients,
     Term,
     concatenated,
@@ -25,20 +26,19 @@ from vctune.design.bound.coefficients import (
     repeated,
     replaced,
 )
-from vctune.design.bound.couplings import Couplings, SeriesCouplings, SpringDampers
 from vctune.design.bound.quadratics import BoundedQuotient, lower, upper
 from vctune.interrupt import interrupt_deferred
-from vctune.model.affine import Affine, LoopConstants, loop_constants
-from vctune.model.arithmetic import Arithmetic, Number
 from vctune.model.device import Device
-from vctune.model.device_response import device_response
-from vctune.model.impedance_display import spring_forms
-from vctune.model.pair import Pair, re_conj_product
+from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair, re_conj_product
 from vctune.model.problem import Band, Problem
+from vctune.model.sampled.impedance_display import spring_forms
 from vctune.model.transparency import quotient_terms
-from vctune.proof.arb_balls import BALLS, ball, device_ball
-from vctune.proof.array_intervals import Enclosure, Floats, decimal
-from vctune.proof.jets import ENCLOSURES
+from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
 
 PRECISION = 2.0**-44
 """Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vctune.design.bound.boxes import K_P, K_V, DesignBoxes
-from vctune.design.bound.coefficients import Coefficients
-from vctune.proof.array_intervals import Enclosure, Floats
+from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
+from vctune.design.bound.quadratic_coefficients import Coefficients
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats
 
 GUARD = 1e-14
 """Covers the rounding of a quadratic in the gains and of the operations after it, relative to their moduli.

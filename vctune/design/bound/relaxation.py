@@ -13,20 +13,20 @@ from typing import Protocol
 
 import numpy as np
 
-from vctune.design.bound.boxes import DesignBoxes
-from vctune.design.bound.coefficients import quadratic, repeated
 from vctune.design.bound.couplings import Offer
-from vctune.design.bound.hands import conditions_in_any_hand, conditions_in_hands
-from vctune.design.bound.llewellyn import llewellyn_conditions
+from vctune.design.bound.design_boxes import DesignBoxes
+from vctune.design.bound.hands_bound import conditions_in_any_hand, conditions_in_hands
+from vctune.design.bound.llewellyn_bound import llewellyn_conditions
 from vctune.design.bound.objective import Objective, objective_of
+from vctune.design.bound.quadratic_coefficients import quadratic, repeated
 from vctune.design.bound.quadratics import BoundedQuotient, Quadratic, rounded_down, upper
-from vctune.model.affine import Affine
 from vctune.model.device import Device
-from vctune.model.pair import re_conj_product
+from vctune.model.loop.affine import Affine
+from vctune.model.numbers.pair import re_conj_product
 from vctune.model.problem import Problem
-from vctune.model.sampled import return_difference, sampled_plant, split_delay
-from vctune.proof.array_intervals import Flags, Floats, decimal
-from vctune.proof.jets import ENCLOSURES
+from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
+from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
 
 
 class Conditions(Protocol):

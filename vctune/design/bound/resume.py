@@ -10,7 +10,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from vctune.design.bound.boxes import DesignBoxes
+from vctune.design.bound.design_boxes import DesignBoxes
 from vctune.design.bound.nodes import OpenNodes
 from vctune.version import __version__
 

@@ -19,21 +19,21 @@ import numpy as np
 
 from vctune.analysis.demands import ratio_minima, sensitivity_maxima, slowest_resonance
 from vctune.analysis.in_hands import least_ratios, loops_in_hands
-from vctune.design.bound.boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
-from vctune.design.bound.branching import Halved, halved
+from vctune.design.bound.design_boxes import B_0, K_P, K_V, TAU_C, DesignBoxes, axes_of
 from vctune.design.bound.lower_bounds import least_coupling
 from vctune.design.bound.nodes import OpenNodes, joined, root
 from vctune.design.bound.relaxation import Places, Relaxation, at_places, relaxation
 from vctune.design.bound.resume import ResumeState
-from vctune.design.bound.stability import proved_stability
-from vctune.design.judge import Judgement
+from vctune.design.bound.stability_bound import proved_stability
+from vctune.design.bound.strong_branching import Halved, halved
 from vctune.design.prepared import Posed, acting_terms, compared
-from vctune.design.shapes import coupling_of
+from vctune.design.search.shapes import coupling_of
+from vctune.design.verdict.judge import Judgement
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
-from vctune.proof.array_intervals import Floats
+from vctune.proof.enclosures.array_intervals import Floats
 from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48

@@ -1,0 +1,171 @@
+"""`vctune bound` as its users meet it: exit codes, what it goes on with, files whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+from contextlib import contextmanager
+
+import pytest
+from command import run, strict
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
+
+from vctune import interrupt
+from vctune.design.bound.search import bound
+from vctune.design.prepared import pose
+from vctune.design.solve import solve
+from vctune.document.reading import read_problem
+from vctune.document.records.design_file import read_design
+from vctune.document.text.errors import InputError
+from vctune.exit_codes import ExitCode
+
+WHEEL = ROOT / "problems/friction-wheel.toml"
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory):
+    """A solved problem: its folder, problem.toml and design.json in it."""
+    folder = tmp_path_factory.mktemp("bound")
+    shutil.copy(WHEEL, folder / "problem.toml")
+    assert run("solve", "problem.toml", "--quiet", "--out", "o", cwd=folder).returncode == ExitCode.OK
+    return folder
+
+
+@pytest.fixture
+def folder(solved, tmp_path):
+    shutil.copytree(solved, tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def optimality(path) -> dict:
+    found = read_design(path).to_json()["optimality"]
+    assert found["history"][-1]["lower_bound"] == found["lower_bound"]
+    return found
+
+
+def test_a_gap_is_proved_and_shown(folder):
+    done = run("bound", "problem.toml", "o/friction-wheel/design.json", "--gap", "0.02", "--json", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+    found = optimality(folder / "o/friction-wheel/design.json")
+    assert strict(done.stdout)["optimality"] == found
+    assert found["verdict"] == "proved" and 0 < found["gap"] <= 0.02 and found["open"] == []
+    page = (folder / "o/friction-wheel/report.html").read_text()
+    assert "no design is below" in page and "How much better could any design be?" in page
+    assert not (folder / "o/friction-wheel/bound.npz").exists()
+
+
+@pytest.mark.slow
+def test_what_is_left_is_kept_and_gone_on_with(folder):
+    design = folder / "o/friction-wheel/design.json"
+    command = ("bound", "problem.toml", str(design), "--time-limit")
+    reached = []
+    for limit in ("0", "0.1", "0.1"):
+        assert run(*command, limit, "--gap", "0.0005", cwd=folder).returncode == ExitCode.UNDECIDED
+        found = optimality(design)
+        reached.append((found["lower_bound"], found["boxes"]))
+        assert found["verdict"] == "open" and found["open"]
+    assert reached == sorted(reached) and reached[0] == (0.0, 0) and reached[2][1] > reached[1][1] > 0
+    assert run(*command, "60", "--gap", "0.01", cwd=folder).returncode == ExitCode.OK
+    assert optimality(design)["boxes"] >= reached[2][1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04 not whole", b"\x93NUMPY"], ids=["empty", "torn", "foreign"])
+def test_a_damaged_rest_is_not_gone_on_with(folder, content):
+    (folder / "o/friction-wheel/bound.npz").write_bytes(content)
+    done = run("bound", "problem.toml", "o/friction-wheel/design.json", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.OK, "")
+
+
+def test_ctrl_c_leaves_the_bound_reached(folder, monkeypatch):
+    """A signal in the twentieth round of a search that takes hundreds."""
+    design, noted, rounds = folder / "o/friction-wheel/design.json", interrupt.interrupt_noted, iter(range(1000))
+
+    @contextmanager
+    def struck():
+        with noted() as stopped:
+
+            def check():
+                if next(rounds) == 20:
+                    signal.raise_signal(signal.SIGINT)
+                return stopped()
+
+            yield check
+
+    monkeypatch.setattr(interrupt, "interrupt_noted", struck)
+    done = run("bound", "problem.toml", design, "--gap", "0.0001", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.UNDECIDED, "")
+    assert optimality(design)["lower_bound"] > 0 and next(rounds) == 21
+    assert (design.parent / "bound.npz").exists()
+    assert not [path for path in design.parent.iterdir() if path.name.startswith(".")]
+
+
+def test_what_stops_a_search_leaves_a_valid_bound():
+    problem = read_problem(WHEEL).problem
+    best = solve(problem).judgement
+    rounds = iter(range(100))
+    found = bound(pose(problem), best, lambda gains, error: None, gap=1e-4, stopped=lambda: next(rounds) == 20)
+    assert not found.proved and len(found.history) == 21
+    assert 0 < found.bound < best.transparency.error
+    assert [at.bound for at in found.history] == sorted(at.bound for at in found.history)
+
+
+def test_input_that_cannot_be_bounded(folder):
+    (folder / "fixed.toml").write_text(for_passive_hands(DEVICE + FIXED.format(160.0)))
+    assert "there is nothing to choose" in refused("bound", "fixed.toml", cwd=folder)
+    design = folder / "o/friction-wheel/design.json"
+    (folder / "other.toml").write_text((folder / "problem.toml").read_text().replace("100.0]", "99.0]"))
+    assert "of another version" in refused("bound", "other.toml", str(design), cwd=folder)
+    record = json.loads(design.read_text())
+    poor = {**record, "coupling": {**record["coupling"], "damping": 1.0}}
+    (folder / "poor.json").write_text(json.dumps(poor))
+    assert "is not proved to meet the demands" in refused("bound", "problem.toml", "poor.json", cwd=folder)
+    (folder / "torn.json").write_text(design.read_text()[:500])
+    assert "is not JSON" in refused("bound", "problem.toml", "torn.json", cwd=folder)
+
+
+def refused(*arguments, cwd) -> str:
+    done = run(*arguments, cwd=cwd)
+    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+@pytest.mark.slow
+def test_infeasible_and_undecided(tmp_path):
+    done = run("bound", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
+    record = strict(done.stdout)
+    assert (done.returncode, record["status"], record["proved"]) == (ExitCode.FAILED, "infeasible", True)
+    theorem = tmp_path / "theorem.toml"
+    theorem.write_text(
+        DEVICE.replace("damping = 2.0", "damping = 0.0") + 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+    )
+    done = run("bound", theorem, "--json", "--time-limit", "0", cwd=tmp_path)
+    record = strict(done.stdout)
+    assert (done.returncode, record["status"], record["proved"]) == (ExitCode.FAILED, "infeasible", True)
+
+
+def test_solve_proves_a_gap(tmp_path):
+    done = run("solve", WHEEL, "--prove-gap", "0.05", cwd=tmp_path)
+    assert done.returncode == ExitCode.OK
+    assert "lower bound" in done.stdout
+    assert optimality(tmp_path / "results/friction-wheel/design.json")["verdict"] == "proved"
+
+
+@pytest.fixture(scope="module")
+def bounded(solved, tmp_path_factory):
+    """The text of a design.json with a bound."""
+    folder = tmp_path_factory.mktemp("bounded")
+    shutil.copytree(solved, folder, dirs_exist_ok=True)
+    design = folder / "o/friction-wheel/design.json"
+    assert run("bound", "problem.toml", design, "--gap", "0.1", cwd=folder).returncode == ExitCode.OK
+    return design.read_text()
+
+
+@pytest.mark.parametrize("change", [{"verdict": "perhaps"}, {"history": []}, {"open": [{"low": [1.0], "high": []}]}])
+def test_a_damaged_optimality_is_refused(bounded, tmp_path, change):
+    design, record = tmp_path / "design.json", json.loads(bounded)
+    design.write_text(json.dumps({**record, "optimality": {**record["optimality"], **change}}))
+    with pytest.raises(InputError, match="optimality"):
+        read_design(design)

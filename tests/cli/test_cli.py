@@ -1,0 +1,321 @@
+"""The command line as its users meet it: exit codes, strict JSON, files whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import tomllib
+from itertools import product
+from pathlib import Path
+
+import pytest
+from command import process, run, started, strict, wait_for_work, wait_until
+from conftest import ROOT, for_passive_hands, mostly_slow
+
+from vctune.design.verdict import repair as repairing
+from vctune.exit_codes import ExitCode
+
+SOLVE = "solve device.toml --no-report"
+DEVICE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+
+
+@pytest.fixture
+def device(tmp_path) -> Path:
+    path = tmp_path / "device.toml"
+    path.write_text(for_passive_hands(DEVICE))
+    return path
+
+
+def test_solve_writes_its_files_and_prints_a_table(device, tmp_path):
+    done = run("solve", device, cwd=tmp_path, report=True)
+    assert done.returncode == ExitCode.OK
+    assert done.stderr == ""
+    folder = tmp_path / "results" / "device"
+    written = {path.name for path in folder.iterdir()}
+    assert {"gains.toml", "design.json", "report.html", "llewellyn.svg", "nyquist.svg"} <= written
+    for part in ("certified", "velocity K_v", "N s/m", "proved band", "phase margin", "left out: coupling.drag"):
+        assert part in done.stdout
+    (band,) = (line for line in done.stdout.splitlines() if line.lstrip().startswith("proved band"))
+    assert band.endswith("Hz; outside it nothing is proved of the ratio")
+    design, gains = strict((folder / "design.json").read_text()), tomllib.loads((folder / "gains.toml").read_text())
+    assert gains["gains"] == design["gains"]
+    assert gains["coupling"] == design["coupling"]
+    assert gains["design"]["sha256"] == design["problem"]["sha256"]
+    assert gains["design"]["verdict"] == "proved"
+
+
+def test_json_is_the_file_and_nothing_else(device, tmp_path):
+    done = run("solve", device, "--json", "--out", "o", cwd=tmp_path)
+    assert strict(done.stdout) == strict((tmp_path / "o/device/design.json").read_text())
+    design = strict(done.stdout)
+    assert design["schema"] == "vctune/design/1"
+    assert list(design)[:5] == ["schema", "problem", "status", "reason", "gains"]
+    contract = {
+        "certificate": {"verdict", "band_hz", "proved_band_hz", "min_ratio", "worst_hz", "boxes"},
+        "inner_loop": {
+            "stable", "spectral_radius", "peak_sensitivity", "gain_margin_db", "phase_margin_deg", "delay_margin_s",
+        },
+        "transparency": {"error", "admittance", "tracking", "coupling"},
+    }  # fmt: skip
+    for table, keys in contract.items():
+        assert keys <= set(design[table])
+    assert {"at_bound", "left_out", "solver", "versions"} <= set(design)
+
+
+def test_pasted_gains_are_certified_again(device, tmp_path):
+    run("solve", device, "--quiet", "--out", "o", cwd=tmp_path)
+    pasted = (tmp_path / "o/device/gains.toml").read_text().split("[design]")[0] + for_passive_hands(DEVICE)
+    fixed = tmp_path / "fixed.toml"
+    fixed.write_text(pasted)
+    first = strict((tmp_path / "o/device/design.json").read_text())
+    again = strict(run("solve", fixed, "--json", "--out", "o", cwd=tmp_path).stdout)
+    assert again["status"] == "certified"
+    assert again["gains"] == first["gains"]
+    assert again["transparency"] == first["transparency"]
+
+
+@pytest.mark.parametrize(
+    "key", ["coupling.damping", pytest.param("", marks=pytest.mark.slow)], ids=["one repair", "every repair"]
+)
+def test_infeasible(tmp_path, monkeypatch, key):
+    changes = repairing.parameter_changes
+
+    def some(*given):
+        return [change for change in changes(*given) if change.key.startswith(key)]
+
+    monkeypatch.setattr(repairing, "parameter_changes", some)
+    done = run("solve", ROOT / "problems/infeasible.toml", "--json", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    design = strict(done.stdout)
+    assert (design["status"], design["gains"], design["coupling"]) == ("infeasible", None, None)
+    assert "of the required R at 100 Hz" in design["reason"]
+    assert not (tmp_path / "results/infeasible/gains.toml").exists()
+
+
+def test_violated_and_quiet(tmp_path):
+    path = tmp_path / "fixed.toml"
+    path.write_text(
+        for_passive_hands(
+            DEVICE + "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n"
+        )
+    )
+    done = run("solve", path, "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (ExitCode.FAILED, "", "")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["solve"], ["solve", "a", "b"], ["solv"], ["--nope"], ["solve", "none.toml"], ["solve", "."]]
+)
+def test_bad_usage(arguments, tmp_path):
+    done = run(*arguments, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert done.stderr and "Traceback" not in done.stderr and done.stdout == ""
+
+
+def test_mistakes_go_to_stderr_with_their_lines(tmp_path):
+    done = run("solve", ROOT / "tests/bad/everything-at-once.toml", "--json", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (ExitCode.BAD_INPUT, "")
+    assert re.search(r"everything-at-once.toml:6: gains.velocity: min = 2 is above max = 1", done.stderr)
+    assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("out", ["/proc/none", "taken"])
+def test_no_place_to_write(device, tmp_path, out):
+    (tmp_path / "taken").write_text("mine")
+    done = run("solve", device, "--out", out, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "cannot be written" in done.stderr and "choose another folder" in done.stderr
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_file_size_limit_leaves_the_old_design(device, tmp_path):
+    """As on a full disk: the operating system refuses to write on."""
+    run("solve", device, cwd=tmp_path)
+    design = tmp_path / "results/device/design.json"
+    before = design.read_text()
+    limited = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100)); from vctune.cli import run; run()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", limited, "solve", str(device), "--no-report"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "cannot be written" in done.stderr
+    assert design.read_text() == before
+    assert sorted(path.name for path in design.parent.iterdir()) == ["design.json", "gains.toml", "problem-file.txt"]
+
+
+@pytest.mark.parametrize(
+    "seconds", [0.0, 0.15, *(pytest.param(s, marks=pytest.mark.slow) for s in (0.03, 0.06, 0.1, 0.2, 0.3))]
+)
+def test_ctrl_c(tmp_path, seconds):
+    """Interrupted anywhere, also inside IPOPT: 130, no traceback, nothing half-written."""
+    running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
+    wait_until((tmp_path / "results").exists)
+    wait_for_work(running, seconds)
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    left = sorted(path.name for path in tmp_path.rglob("*") if path.is_file())
+    if running.returncode == ExitCode.OK:
+        assert "report.html" in left
+    else:
+        assert running.returncode == ExitCode.INTERRUPTED
+        assert out == "" or "written to" in out
+        assert "Traceback" not in err
+        assert [name for name in left if name in ("design.json", "gains.toml")] in ([], ["design.json", "gains.toml"])
+        assert not any(name.startswith(".") for name in left)
+
+
+def test_interrupt_in_compiled_code_is_delivered_after_it():
+    from vctune.interrupt import interrupt_deferred
+
+    reached = False
+    with pytest.raises(KeyboardInterrupt), interrupt_deferred():
+        signal.raise_signal(signal.SIGINT)
+        reached = True
+    assert reached
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_the_first_interrupt_is_noted_and_the_second_delivered():
+    from vctune.interrupt import interrupt_noted
+
+    reached = []
+    with pytest.raises(KeyboardInterrupt), interrupt_noted() as stopped:
+        reached.append(stopped())
+        signal.raise_signal(signal.SIGTERM)
+        reached.append(stopped())
+        signal.raise_signal(signal.SIGINT)
+        reached.append("went on")
+    assert reached == [False, True]
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_internal_errors_are_said_without_a_traceback(device, tmp_path, monkeypatch):
+    monkeypatch.setattr("vctune.document.reading.resolve", lambda *given: 1 / 0)
+    done = run("solve", device, cwd=tmp_path)
+    assert done.returncode == ExitCode.INTERNAL
+    assert "internal error" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_names_become_one_folder(tmp_path):
+    for name in ("a/b", "..", "<script>alert(1)</script>", "Größe 大 'x'"):
+        path = tmp_path / "n.toml"
+        path.write_text(for_passive_hands(f"name = {json.dumps(name)}\n" + DEVICE))
+        done = run("solve", path, "--json", "--out", "o", cwd=tmp_path)
+        assert strict(done.stdout)["problem"]["name"] == name
+    assert {path.parent.parent for path in tmp_path.rglob("design.json")} == {tmp_path / "o"}
+
+
+def test_version_names_everything_that_determines_a_result(tmp_path):
+    done = run("--version", cwd=tmp_path)
+    assert done.returncode == 0
+    for name in ("vctune", "casadi", "ipopt", "numpy", "python-flint"):
+        assert re.search(rf"^{name} \d+\.\d+", done.stdout, re.MULTILINE)
+
+
+def test_schema_prints_the_schema(tmp_path):
+    assert strict(run("schema", cwd=tmp_path).stdout)["title"] == "vctune problem"
+
+
+def test_help_names_commands_and_exit_codes(tmp_path):
+    text = run("--help", cwd=tmp_path).stdout
+    assert "solve" in text and "schema" in text and "130 interrupted" in " ".join(text.split())
+
+
+def test_colour_only_for_terminals_and_never_with_no_color(device, tmp_path):
+    assert "\x1b[" not in run("solve", device, cwd=tmp_path).stdout
+    assert "\x1b[3" not in process("solve", device, cwd=tmp_path, FORCE_COLOR="1", NO_COLOR="1").stdout
+
+
+def test_own_input_is_not_overwritten(tmp_path):
+    folder = tmp_path / "results" / "gains"
+    folder.mkdir(parents=True)
+    (folder / "gains.toml").write_text(for_passive_hands(DEVICE))
+    done = run("solve", folder / "gains.toml", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert (folder / "gains.toml").read_text() == for_passive_hands(DEVICE)
+
+
+def test_designs_of_other_problems_are_not_overwritten(tmp_path):
+    for name, code in (("a/b", ExitCode.OK), ("a:b", ExitCode.BAD_INPUT), ("a/b", ExitCode.OK)):
+        (tmp_path / "n.toml").write_text(for_passive_hands(f'name = "{name}"\n' + DEVICE))
+        assert run("solve", "n.toml", cwd=tmp_path).returncode == code
+
+
+@pytest.mark.slow
+def test_old_gains_are_set_aside_when_there_is_no_design(device, tmp_path):
+    run("solve", device, cwd=tmp_path)
+    before = (tmp_path / "results/device/gains.toml").read_text()
+    device.write_text(for_passive_hands(DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n"))
+    done = run("solve", device, "--quiet", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert "gains.previous.toml" in done.stderr
+    names = sorted(path.name for path in (tmp_path / "results/device").iterdir())
+    assert names == ["design.json", "gains.previous.toml", "problem-file.txt"]
+    assert (tmp_path / "results/device/gains.previous.toml").read_text() == before
+
+
+@pytest.fixture
+def reported(device, tmp_path) -> Path:
+    """The folder of the device's design, with the report of an earlier one and something of the user's."""
+    folder = tmp_path / "results/device"
+    folder.mkdir(parents=True)
+    for name in ("report.html", "llewellyn.svg", "mine.png"):
+        (folder / name).write_text(f"earlier {name}")
+    return folder
+
+
+def test_no_report_leaves_no_stale_report(device, reported, tmp_path):
+    """The earlier report and the files of its figures are removed; what is not vctune's stays."""
+    assert run("solve", device, "--quiet", cwd=tmp_path).stderr == ""
+    kept = ["design.json", "gains.toml", "mine.png", "problem-file.txt"]
+    assert sorted(path.name for path in reported.iterdir()) == kept
+
+
+def test_a_place_that_is_taken_is_said(device, reported, tmp_path):
+    (reported / "nyquist.svg").mkdir()
+    done = run("solve", device, "--quiet", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "nyquist.svg: cannot be written" in done.stderr
+    assert (reported / "report.html").read_text() == "earlier report.html"
+
+
+COMMANDS = ["schema", "solve device.toml --no-report", "solve device.toml --no-report --json", "--version", "--help"]
+LEFT = list(product(["| true", ">&-", "2>&-"], COMMANDS))
+
+
+@pytest.mark.parametrize("left", mostly_slow(LEFT, [("| true", "schema"), (">&-", COMMANDS[1])]), ids=" ".join)
+def test_readers_may_leave(device, tmp_path, left):
+    plumbing, command = left
+    shell = f"{sys.executable} -m vctune {command} {plumbing}; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", shell], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == ExitCode.OK
+    assert done.stderr == ""
+
+
+def test_any_locale(tmp_path):
+    path = tmp_path / "n.toml"
+    path.write_text(for_passive_hands('name = "名前 é"\n' + DEVICE), encoding="utf-8")
+    for env in ({"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}):
+        done = process("solve", path, cwd=tmp_path, **env)
+        assert done.returncode in (ExitCode.OK, ExitCode.BAD_INPUT)
+        assert "Traceback" not in done.stderr and "internal" not in done.stderr
+
+
+def test_sigterm_is_an_interruption(tmp_path):
+    running = started("solve", ROOT / "problems/extremes/seven-decades.toml", cwd=tmp_path)
+    wait_until((tmp_path / "results").exists)
+    running.terminate()
+    running.communicate(timeout=60)
+    assert running.returncode == ExitCode.INTERRUPTED
+    assert {path.name for path in tmp_path.rglob("*") if path.is_file()} <= {"problem-file.txt"}

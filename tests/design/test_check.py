@@ -1,0 +1,158 @@
+"""`vctune check`: the gate for continuous integration."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from math import inf
+
+import command
+import numpy as np
+import pytest
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands
+
+from vctune.design.solve import solve
+from vctune.design.verdict.gains_check import CheckVerdict, check
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.gains_file import gains_text
+from vctune.document.reading import parse_problem
+from vctune.exit_codes import ExitCode
+
+
+def run(*arguments, cwd):
+    return command.run("check", *arguments, cwd=cwd)
+
+
+@pytest.mark.parametrize(
+    ("names", "code"),
+    [
+        (["good.toml"], ExitCode.OK),
+        (["poor.toml"], ExitCode.FAILED),
+        (["good.toml", "poor.toml"], ExitCode.FAILED),
+        (["poor.toml", "bad.toml"], ExitCode.BAD_INPUT),
+        (["free.toml"], ExitCode.BAD_INPUT),
+        (["none.toml"], ExitCode.BAD_INPUT),
+        (["."], ExitCode.BAD_INPUT),
+    ],
+)
+def test_worst_exit_code_wins(folder, names, code):
+    done = run(*names, cwd=folder)
+    assert done.returncode == code
+    assert done.stderr == "" and "Traceback" not in done.stdout
+
+
+def test_summary_of_a_folder(folder):
+    assert run(".", cwd=folder).stdout.splitlines()[-1] == "1 passed, 1 FAILED, 2 bad input"
+
+
+def test_refusal_names_frequency_ratio_and_the_best_change(folder):
+    """Of other values of the number that is named, short of the new one and beyond it, none that passes errs less."""
+    text = run("poor.toml", cwd=folder).stdout
+    found = re.search(
+        r"refuted at ([\d.]+) Hz.*least Re Z_c / R ([\d.]+).*; (\S+) = ([\d.]+) instead of ([\d.]+) would pass", text
+    )
+    key, new, old = found[3], float(found[4]), float(found[5])
+    assert float(found[2]) < 1
+    document = (folder / "poor.toml").read_text()
+    name = key.split(".")[1]
+    assert f"{name} = {old}" in document
+    errors = []
+    for share in (1.0, 0.7, 0.9, 0.99, 0.999, 1.001, 1.01, 1.1):
+        value = old + share * (new - old)
+        problem = parse_problem(document.replace(f"{name} = {old}", f"{name} = {value!r}"), "mended.toml", "mended")
+        judgement = judge(problem, *problem.fixed_design)
+        errors.append(judgement.transparency.error if judgement.status is Status.CERTIFIED else inf)
+    assert errors[0] <= min(errors) * (1 + 1e-6) < inf
+
+
+def test_json_is_the_object_of_solve(folder):
+    (one,) = json.loads(run("good.toml", "--format", "json", cwd=folder).stdout)
+    assert (one["schema"], one["status"], one["certificate"]["verdict"]) == ("vctune/design/1", "certified", "proved")
+    several = json.loads(run("good.toml", "bad.toml", "--format", "json", cwd=folder).stdout)
+    assert [item["status"] for item in several] == ["certified", None]
+
+
+def test_gains_files_are_checked_against_one_problem(tmp_path):
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
+    judgement = solve(problem).judgement
+    (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
+    (tmp_path / "gains").mkdir()
+    for share in (1.0, 0.5):
+        coupling = type(judgement.coupling)(judgement.coupling.damping * share, judgement.coupling.mass, 0.0)
+        (tmp_path / f"gains/{share}.toml").write_text(gains_text(judgement.gains, coupling, {"sha256": "of another"}))
+    done = run("problem.toml", "gains", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert done.stdout.count("sha256 differs") == 2
+    assert done.stdout.splitlines()[-1] == "1 passed, 1 FAILED"
+    assert run("problem.toml", "problem.toml", "gains/1.0.toml", cwd=tmp_path).returncode == ExitCode.BAD_INPUT
+
+
+def test_bad_gains_files_are_refused_with_their_lines(tmp_path):
+    (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
+    (tmp_path / "gains.toml").write_text('[gains]\nvelocity = "x"\n[coupling]\ndamping = 1.0\nmass = -1.0\n')
+    done = run("problem.toml", "gains.toml", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT
+    for part in (
+        "gains.toml:1: gains.position: is missing",
+        "gains.toml:2: gains.velocity",
+        "gains.toml:5: coupling.mass",
+    ):
+        assert part in done.stdout
+
+
+@pytest.mark.parametrize("count", [5, pytest.param(1000, marks=pytest.mark.slow)])
+def test_rounding_attack(tmp_path, count):
+    """The numbers as printed in gains.toml pass, whatever the device."""
+    rng = np.random.default_rng(3)
+    for k in range(count):
+        mass, T = 10.0 ** rng.uniform(-3, 3), 10.0 ** rng.uniform(-4, -2)
+        text = f"[device]\nmass = {mass!r}\ndamping = {mass / T * 10 ** rng.uniform(-5, -1)!r}\nsample_time = {T!r}\n"
+        text += f'hold = "{rng.choice(["zoh", "lag"])}"\ndelay = {T * float(rng.choice([0.0, 0.5]))!r}\n'
+        judgement = solve(parse_problem(for_passive_hands(text), "x", "x")).judgement
+        problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
+        problem.write_text(for_passive_hands(text))
+        gains.write_text(gains_text(judgement.gains, judgement.coupling, {}))
+        assert check([problem, gains])[0].result is CheckVerdict.PASSED
+
+
+def test_a_check_imports_no_optimiser():
+    code = (
+        "import sys; from pathlib import Path; from vctune.design.verdict.gains_check import CheckVerdict, check;"
+        f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
+        "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_an_empty_folder_is_no_pass(folder):
+    (folder / "empty").mkdir()
+    done = run("good.toml", "empty", cwd=folder)
+    assert (done.returncode, done.stderr) == (ExitCode.BAD_INPUT, "empty: holds no .toml file [ambiguous-files]\n")
+
+
+@pytest.mark.parametrize("spoil", [lambda text: "\ufeff" + text, lambda text: text.replace("\n", "\r\n")])
+def test_files_of_windows_are_read(tmp_path, spoil):
+    (tmp_path / "device.toml").write_text(spoil(for_passive_hands(DEVICE)), newline="")
+    (tmp_path / "gains.toml").write_text(spoil(FIXED.format(80.0)), newline="")
+    done = run("gains.toml", "device.toml", "--format", "github", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert done.stdout.startswith("::error file=gains.toml,line=2,")
+
+
+def test_a_broken_file_among_gains_is_named(folder):
+    (folder / "gains.toml").write_text(FIXED.format(160.0))
+    (folder / "broken.toml").write_text("[gains\n")
+    done = run("free.toml", "gains.toml", "broken.toml", cwd=folder)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "broken.toml:1: not valid TOML" in done.stdout
+    assert "passed     gains.toml" in done.stdout
+    assert "broken.toml:1: not valid TOML" in run("broken.toml", "gains.toml", cwd=folder).stdout
+
+
+def test_an_endless_file_is_refused(folder):
+    """Nothing is read beyond the size of a vctune file."""
+    done = run("good.toml", "/dev/zero", cwd=folder)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert "/dev/zero: is longer than 100000 bytes" in done.stdout

@@ -1,0 +1,403 @@
+"""Parameter files of ROS 2: what is checked is what the controller steps, and a verdict holds where it is stepped."""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import replace
+from math import log, pi, sqrt
+
+import numpy as np
+import pytest
+from command import run as vctune
+from command import strict
+from device_arithmetic import DOUBLES
+from device_pairs import real_of
+from firmware import Device as Sampled
+from sampled_device_oracle import Hand as OracleHand
+
+from vctune.design.verdict.admittance_check import corner_hz, coupling_of_admittance
+from vctune.document.reading import read_problem
+from vctune.document.ros import Admittance, read_admittance
+from vctune.exit_codes import ExitCode
+from vctune.simulation.firmware.coefficient_values import coupling_coefficients
+
+ARM = """[device]
+mass = 10.0
+damping = 20.0
+sample_time = 1e-3
+delay = 1e-3
+[gains]
+velocity = 800.0
+position = 8000.0
+"""
+PARAMETERS = """/**:
+  admittance_controller:
+    ros__parameters:
+      joints: [j1]
+      ft_sensor:
+        name: ft
+        filter_coefficient: 0.05
+      admittance:
+        selected_axes: [true, false, false, false, false, false]
+        mass: [5.0, 5.0, 5.0, 0.1, 0.1, 0.1]
+        damping_ratio: [2.5, 2.5, 2.5, 2.5, 2.5, 2.5]
+        stiffness: [50.0, 50.0, 50.0, 10.0, 10.0, 10.0]
+"""
+T = 1e-3
+
+
+@pytest.fixture
+def arm(tmp_path):
+    (tmp_path / "arm.toml").write_text(ARM)
+    (tmp_path / "ros.yaml").write_text(PARAMETERS)
+    return tmp_path
+
+
+def changed(folder, **values):
+    """Write the file again with other texts behind keys."""
+    text = PARAMETERS
+    for key, value in values.items():
+        line = next(line for line in text.splitlines() if line.strip().startswith(f"{key}:"))
+        text = text.replace(line, f"{line.split(':')[0]}: {value}")
+    (folder / "ros.yaml").write_text(text)
+
+
+def six(value):
+    return str([value] * 6)
+
+
+def damped(ratio, joint_damping):
+    """Return what to write behind damping_ratio to state joint_damping too."""
+    return f"{six(ratio)}\n        joint_damping: {joint_damping}"
+
+
+def test_it_reads_the_selected_axes(arm):
+    changed(arm, selected_axes="[true, false, false, true, false, false]")
+    found = read_admittance(arm / "ros.yaml")
+    assert [axis.axis for axis in found.axes] == ["x", "rx"]
+    assert found.filter_coefficient == 0.05
+    x = found.axes[0]
+    assert (x.mass, x.stiffness, x.line) == (5.0, 50.0, 10)
+    assert replace(x, joint_damping=0.0).damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0))
+    assert x.joint_damping == 5.0, "the controller's default"
+    assert x.damping == pytest.approx(2 * 2.5 * sqrt(5.0 * 50.0) + 5.0 * 5.0)
+    changed(arm, damping_ratio=damped(2.5, 0.5))
+    assert read_admittance(arm / "ros.yaml").axes[0].joint_damping == 0.5
+    assert corner_hz(0.05, T) == pytest.approx(8.16, abs=0.01)
+    assert corner_hz(0.05, T) == pytest.approx(-log(0.95) / (2 * pi * T))
+
+
+def test_the_explicit_step_is_the_coupling_and_a_lossless_spring():
+    """To rounding, on any force: acceleration from the forces of the sample before, then velocity, then position."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        mass, stiffness, ratio = rng.uniform(0.5, 20.0), 10 ** rng.uniform(0, 3), rng.uniform(0.3, 3.0)
+        joints = rng.uniform(0.0, 20.0)
+        axis = Admittance("x", float(mass), float(ratio), float(stiffness), float(joints), 1)
+        made = coupling_coefficients(coupling_of_admittance(axis, T), T)
+        v = x = w = y = coupling = 0.0
+        for force in rng.normal(size=500):
+            acceleration = (force - 2 * ratio * sqrt(mass * stiffness) * v - stiffness * x) / mass
+            v += T * (acceleration - joints * v)  # every joint loses of its own velocity, whatever mass is rendered
+            x += T * v
+            # f = f_c + b_0 w + spring, with the spring at the mean of both positions
+            free = force + made["coupling_step"] * w - made["coupling_decay"] * coupling - stiffness * (y + T / 2 * w)
+            after = free / (made["resistance"] + stiffness * T / 2)
+            coupling = made["coupling_decay"] * coupling + made["coupling_step"] * (after - w)
+            y, w = y + T / 2 * (w + after), after
+            assert w == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
+def test_what_the_joints_lose_is_a_damping_of_every_axis():
+    """Six joints, stepped as the controller does, against one axis each: joint_damping is 1/s and scales with M."""
+    rng = np.random.default_rng(5)
+    jacobian, joints = rng.normal(size=(6, 6)) + 3 * np.eye(6), 12.0
+    mass, ratio, stiffness = (rng.uniform(1.0, 5.0, 6) for _ in range(3))
+    axes = [Admittance("x", *map(float, numbers), joints, 1) for numbers in zip(mass, ratio, stiffness, strict=True)]
+    damping = np.array([axis.damping for axis in axes])
+    q = q_dot = np.zeros(6)
+    v = x = np.zeros(6)
+    for force in rng.normal(size=(300, 6)):
+        wanted = (
+            force - 2 * ratio * np.sqrt(mass * stiffness) * (jacobian @ q_dot) - stiffness * (jacobian @ q)
+        ) / mass
+        q_dot = q_dot + T * (np.linalg.solve(jacobian, wanted) - joints * q_dot)
+        q = q + T * q_dot
+        v = v + T * (force - damping * v - stiffness * x) / mass
+        x = x + T * v
+        assert jacobian @ q_dot == pytest.approx(v, rel=1e-9, abs=1e-12)
+
+
+def radius(problem, axis, coefficient, hand, *, smoothed=False):
+    """Return the spectral radius of the arm under the stepped admittance, and its filter if it is to be."""
+    K_v, K_p = problem.bounds.velocity.min, problem.bounds.position.min
+    memory = Sampled(real_of(problem.device), OracleHand(*hand), DOUBLES)
+    count = memory.size
+
+    def step(state):
+        body, (v, x, x_e, felt) = state[:count], state[count:]
+        force = float(memory.force(body))
+        felt = felt + coefficient * (force - felt) if smoothed else force
+        after = v + T * (felt - axis.damping * v - axis.stiffness * x) / axis.mass
+        x_e = x_e + T / 2 * (v + after)
+        command = K_v * (after - float(body[1])) + K_p * (x_e - float(memory.position(body)))
+        return np.concatenate([memory.wait(body, command), [after, x + T * after, x_e, felt]])
+
+    matrix = np.array([step(unit) for unit in np.eye(count + 4)]).T
+    values = np.linalg.eigvals(matrix)
+    return max(abs(z) for z in values if abs(z - 1) > 1e-6)
+
+
+def test_what_is_proved_is_stable_as_it_is_stepped(arm):
+    """In random hands of the box, with the filter as it runs in the controller: it is no later than what is proved."""
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.OK and "x: proved" in done.stdout
+    assert "filter_coefficient 0.05 at 1000 Hz is a low-pass of 8.2 Hz" in done.stdout
+    problem, axis = read_problem(arm / "arm.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    rng = np.random.default_rng(1)
+    for share in [*rng.uniform(size=(40, 3)), [0, 0, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1]]:
+        hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
+        assert radius(problem, axis, 0.05, hand, smoothed=True) < 1
+
+
+LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
+"""An axis that is too light for a stiff hand."""
+
+
+def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
+    monkeypatch.setattr(
+        "vctune.design.verdict.gains_check.repairs_of_design", lambda *design: []
+    )  # they are looked for below
+    changed(arm, **LIGHT)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED
+    hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
+    told = tuple(float(number.split()[0]) for number in hand)
+    (arm / "late.toml").write_text(ARM + f"[device.force_sensor]\nbandwidth_hz = {corner_hz(0.9, T)}\n")
+    problem, axis = read_problem(arm / "late.toml").problem, read_admittance(arm / "ros.yaml").axes[0]
+    assert radius(problem, axis, 0.9, told) > 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis, words", [(LIGHT, "damping_ratio"), ({"stiffness": six(0.0)}, "joint_damping")])
+def test_what_would_help_does(arm, axis, words):
+    """In the parameter that has an effect: without stiffness damping_ratio has none."""
+    changed(arm, **axis)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert "coupling.drag" in done.stdout
+    better = float(done.stdout.split(f"in the file's words: {words} ")[1].split()[0])
+    changed(arm, **axis, damping_ratio=six(better) if words == "damping_ratio" else damped(2.5, better))
+    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
+
+
+@pytest.mark.parametrize(
+    "ratio, joint_damping, code, said",
+    [
+        (1.0, 0.0, "[ros-no-damping]", "stiffness 0 and joint_damping 0 mean no damping at all"),
+        (1.0, 5.0, "[ros-unused-ratio]", "joint_damping 5 alone damps, by 25 N s/m"),
+        (0.0, 5.0, None, ""),
+    ],
+)
+def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code, said):
+    (arm / "arm.toml").write_text(ARM + "[operator]\ndamping = { min = 40.0, max = 60.0 }\n")
+    changed(arm, stiffness=six(0.0), filter_coefficient="0.9", damping_ratio=damped(ratio, joint_damping))
+    done = vctune("check", "arm.toml", "ros.yaml", "--format", "json", cwd=arm)
+    (found,) = strict(done.stdout)
+    warned = [warning for warning in found["warnings"] if "[ros-" in warning]
+    assert found["coupling"]["drag"] == joint_damping * 5.0
+    assert len(warned) == (code is not None) and all(code in each and said in each for each in warned)
+
+
+def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
+    """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
+    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
+    ratios = []
+    for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
+        changed(arm, damping_ratio=text)
+        (found,) = strict(vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm).stdout)
+        ratios.append((found["status"], found["certificate"]["hands"]["min_ratio"]))
+    assert ratios[1] == ratios[2] and ratios[1][0] == "certified" and ratios[1][1] > 1.05
+    assert ratios[0][0] == "violated" and ratios[0][1] < 1
+
+
+@pytest.fixture
+def proofs(monkeypatch):
+    """Return the problems that are proved."""
+    from vctune.design.verdict import admittance_check
+
+    seen, prove = [], admittance_check.check_problem
+    monkeypatch.setattr(admittance_check, "check_problem", lambda file: seen.append(file) or prove(file))
+    return seen
+
+
+def test_identical_axes_are_proved_once_and_reported_each(arm, proofs):
+    changed(arm, selected_axes="[true, true, true, false, false, false]", mass="[5.0, 6.0, 5.0, 1.0, 1.0, 1.0]")
+    done = vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm)
+    x, y, z = strict(done.stdout)
+    assert done.returncode == ExitCode.OK and len(proofs) == 2
+    assert [each["problem"]["name"] for each in (x, y, z)] == ["arm x", "arm y", "arm z"]
+    assert x | {"problem": 0} == z | {"problem": 0} and x["coupling"] != y["coupling"]
+    text = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    assert [f"ros.yaml: {axis}: proved" in text for axis in "xyz"] == [True] * 3
+
+
+def test_axes_are_selected_and_those_of_the_other_motion_are_not_looked_at(arm, proofs):
+    changed(arm, selected_axes="[true, true, false, true, false, false]")
+    whole = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert whole.returncode == ExitCode.UNDECIDED and len(proofs) == 1
+    (line,) = (line for line in whole.stdout.splitlines() if "not looked at" in line)
+    assert line.startswith("undecided  ros.yaml: rx: not looked at: a rotation, and arm.toml has a linear device")
+    assert line.endswith("by --axis x --axis y [ros-rotation]") and "2 passed, 1 undecided" in whole.stdout
+    for style, word in (("json", '"reason"'), ("github", "::warning"), ("junit", "<failure"), ("sarif", "undecided")):
+        done = vctune("check", "arm.toml", "ros.yaml", "--format", style, cwd=arm)
+        assert done.returncode == ExitCode.UNDECIDED and word in done.stdout and "not looked at" in done.stdout
+    chosen = vctune("check", "arm.toml", "ros.yaml", "--axis", "y", cwd=arm)
+    assert chosen.returncode == ExitCode.OK
+    assert "ros.yaml: y: proved" in chosen.stdout and "x:" not in chosen.stdout and "rx" not in chosen.stdout
+
+
+@pytest.mark.parametrize(
+    "selected, axis, complaint",
+    [
+        ("[true, false, false, true, false, false]", "rx", "[ros-rotation]"),
+        ("[false, false, false, true, true, false]", None, "rx, ry cannot be looked at: rotations, and arm.toml has a"),
+        ("[true, false, false, true, false, false]", "z", "selects x, rx, and --axis asks for z"),
+    ],
+)
+def test_axes_that_the_problem_or_the_file_does_not_have_are_refused(arm, proofs, selected, axis, complaint):
+    changed(arm, selected_axes=selected)
+    done = vctune("check", "arm.toml", "ros.yaml", *(("--axis", axis) if axis else ()), cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stderr and not done.stdout and not proofs
+    assert done.stderr.startswith("ros.yaml:9: ")
+
+
+def test_axes_without_a_file_that_has_any_are_bad_usage(arm):
+    done = vctune("check", "arm.toml", "--axis", "x", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and "[usage]" in done.stderr
+
+
+def test_an_impedance_display_is_no_admittance_controller(arm):
+    (arm / "arm.toml").write_text(ARM.replace("[device]", '[device]\ndisplay = "impedance"').replace("position", "#"))
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and "[other-kind]" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "values, complaint",
+    [
+        ({"mass": six(0.1), "damping_ratio": six(50.0)}, "needs a mass of more than 0.505 kg, not 0.1"),
+        ({"stiffness": six(1e5), "damping_ratio": six(0.01)}, "takes S T/2"),
+        ({"stiffness": six(0.0), "damping_ratio": damped(1.0, 1e4)}, "joint_damping must be below 1/T = 1000"),
+    ],
+)
+def test_an_explicit_step_that_is_not_passive_fails(arm, values, complaint):
+    """The limits are those of M - D T > 0, D with the mass in it, and of D >= S T/2."""
+    changed(arm, **values)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED and complaint in done.stdout
+
+
+@pytest.mark.parametrize(
+    "values, complaint",
+    [
+        (
+            {"mass": "[1.0, 2.0]"},
+            "ros.yaml:10: /**.admittance_controller.ros__parameters.admittance.mass: must be a list",
+        ),
+        ({"mass": six(0.0)}, "of x is 0.0: must be a number of at least 0.0001 and at most 1e+06"),
+        ({"stiffness": six(2e8)}, "of x is 200000000.0: must be a number of at least 0 and at most 1e+08"),
+        ({"stiffness": "[.nan, 1, 1, 1, 1, 1]"}, "of x is nan"),
+        ({"damping_ratio": "[-1, 1, 1, 1, 1, 1]"}, "of x is -1"),
+        ({"selected_axes": "[1, 0, 0, 0, 0, 0]"}, "must be true or false"),
+        ({"selected_axes": six("false").replace("'", "")}, "selects no axis"),
+        ({"filter_coefficient": "2.0"}, "from 0 to 1"),
+        ({"filter_coefficient": "0"}, "no force ever comes through"),
+        ({"joints": "[unclosed"}, "not valid YAML"),
+        ({"ft_sensor": "3"}, "YAML"),
+    ],
+)
+def test_a_mistake_in_the_file_is_said_with_its_line(arm, values, complaint):
+    changed(arm, **values)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT
+    assert complaint in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "text, complaint",
+    [("", "states 0 controllers"), ("[1, 2]", "states 0"), ("a: !!python/object:os.system {}", "YAML")],
+)
+def test_what_is_no_parameter_file_is_refused(arm, text, complaint):
+    (arm / "ros.yaml").write_text(text)
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.BAD_INPUT and complaint in done.stderr
+
+
+def test_the_device_must_have_a_loop_and_one_filter(arm):
+    (arm / "free.toml").write_text(ARM[: ARM.index("[gains]")])
+    assert "are not fixed" in vctune("check", "free.toml", "ros.yaml", cwd=arm).stderr
+    (arm / "own.toml").write_text(ARM + "[device.force_sensor]\nbandwidth_hz = 100.0\n")
+    assert "leave one of them out" in vctune("check", "own.toml", "ros.yaml", cwd=arm).stderr
+    refused = vctune("check", "arm.toml", "own.toml", "ros.yaml", cwd=arm)
+    assert refused.returncode == ExitCode.BAD_INPUT and "exactly one problem" in refused.stderr
+
+
+def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    refused = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert refused.returncode == ExitCode.BAD_INPUT and "pip install pyyaml" in refused.stderr
+
+
+@pytest.mark.slow
+def test_verdicts_hold_on_random_arms(arm, monkeypatch):
+    """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
+    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
+    outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
+    assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
+
+
+def random_arm(rng, arm):
+    """Check a random arm, and hold the verdict against the loop as it is stepped; return which it is."""
+    mass, gain = 10 ** rng.uniform(0, 1.3), 10 ** rng.uniform(-1.5, -0.6)
+    loop = [gain * mass / T, gain * mass / T * 10 ** rng.uniform(0, 1)]
+    numbers = [mass, rng.uniform(1, 30), rng.uniform(0, 1.5e-3), *loop]
+    table = "[device]\nmass = {}\ndamping = {}\nsample_time = 1e-3\ndelay = {}\n[gains]\nvelocity = {}\nposition = {}\n"
+    text, coefficient = table.format(*numbers), float(rng.uniform(0.05, 0.95))
+    (arm / "arm.toml").write_text(text)
+    (arm / "late.toml").write_text(f"{text}[device.force_sensor]\nbandwidth_hz = {corner_hz(coefficient, T)}\n")
+    changed(
+        arm,
+        filter_coefficient=coefficient,
+        mass=six(float(10 ** rng.uniform(0, 1.2))),
+        damping_ratio=six(float(10 ** rng.uniform(-1.2, 0.6))),
+        stiffness=six(float(10 ** rng.uniform(1, 3))),
+    )
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    bare, late = (read_problem(arm / name).problem for name in ("arm.toml", "late.toml"))
+    axis = read_admittance(arm / "ros.yaml").axes[0]
+    if done.returncode == ExitCode.OK:
+        for share in rng.uniform(size=(20, 3)):
+            hand = tuple(share * np.array([0.5, 30.0, 3000.0]))
+            assert radius(late, axis, coefficient, hand) < 1
+            assert radius(bare, axis, coefficient, hand, smoothed=True) < 1
+        return "proved"
+    if " it grows at " in done.stdout:
+        hand = done.stdout.split("Hz in the hand of ")[-1].split("\n")[0].split(", ")
+        assert radius(late, axis, coefficient, tuple(float(number.split()[0]) for number in hand)) > 1
+        return "grows"
+    return "open"
+
+
+def test_a_rotary_device_is_told_in_its_units(arm):
+    """An explicit step that is not passive, about an axis: named in kg m2, and the axis is no surprise."""
+    hands = "mass = { min = 0, max = 0.1 }\ndamping = { min = 0, max = 1.0 }\nstiffness = { min = 0, max = 100.0 }\n"
+    turning = ARM.replace("[device]\n", '[device]\nunits = "rotary"\n') + f"[operator]\n{hands}"
+    (arm / "arm.toml").write_text(turning)
+    changed(arm, selected_axes="[false, false, false, false, false, true]", mass=six(0.001), damping_ratio=six(20.0))
+    done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    assert done.returncode == ExitCode.FAILED, done.stderr
+    assert re.search(
+        r"a damping of [\d.]+ N m s/rad needs an inertia of more than [\d.]+ kg m2, not 0.001", done.stdout
+    )
+    assert "[ros-rotation]" not in done.stdout

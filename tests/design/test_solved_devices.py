@@ -1,0 +1,118 @@
+"""Random devices with random parts over ten decades, solved, and judged by oracles that share no code."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import mostly_slow
+from device_arithmetic import DOUBLES
+from device_oracle import Coupling as CouplingNumbers
+from device_oracle import Gains as LawNumbers
+from device_oracle import LowPass, Real, Velocity, coupling_impedance, laplace, response
+from device_oracle import Structure as Spring
+from firmware import spectral_radius
+from sampled_device_oracle import sensitivity
+
+from vctune.design.solve import solve
+from vctune.design.verdict.judge import Status
+from vctune.document.reading import pose
+
+FACTOR, LIMIT = 1.05, 2.0
+FEW, MANY = 6, 60
+MOST_UNDECIDED = 0.05
+"""Of random devices; of the first 80 one is neither solved nor proved infeasible."""
+UNITS = 2.0**7, 2.0**-5
+"""Of impedance and of time."""
+
+
+def document(seed):
+    """A device over ten decades; each of its parts is there as often as not. Bands and bounds by default, some drag."""
+    rng = np.random.default_rng(seed)
+    T, mass = 10 ** rng.uniform(-5, -2), 10 ** rng.uniform(-5, 5)
+    delay = T * rng.uniform(0, 3) if rng.random() < 0.4 else 0.0
+    damping = mass / (T / 2 + delay) * 10 ** rng.uniform(-8, 0) if rng.random() < 0.9 else 0.0
+    device = {"mass": mass, "damping": damping, "sample_time": T, "delay": delay}
+    if rng.random() < 0.5:
+        device["velocity"] = {
+            "from": str(rng.choice(["difference", "measured"])),
+            "filter_hz": 10 ** rng.uniform(-2, -0.35) / T,
+            "filter_order": int(rng.integers(1, 3)),
+        }
+    if rng.random() < 0.5:
+        device["actuator"] = {"bandwidth_hz": 10 ** rng.uniform(-1.5, 2) / T, "order": int(rng.integers(1, 3))}
+    if rng.random() < 0.5:
+        device["force_sensor"] = {"bandwidth_hz": 10 ** rng.uniform(-2, 2) / T, "order": int(rng.integers(1, 3))}
+        device["force_sensor"]["delay"] = T * rng.uniform(0, 5) if rng.random() < 0.5 else 0.0
+    if rng.random() < 0.4:
+        ratio = 10 ** rng.uniform(-3, 0) if rng.random() < 0.8 else 0.0
+        rate = 10 ** rng.uniform(-1.5, 1) / T
+        device["structure"] = {
+            "handle_mass": mass * rng.uniform(0.01, 0.9),
+            "frequency_hz": rate,
+            "damping_ratio": ratio,
+        }
+    operator = {"operator": {"damping": damping * rng.uniform(0.1, 3)}} if damping > 0 and rng.random() < 0.3 else {}
+    tables = {"coupling": {"drag": {"min": 0.0, "max": mass / T}}, "stability": {"criterion": "passive"}}
+    return {"device": device, **operator, **tables}
+
+
+def posed(tables):
+    problem, faults = pose(tables, "random")
+    assert problem is not None and not faults, faults
+    return problem
+
+
+def real(tables):
+    """The same device as the oracle has it."""
+    device = tables["device"]
+    velocity, sensor = device.get("velocity", {}), device.get("force_sensor", {})
+    structure = device.get("structure")
+    return Real(
+        device["mass"],
+        device["damping"],
+        device["sample_time"],
+        delay=device["delay"],
+        velocity=Velocity(velocity.get("from", "measured"), velocity.get("filter_hz"), velocity.get("filter_order", 1)),
+        actuator=LowPass(**device.get("actuator", {})),
+        force_sensor=LowPass(sensor.get("bandwidth_hz"), sensor.get("order", 1), sensor.get("delay", 0.0)),
+        structure=Spring(**structure) if structure else None,
+        operator_damping=tables.get("operator", {}).get("damping", 0.0),
+    )
+
+
+def settled(seed):
+    """Whether a random device is solved, or proved to have no design; a design is held against the oracles."""
+    tables = document(seed)
+    problem = posed(tables)
+    solved = solve(problem)
+    if solved.status is not Status.CERTIFIED:
+        return solved.status is Status.INFEASIBLE
+    device, judgement = real(tables), solved.judgement
+    gains = LawNumbers(judgement.gains.velocity, judgement.gains.position)
+    coupling = CouplingNumbers(judgement.coupling.damping, judgement.coupling.mass, judgement.coupling.drag)
+    for hz in np.geomspace(*problem.stability.band.hz, 40):
+        needed = response(device, gains, float(hz)).required
+        assert coupling_impedance(coupling, laplace(float(hz))).real >= FACTOR * (1 - 1e-9) * needed, seed
+    for share in np.linspace(0.002, 1 - 1e-9, 80):
+        assert abs(complex(sensitivity(device, gains, 0.5 * share / device.sample_time, DOUBLES))) <= LIMIT + 1e-6, seed
+    assert spectral_radius(device, gains, num=DOUBLES) < 1, seed
+    return True
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(FEW), range(3)))
+def test_designs_hold(seed):
+    assert settled(seed)
+
+
+@pytest.mark.slow
+def test_designs_of_many_hold():
+    assert sum(not settled(seed) for seed in range(MANY)) <= MOST_UNDECIDED * MANY
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(FEW), range(3)))
+def test_units_do_not_matter(seed):
+    problem = posed(document(seed))
+    here, there = solve(problem), solve(problem.in_units(*UNITS))
+    assert here.status is there.status
+    assert there.judgement.error == pytest.approx(here.judgement.error, rel=1e-6)
+    assert there.judgement.certificate.boxes == pytest.approx(here.judgement.certificate.boxes, rel=0.2)

@@ -1,0 +1,477 @@
+"""Uncertain devices: what is proved holds for every device of the box, and costs nothing where nothing is uncertain."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from dataclasses import astuple, replace
+from fractions import Fraction
+from functools import cache
+from math import inf
+
+import mpmath as mp
+import numpy as np
+import pytest
+from command import run
+from conftest import ROOT, for_passive_hands, mostly_slow
+from dense import conditions_surplus, meet_demands, surpluses
+from hypothesis import given
+from hypothesis import strategies as st
+from random_problems import corners, on_devices, random_devices, random_texts
+from sizes import nlp_size
+
+from vctune.bench.evaluator import error, spectral_radius, stability_ratio
+from vctune.design.bound.search import bound
+from vctune.design.nlp.nlp import assembled
+from vctune.design.nlp.nlp_structure import nlp_structure
+from vctune.design.prepared import pose, prepare
+from vctune.design.search.scan import scan
+from vctune.design.search.working_set import WorkingSet, constraint_points
+from vctune.design.solve import solve
+from vctune.design.variables import coordinates
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.reading import parse_problem
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Uncertainty
+from vctune.proof.certificate import Claim, certify
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.device_box import device_box
+from vctune.proof.enclosures.array_intervals import Enclosure
+from vctune.proof.enclosures.jets import ENCLOSURES, variables
+from vctune.proof.engine.box_tests import positive
+from vctune.proof.engine.boxes import band_of, over_band
+from vctune.proof.engine.branching import prove as prove_boxes
+from vctune.proof.engine.interval import Verdict
+
+WIDE = "[uncertainty]\nmass = 0.1\ndamping = 0.5\ndelay = 0.2\n"
+WORST = WIDE + 'objective = "worst"\n'
+HELD = "[operator]\nmass = 0.2\ndamping = 1.0\n"
+CASES = {
+    "zoh": ("friction-wheel", WIDE),
+    "lag": ("friction-wheel-paper", WIDE),
+    "delay": ("cobot-wrist", WIDE),
+    "delay-worst": ("cobot-wrist", WORST),
+    "defaults": ("desktop", WIDE),
+    "operator": ("friction-wheel", WIDE + HELD),
+}
+SOME = mostly_slow(CASES, ["zoh", "delay-worst"])
+FEW, MANY = 400, 100_000
+EXACT = 1e-9
+"""Rounding of the oracle."""
+
+
+@cache
+def problem(name, tables=""):
+    text = (ROOT / "problems" / f"{name}.toml").read_text().split("[[experiment]]")[0]
+    return parse_problem(for_passive_hands(text + tables), name, name)
+
+
+@cache
+def solved(name, tables=""):
+    return solve(problem(name, tables))
+
+
+def numbers(judgement):
+    return np.array(astuple(judgement.gains) + astuple(judgement.coupling))
+
+
+def failing(given, design, devices):
+    """Return which devices fail a demand."""
+    return ~(surpluses(given, on_devices(given, design, devices)) >= -EXACT).all(axis=0)
+
+
+def errors(given, design, devices):
+    return error(given, on_devices(given, design, devices), 2001)
+
+
+decimals = st.floats(1e-6, 1e6).map(lambda x: float(f"{x:.6g}"))
+shares = st.floats(0, 0.999).map(lambda x: float(f"{x:.4g}"))
+
+
+@given(decimals, decimals, decimals, shares, shares, shares)
+def test_a_box_has_its_edges_inside_to_the_last_digit(m, b, d, of_m, of_b, of_d):
+    box = device_box(
+        Device(m, b, 1e-3, d, "zoh"), Uncertainty((("mass", of_m), ("damping", of_b), ("delay", of_d)), "nominal")
+    )
+    for name, value, share in (("mass", m, of_m), ("damping", b, of_b), ("delay", d, of_d)):
+        low, high = (Fraction(repr(value)) * (1 + sign * Fraction(repr(share))) for sign in (-1, 1))
+        edges = Fraction(repr(getattr(box.low, name))), Fraction(repr(getattr(box.high, name)))
+        assert low <= edges[0] <= edges[1] <= high
+        assert edges[0] - low <= 4 * Fraction(2) ** -53 * low and high - edges[1] <= 4 * Fraction(2) ** -53 * high
+    assert len(box.corners()) == 2 ** len(box.uncertain)
+
+
+def test_decimals_give_decimals():
+    box = device_box(
+        Device(0.4, 2.0, 1e-3, 4e-3, "zoh"), Uncertainty((("mass", 0.1), ("damping", 0.5), ("delay", 0.2)), "nominal")
+    )
+    assert (box.low.mass, box.high.mass, box.low.damping, box.high.damping) == (0.36, 0.44, 1.0, 3.0)
+    assert (box.low.delay, box.high.delay) == (0.0032, 0.0048)
+
+
+def test_what_cannot_move_is_no_uncertainty():
+    for table in (
+        "",
+        "[uncertainty]\n",
+        "[uncertainty]\nmass = 0.0\n",
+        '[uncertainty]\ndelay = 0.9\nobjective = "worst"\n',
+    ):
+        assert problem("friction-wheel", table).uncertainty is None
+    assert problem("cobot-wrist", "[uncertainty]\ndelay = 0.1\n").uncertainty is not None
+
+
+def test_without_uncertainty_nothing_grows():
+    """The NLP has the closed-form number of parameters, the proof its boxes, the scan one device."""
+    certain = problem("friction-wheel")
+    posed = prepare(certain).scaled
+    scaled = posed.problem
+    free, first = coordinates(scaled, integrator=True), constraint_points(scaled.device, [0.01, 0.1, 1.0])
+    known = WorkingSet(ratio=first, sensitivity=first, tracked_peaks=first[:1])
+    structure = nlp_structure(posed, free, known, 4, integrator=True)
+    size = nlp_size(structure)
+    parameters = assembled(structure)["p"].numel()
+    assert (
+        parameters
+        == 15 + 4 * 32 + 3 * structure.capacities[0] + 4 * structure.capacities[1] + 3 * structure.capacities[2] + 8
+    )
+    assert size.variables == 4 + 1 and size.constraints == sum(structure.capacities) + 2
+    uncertain = nlp_structure(prepare(problem("friction-wheel", WIDE)).scaled, free, known, 4, integrator=True)
+    more = nlp_size(uncertain)
+    assert more.variables == size.variables and more.constraints == size.constraints
+    assert assembled(uncertain)["p"].numel() == parameters + 2 * (32 + structure.capacities[0])
+    design = numbers(solved("friction-wheel").judgement)
+    alone = judge(problem("friction-wheel", "[uncertainty]\ndelay = 0.5\n"), Gains(*design[:2]), Coupling(*design[2:]))
+    assert alone.certificate.boxes == solved("friction-wheel").judgement.certificate.boxes
+    assert pose(certain).cases == (certain,)
+
+
+@given(st.floats(0, 30), st.floats(0.01, 0.99))
+def test_derivatives_of_the_phi_functions_are_enclosed(x, share):
+    rad = share * x
+    box = Enclosure(np.array([x]), np.array([rad]))
+    for name, f in (
+        ("phi_1", lambda t: (1 - mp.exp(-t)) / t if t else mp.mpf(1)),
+        ("phi_2", lambda t: (t - 1 + mp.exp(-t)) / t**2 if t else mp.mpf(1) / 2),
+    ):
+        (jet,) = variables([box], [True])
+        slope = getattr(ENCLOSURES, name)(jet).slopes[0]
+        with mp.workdps(50):
+            for at in (x - rad, x, x + rad):
+                exact = float(mp.diff(f, mp.mpf(at) + mp.mpf("1e-9")))
+                assert abs(exact - slope.mid[0]) <= slope.rad[0] + 1e-8
+
+
+@given(st.floats(-1, 1), st.floats(0.5, 3), st.floats(-1, 1), st.sampled_from([1e-5, 1e-2, -1e-5, -1e-2]))
+def test_boxes_find_a_least_value_at_a_vertex_or_inside(tilt, centre, slope, spare):
+    """tilt (w - 2) + slope m + (m - centre)^2 on 1 <= w <= 4, 1 <= m <= 2, its least value shifted to `spare`."""
+    inside = min(max(centre - slope / 2, 1.0), 2.0)
+    least = min(tilt * (w - 2) for w in (1.0, 4.0)) + slope * inside + (inside - centre) ** 2
+
+    def margin(omega, values):
+        m = values["device.mass"]
+        return tilt * (omega - 2.0) + slope * m + (m - centre) * (m - centre) + (spare - least)
+
+    boxes = over_band(["device.mass"], np.array([[1.0]]), np.array([[2.0]]), band_of(1.0, 4.0, 1.4))
+    found = prove_boxes(positive(margin, {}), boxes, 1, halved=[True, True], max_halvings=80, max_boxes=100_000)
+    assert found.proved[0] == (spare > 0)
+    if spare < 0:
+        omega, mass = found.failing[:, 0]
+        assert float(margin(Enclosure(omega), {"device.mass": Enclosure(mass)}).mid) < 0
+
+
+@pytest.mark.parametrize("case", SOME)
+def test_a_robust_design_holds_on_every_device_and_a_nominal_one_does_not(case):
+    """Random devices of the box and its vertices, judged by plain complex arithmetic."""
+    given, found = problem(*CASES[case]), solved(*CASES[case])
+    assert found.status is Status.CERTIFIED
+    assert found.judgement.certificate.proved_ratio == given.stability.safety_factor
+    devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(7))))
+    assert not failing(given, numbers(found.judgement), devices).any()
+    nominal = solve(replace(given, uncertainty=None)).judgement
+    assert failing(given, numbers(nominal), devices).mean() > 0.5
+    assert found.nominal_error == pytest.approx(nominal.error, rel=1e-6)  # not rounded to decimals
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
+def test_a_hundred_thousand_devices(case, capsys):
+    given = problem(*CASES[case])
+    devices = random_devices(given, MANY, np.random.default_rng(11))
+    robust = failing(given, numbers(solved(*CASES[case]).judgement), devices)
+    nominal = failing(given, numbers(solve(replace(given, uncertainty=None)).judgement), devices[:, : MANY // 10])
+    with capsys.disabled():
+        sys.stdout.write(
+            f"\n{case}: the robust design fails on {robust.sum()} of {robust.size} devices, the nominal one on "
+            f"{nominal.mean():.1%} of {nominal.size}\n"
+        )
+    assert not robust.any()
+    assert nominal.any()
+
+
+@pytest.mark.parametrize("case", SOME)
+def test_robustness_has_its_price(case):
+    given, found = problem(*CASES[case]), solved(*CASES[case])
+    design = numbers(found.judgement)
+    on_corners = errors(given, design, corners(given))
+    if given.uncertainty.objective == "nominal":
+        assert found.judgement.transparency.error > found.nominal_error * (1 - 1e-9)
+        assert found.judgement.error == found.judgement.transparency.error
+    else:
+        assert found.judgement.error == pytest.approx(on_corners.max(), rel=1e-5)
+
+
+def test_the_worst_error_is_least_where_that_is_the_objective():
+    given = problem("cobot-wrist", WORST)
+    worst, nominal = (solved("cobot-wrist", tables).judgement for tables in (WORST, WIDE))
+    assert (
+        errors(given, numbers(worst), corners(given)).max()
+        < 0.9 * errors(given, numbers(nominal), corners(given)).max()
+    )
+    assert worst.transparency.error >= nominal.transparency.error * (1 - 1e-6)
+
+
+@pytest.mark.parametrize("name", ["friction-wheel", "cobot-wrist", "friction-wheel-paper"])
+def test_a_refuted_design_has_a_device_that_refutes_it_alone(name):
+    given, certain = problem(name, WIDE), solved(name).judgement
+    certificate = judge(given, certain.gains, certain.coupling).certificate
+    assert certificate.verdict is Verdict.REFUTED
+    box = pose(given).box
+    for claim, outcome in certificate.outcomes.items():
+        if outcome.verdict is Verdict.PROVED:
+            continue
+        device = outcome.device
+        for part in ("mass", "damping", "delay"):
+            assert getattr(box.low, part) <= getattr(device, part) <= getattr(box.high, part)
+        design, demands = Design(device, certain.gains, certain.coupling), pose(given).demands
+        alone = certify(design, demands)
+        assert alone.outcomes[claim].verdict is Verdict.REFUTED
+
+
+@pytest.mark.parametrize("case", SOME)
+def test_the_proof_is_sharp(case):
+    """A coupling lighter by 1e-5 loses the safety factor on some device, one that much heavier keeps it."""
+    given, found = problem(*CASES[case]), solved(*CASES[case]).judgement
+    gains, coupling = found.gains, found.coupling
+    for change, status, ratio in (
+        (-1e-5, Status.VIOLATED, 1.0),
+        (1e-5, Status.CERTIFIED, given.stability.safety_factor),
+    ):
+        scale = 1 + change
+        moved = judge(given, gains, Coupling(coupling.damping * scale, coupling.mass * scale, coupling.drag * scale))
+        assert (moved.status, moved.certificate.proved_ratio) == (status, ratio)
+
+
+@pytest.mark.parametrize("case", SOME)
+def test_a_search_for_the_worst_device_finds_none(case):
+    """Devices that move towards less ratio and more |S|, step by step, from anywhere in the box."""
+    given, design = problem(*CASES[case]), numbers(solved(*CASES[case]).judgement)
+    rng = np.random.default_rng(3)
+    low, high = corners(given).min(axis=1)[:, None], corners(given).max(axis=1)[:, None]
+    omega = np.geomspace(given.stability.band.min, given.stability.band.max, 300)
+
+    def least_ratio(devices):
+        return stability_ratio(on_devices(given, design, devices), omega).min(axis=1)
+
+    devices = random_devices(given, 64, rng)
+    ratio, width = least_ratio(devices), high - low
+    for step in np.geomspace(1.0, 1e-6, 120):
+        tried = np.clip(devices + step * width * rng.normal(size=devices.shape), low, high)
+        there = least_ratio(tried)
+        better = there < ratio
+        devices[:, better], ratio = tried[:, better], np.where(better, there, ratio)
+    assert given.stability.safety_factor <= ratio.min() < given.stability.safety_factor * 1.001
+
+
+def test_operator_uncertainty_and_drag_combine():
+    """From 0 Hz on, with a delay, in the hand of an operator, with a drag to choose."""
+    text = (ROOT / "problems" / "friction-wheel.toml").read_text().split("[[experiment]]")[0]
+    text = text.replace("sample_time = 1e-3", "sample_time = 1e-3\ndelay = 2e-4").replace(
+        "[0.5, 100.0]", "[0.0, 300.0]"
+    )
+    text = text.replace("[coupling]", "[coupling]\ndrag = { min = 0.0, max = 10.0 }")
+    given = parse_problem(for_passive_hands(text + WIDE + HELD), "x", "x")
+    found = solve(given)
+    assert found.status is Status.CERTIFIED and found.judgement.coupling.drag > 0
+    seen = replace(given, stability=replace(given.stability, band=replace(given.stability.band, min=1e-5)))
+    devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(5))))
+    assert not failing(seen, numbers(found.judgement), devices).any()
+
+
+def test_a_box_that_shrinks_to_a_point_is_that_point():
+    for name in ("friction-wheel", "cobot-wrist"):
+        tiny = solved(name, "[uncertainty]\nmass = 1e-9\ndamping = 1e-9\ndelay = 1e-9\n")
+        assert tiny.status is Status.CERTIFIED
+        assert tiny.judgement.error == pytest.approx(solved(name).judgement.error, rel=1e-5)
+
+
+def test_wider_boxes_cost_more():
+    found = [
+        solved("desktop", f"[uncertainty]\nmass = {u}\ndamping = {3 * u}\n").judgement.error for u in (0.01, 0.1, 0.3)
+    ]
+    assert found == sorted(found) and found[0] < found[-1]
+
+
+def test_units_do_not_matter():
+    given = problem("friction-wheel", WIDE)
+    other = given.in_units(7.0, 1e-3)
+    assert other.uncertainty == given.uncertainty
+    one, two = solved("friction-wheel", WIDE), solve(other)
+    assert two.judgement.error == pytest.approx(one.judgement.error, rel=1e-6)
+    assert two.judgement.gains.velocity * 7.0 == pytest.approx(one.judgement.gains.velocity, rel=1e-4)
+
+
+def test_a_delay_may_cross_whole_samples():
+    """K_v is stable up to a delay between 2 and 3 samples: the box is proved below and refuted above."""
+    base = (
+        "[device]\nmass = 1.0\ndamping = 1.0\nsample_time = 1e-3\ndelay = 1.6e-3\n[stability]\nmax_sensitivity = 30.0\n"
+    )
+    law = Gains(550.0, 0.0)
+    for width, stable in ((0.1, True), (0.3, True), (0.8, False)):
+        given = parse_problem(for_passive_hands(base + f"[uncertainty]\ndelay = {width}\nmass = 0.05\n"), "x", "x")
+        outcome = judge(given, law, Coupling(1e4, 1e3, 0.0)).certificate.outcomes[Claim.SAMPLED_POLES]
+        design = np.array([550.0, 0.0, 1e4, 1e3, 0.0])
+        radii = spectral_radius(on_devices(given, design, corners(given)))
+        assert bool(radii.max() < 1) is stable
+        assert outcome.verdict is (Verdict.PROVED if stable else Verdict.REFUTED)
+        if not stable:
+            alone = np.array([[outcome.device.mass], [outcome.device.damping], [outcome.device.delay]])
+            assert spectral_radius(on_devices(given, design, alone))[0] >= 1
+
+
+def test_loops_in_the_hand_are_proved_on_every_device():
+    """A K_p that a light operator's mass destabilises, with a hand that adds little damping, on the lightest device."""
+    device = "[device]\nmass = 0.4\ndamping = 0.0001\nsample_time = 1e-3\n"
+    given = parse_problem(device + "[operator]\nmass = 40.0\n[uncertainty]\nmass = 0.2\n", "x", "x")
+    design = np.array([5.0, 20000.0, 1e3, 1e2, 0.0])
+    in_hand = on_devices(given, design, corners(given)).loops[1]
+    outcome = judge(given, Gains(*design[:2]), Coupling(*design[2:])).certificate.outcomes[Claim.SAMPLED_POLES]
+    unstable = spectral_radius(in_hand).max() >= 1
+    assert (outcome.verdict is Verdict.REFUTED) is bool(unstable)
+
+
+@cache
+def bound_of_a_certain_device():
+    best = solved("desktop").judgement
+    return bound(pose(problem("desktop")), best, lambda gains, limit: None, gap=0.02, most_boxes=2e5).bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tables", [WORST, WIDE + HELD], ids=["worst", "operator"])
+def test_no_admissible_design_is_below_the_bound(tables):
+    given, best = problem("desktop", tables), solved("desktop", tables).judgement
+    found = bound(pose(given), best, lambda gains, limit: None, gap=0.05, most_boxes=200_000)
+    assert found.proved and found.improved is None
+    assert best.error / 1.05 <= found.bound * (1 + 1e-9) and found.bound <= best.error
+    assert found.bound > bound_of_a_certain_device()
+
+
+def test_what_no_design_survives_is_proved_infeasible():
+    """Of the wheel with a fixed K_v that only heavy devices stand."""
+    given = replace(problem("friction-wheel", "[uncertainty]\nmass = 0.8\n"))
+    bounds = given.bounds
+    stiff = replace(given, bounds=replace(bounds, velocity=type(bounds.velocity)(300.0, 300.0)))
+    found = solve(stiff)
+    assert found.status is Status.INFEASIBLE and found.infeasibility.proved
+    assert solve(replace(stiff, uncertainty=None)).status is Status.CERTIFIED
+
+
+def test_scan_starts_are_admissible_for_every_device():
+    given = prepare(problem("friction-wheel", WIDE)).scaled
+    start = scan(given).starts[0]
+    assert start.admissible
+    for case in given.cases:
+        assert judge(case, start.gains, start.coupling).peak_sensitivity < case.stability.max_sensitivity * 1.01
+
+
+@pytest.fixture
+def files(tmp_path):
+    text = (ROOT / "problems" / "friction-wheel.toml").read_text().split("[[experiment]]")[0]
+    (tmp_path / "wheel.toml").write_text(text.replace('"friction-wheel"', '"wheel"') + WIDE)
+    return tmp_path
+
+
+def test_solve_check_and_report_tell_of_it(files):
+    done = run("solve", "wheel.toml", cwd=files)
+    assert done.returncode == 0, done.stderr
+    folder = files / "results" / "wheel"
+    record = json.loads((folder / "design.json").read_text())
+    known = record["uncertainty"]
+    assert known["box"] == {"mass": [0.36, 0.44], "damping": [1.0, 3.0]} and known["objective"] == "nominal"
+    assert known["nominal_error"] < known["robust_error"] < known["worst_error"]
+    assert record["certificate"]["min_ratio"] == pytest.approx(1.05, rel=1e-4)
+    assert "worst error" in done.stdout and "0.36 to 0.44" in done.stdout
+    assert "uncertainty.delay: device.delay is 0 [left-out-certain]" in record["left_out"]
+    assert run("report", folder / "design.json", cwd=files).returncode == 0
+    assert "worst error" in (folder / "report.html").read_text()
+    gains = (folder / "gains.toml").read_text()
+    light = re.sub(r"(\[coupling\].*?mass = )(\S+)", lambda m: f"{m[1]}{0.9 * float(m[2])!r}", gains, flags=re.DOTALL)
+    (files / "poor.toml").write_text(light)
+    assert run("check", "wheel.toml", folder / "gains.toml", cwd=files).returncode == 0
+    poor = run("check", "wheel.toml", "poor.toml", cwd=files)
+    assert poor.returncode == 1 and "with mass " in poor.stdout
+
+
+def test_a_region_is_refused(files):
+    done = run("region", "wheel.toml", cwd=files)
+    assert done.returncode == 2 and "uncertainty: a region is proved for one device" in done.stderr
+
+
+def test_a_study_may_sweep_over_it(files):
+    (files / "study.toml").write_text('problem = "wheel.toml"\n[axes]\n"uncertainty.mass" = [0.0, 0.2, 1.5]\n')
+    done = run("sweep", "study.toml", "--executor", "serial", "--format", "json", cwd=files)
+    rows = [json.loads(line) for line in (files / "results" / "study" / "rows.jsonl").read_text().splitlines()[1:]]
+    by_mass = {row["point"]["uncertainty.mass"]: row for row in rows}
+    assert done.returncode == 0, done.stderr
+    assert by_mass[0.0]["error"] < by_mass[0.2]["error"]
+    assert by_mass[1.5]["status"] not in ("certified", "failed")
+
+
+@pytest.mark.slow
+def test_bands_to_the_ends_of_the_axis():
+    """Hold "lag" on [0, inf] with free drag: every device, and in the hand of an operator."""
+    text = (
+        "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\nhold = 'lag'\n"
+        "[coupling]\ndrag = { min = 0.0, max = 5.0 }\n[stability]\nband_hz = [0.0, inf]\n"
+    )
+    for tables in (WIDE, WIDE + HELD):
+        given = parse_problem(for_passive_hands(text + tables), "x", "x")
+        found = solve(given)
+        assert found.status is Status.CERTIFIED
+        assert found.judgement.certificate.proved_band == (0.0, inf)
+        ends = replace(given.stability.band, min=1e-4, max=1e7)
+        far = replace(given, stability=replace(given.stability, band=ends))
+        devices = np.hstack((corners(given), random_devices(given, FEW, np.random.default_rng(5))))
+        assert conditions_surplus(far, on_devices(far, numbers(found.judgement), devices)).min() >= -1e-6
+
+
+def boxed_texts(seed, rng):
+    """Random problems with random boxes of devices, some of them with an operator; and the boxes' half-widths."""
+    for text in random_texts(seed):
+        device = parse_problem(text, "p", "p").device
+        Z = device.mass / device.loop_lag + device.damping
+        mass, damping = device.mass * 10 ** rng.uniform(-2, 1), Z * 10 ** rng.uniform(-5, -1)
+        hand = f"[operator]\nmass = {mass!r}\ndamping = {damping!r}\n" if rng.random() < 0.4 else ""
+        widths = np.where(rng.random(3) < 0.7, 10 ** rng.uniform(-3, -0.3, 3), 0.0).tolist()
+        box = "[uncertainty]\nmass = {!r}\ndamping = {!r}\ndelay = {!r}\n".format(*widths)
+        yield text + hand + box, widths
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_random_boxes_hold_no_device_that_fails(seed, capsys):
+    """Random problems with random boxes, some with operators; 60 devices of each judged by plain complex numbers."""
+    rng, met = np.random.default_rng(seed), {}
+    for (text, widths), _ in zip(boxed_texts(seed, rng), range(40), strict=False):
+        posed = parse_problem(for_passive_hands(text), "p", "p")
+        found, given = solve(posed), posed.device
+        met[found.status.value] = met.get(found.status.value, 0) + 1
+        for _ in range(60 if found.status is Status.CERTIFIED else 0):
+            by = rng.uniform(-1, 1, 3)
+            mass, damping, delay = 1 + widths * np.where(rng.random(3) < 0.5, np.sign(by), by)
+            there = replace(given, mass=given.mass * mass, damping=given.damping * damping, delay=given.delay * delay)
+            alone, design = replace(posed, device=there, uncertainty=None), numbers(found.judgement)
+            assert meet_demands(alone, design[:, None]).all(), text
+    with capsys.disabled():
+        sys.stdout.write(f"\n{met}\n")

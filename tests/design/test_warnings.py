@@ -1,0 +1,76 @@
+"""What `--strict` fails on has a remedy that works: each warning is gone once its page was followed."""
+
+from __future__ import annotations
+
+import pytest
+from command import run
+from conftest import DEVICE, FIXED
+
+from vctune.document.text.codes import ENDING
+from vctune.exit_codes import ExitCode
+
+PASSIVE = '[stability]\ncriterion = "passive"\n'
+BOUNDED = "[gains]\nvelocity = { min = 1.0, max = 200.0 }\n"
+
+
+def warned(text, folder):
+    """Solve a problem strictly; return the codes of its warnings, having seen that they and the exit code agree."""
+    (folder / "device.toml").write_text(text)
+    done = run("solve", "device.toml", "--strict", cwd=folder)
+    codes = {ENDING.search(line)[1] for line in done.stdout.splitlines() if line.startswith("warning: ")}
+    assert done.returncode == (ExitCode.FAILED if codes else ExitCode.OK), done
+    return codes
+
+
+def test_three_numbers_are_solved_strictly(tmp_path):
+    assert warned(DEVICE, tmp_path) == set()
+
+
+@pytest.mark.parametrize(
+    "remedy",
+    [
+        PASSIVE.replace("passive", "both"),
+        pytest.param(PASSIVE.replace("passive", "hands"), marks=pytest.mark.slow),
+        PASSIVE + "band_hz = [0.0, 500.0]\n",
+    ],
+    ids=["both", "hands", "all frequencies"],
+)
+def test_a_design_at_the_edge_of_its_band_is_warned_of_with_passive_alone(tmp_path, remedy):
+    """Not where the claim in hands, which has no band, is proved too, nor where the band ends at half the rate."""
+    assert warned(DEVICE + PASSIVE, tmp_path) == {"warn-band-edge"}
+    assert "warn-band-edge" not in warned(DEVICE + remedy, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "remedy",
+    [("max = 200.0", "max = 2000.0"), pytest.param(("{ min = 1.0, max = 200.0 }", "200.0"), marks=pytest.mark.slow)],
+    ids=["a wider range", "a number in its place"],
+)
+def test_a_number_on_a_bound_is_warned_of_until_the_bound_is_wider_or_no_range(tmp_path, remedy):
+    assert warned(DEVICE + BOUNDED, tmp_path) == {"warn-bound"}
+    assert warned((DEVICE + BOUNDED).replace(*remedy), tmp_path) == set()
+
+
+def test_gains_that_are_idle_without_need_are_cured_by_solving(tmp_path):
+    weak = "[gains]\nvelocity = 0.5\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\n"
+    (tmp_path / "weak.toml").write_text(weak)
+    assert "warn-idle" not in warned(DEVICE + PASSIVE, tmp_path)
+    for gains, said in (("weak.toml", True), ("results/device/gains.toml", False)):
+        done = run("check", "device.toml", gains, "--strict", cwd=tmp_path)
+        assert ("warn-solve-instead" in done.stdout, "warn-idle" in done.stdout) == (said, said)
+
+
+@pytest.mark.parametrize(
+    ("code", "doubted", "meant"),
+    [
+        ("warn-sample-time", DEVICE.replace("1e-3", "1.0"), DEVICE),
+        ("warn-name", f'name = "aux"\n{DEVICE}', f'name = "other"\n{DEVICE}'),
+    ],
+)
+def test_what_is_probably_not_meant_is_warned_of_until_it_is_what_is_said(tmp_path, code, doubted, meant):
+    given = PASSIVE + "band_hz = [0.001, 0.1]\n" if code == "warn-sample-time" else PASSIVE
+    (tmp_path / "doubted.toml").write_text(doubted + FIXED.format(160.0) + given)
+    (tmp_path / "meant.toml").write_text(meant + FIXED.format(160.0) + PASSIVE)
+    assert f"[{code}]" in run("check", "doubted.toml", "--strict", cwd=tmp_path).stdout
+    done = run("check", "meant.toml", "--strict", cwd=tmp_path)
+    assert done.returncode == ExitCode.OK, done

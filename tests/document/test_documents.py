@@ -1,0 +1,392 @@
+"""Problem files: defaults, units, and one bad file per fault, named by the fault."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import tomllib
+from math import inf, pi, sqrt
+from pathlib import Path
+
+import jsonschema
+import pytest
+from conftest import PROBLEM_FILES, ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vctune.document.gains_file import gains_text
+from vctune.document.reading import parse_problem, problem_file, read_problem
+from vctune.document.schema.problem_schema import json_schema
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import folder_name, write_together
+from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import HUMAN_HANDS, Band, Range
+
+BAD = ROOT / "tests/bad"
+THREE = "[device]\nmass = {}\ndamping = {}\nsample_time = {}\n"
+FAULTS = {
+    "not-toml": [("1", "", "not valid TOML")],
+    "empty": [("1", "device", "is missing")],
+    "missing-keys": [("1", "device.mass", "is missing"), ("1", "device.sample_time", "is missing")],
+    "misspelt-key": [("5", "device.dampin", "did you mean damping?")],
+    "misspelt-table": [("5", "stabilty", "did you mean stability?")],
+    "key-in-wrong-table": [("5", "device.safety_factor", "it belongs in [stability]")],
+    "string-for-number": [("2", "device.mass", '"0.4" is not a number')],
+    "bool-for-number": [("2", "device.mass", "true is not a number")],
+    "negative-mass": [("2", "device.mass", "too small")],
+    "nan": [("2", "device.mass", "nan"), ("3", "device.damping", "nan")],
+    "infinite": [("2", "device.mass", "is out of range")],
+    "unknown-hold": [("5", "device.hold", '"foh" is not one of')],
+    "long-delay": [("5", "device.delay", "2000 sample times")],
+    "long-uncertain-delay": [
+        ("8", "uncertainty.delay", "225 sample times; at most 200 are supported: write at most 0.333")
+    ],
+    "bounds-swapped": [("6", "gains.velocity", "min = 5 is above max = 1")],
+    "range-without-max": [("6", "gains.velocity.max", "is missing")],
+    "free-damping-from-zero": [("6", "coupling.damping.min", "too small")],
+    "band-of-one-point": [("6", "stability.band_hz", "a band needs a width")],
+    "band-above-nyquist": [("6", "transparency.band_hz", "above the Nyquist frequency 500 Hz")],
+    "band-to-infinity-with-zoh": [
+        ("6", "stability.band_hz", "upper edge inf"),
+    ],
+    "band-of-three": [("6", "stability.band_hz", "more than two")],
+    "weights-zero": [("6", "transparency.weights", "nothing is left to optimise")],
+    "weight-negative": [("6", "transparency.weights.tracking", "too small")],
+    "safety-below-one": [("6", "stability.safety_factor", "below 1")],
+    "default-band-empty": [("6", "transparency.band_hz", "is empty")],
+    "name-empty": [("1", "name", "is empty")],
+    "uncertainty": [
+        ("6", "uncertainty.mass", "must be less than 1"),
+        ("7", "uncertainty.damping", "too small"),
+        ("8", "uncertainty.delay", "not a number"),
+        ("9", "uncertainty.dampin", "did you mean damping?"),
+        ("10", "uncertainty.objective", "is not one of"),
+    ],
+    "experiment-not-in-a-list": [("5", "experiment", "write [[experiment]]")],
+    "experiments": [
+        ("5", "experiment[0].name", "is missing"),
+        ("6", "experiment[0].environment.wall", "needs a stiffness"),
+        ("7", "experiment[0].operator", "does not move the handle"),
+        ("7", "experiment[0].operator", "both 0.05"),
+        ("8", "experiment[0].friction.stiction", "below coulomb = 0.3"),
+        ("11", "experiment[1].environment.stifness", "did you mean stiffness?"),
+        ("12", "experiment[1].operator.speed", '"fast" is not a number; write a number'),
+        ("12", "experiment[1].operator", "both 0"),
+        ("13", "experiment[1].friction.coulomb", "is missing; it is required: Sliding friction"),
+        ("15", "experiment[2].name", "another experiment"),
+        ("16", "experiment[2].operator.cycles", "not a whole number"),
+        ("16", "experiment[2].operator.speed", "2.5 sample times"),
+        ("17", "experiment[2].sensors.seed", "too small"),
+        ("17", "experiment[2].sensors.filter_hz", "is the device's now"),
+        ("18", "experiment[2].actuator.limit", "too small"),
+        ("19", "experiment[2].baseline", "both 0"),
+        ("21", "experiment[3].name", "other characters than letters"),
+        ("22", "experiment[3].operator.motion", "is not one of"),
+        ("22", "experiment[3].operator", "at most 5000000"),
+        ("23", "experiment[3].sensors.velocity", "write it as [device.velocity] from"),
+        ("23", "experiment[3].sensors.filter_hz", "write it in [device.velocity]"),
+    ],
+    "parts": [
+        ("6", "device.velocity.from", "is not one of 'measured' or 'difference'"),
+        ("7", "device.velocity.filter_hz", "above the Nyquist frequency 500 Hz"),
+        ("8", "device.velocity.filter_order", "out of range"),
+        ("9", "device.actuator", "is missing; it is required: Bandwidth"),
+        ("10", "device.actuator.order", "not a whole number"),
+        ("12", "device.force_sensor.order", "is of a low-pass; write bandwidth_hz too"),
+        ("13", "device.force_sensor.delay", "up to 300 sample times; at most 200"),
+        ("15", "device.structure.handle_mass", "is not less than device.mass = 0.4 kg"),
+        ("16", "device.structure.frequency_hz", "below 0.001 Hz; raise it"),
+        ("19", "uncertainty.actuator", "unknown key"),
+        ("19", "uncertainty.actuator.bandwidth_hz", 'belongs in quotes: "actuator.bandwidth_hz" = 0.1'),
+        ("20", 'uncertainty."actuator.bandwidth_hz"', "there is no device.actuator.bandwidth_hz to be uncertain"),
+        ("21", "uncertainty.unmodelled", "the frequencies do not increase"),
+    ],
+    "unmodelled": [
+        ("6", "uncertainty.unmodelled[0][1]", "is missing; write two numbers [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[1]", "[10.0, 0.1, 0.2] has more than two numbers; write [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[2]", "20.0 is not a pair of numbers [Hz, radius]"),
+        ("6", "uncertainty.unmodelled[3][0]", '"30 Hz" is not a number; write 30 alone'),
+        ("6", "uncertainty.unmodelled[4][1]", "-0.1 is too small"),
+    ],
+    "unmodelled-as-a-number": [
+        ("6", "uncertainty.unmodelled", "0.1 is not a list of pairs; write unmodelled = [[1.0, 0.02], [100.0, 0.1]]")
+    ],
+    "band-of-one": [("6", "stability.band_hz[1]", "is missing; write two numbers [lower, upper]")],
+    "everything-at-once": [
+        ("1", "name", "not a text"),
+        ("2", "device.damping", "is missing"),
+        ("2", "device.sample_time", "is missing"),
+        ("3", "device.mass", "not a number"),
+        ("4", "device.dampng", "did you mean damping?"),
+        ("6", "gains.velocity", "above max"),
+        ("8", "stability.band_hz", "needs a width"),
+    ],
+}
+
+
+def test_every_bad_file_has_its_expectation():
+    assert {path.stem for path in BAD.glob("*.toml")} == set(FAULTS)
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_bad_file(name):
+    """Every mistake, in the order of the lines, with line, dotted key and remedy; nothing else."""
+    with pytest.raises(InputError) as caught:
+        read_problem(BAD / f"{name}.toml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == len(FAULTS[name])
+    for line, (number, key, text) in zip(lines, FAULTS[name], strict=True):
+        assert line.startswith(f"{BAD / name}.toml:{number}: {key}")
+        assert text in line
+
+
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"\xff\xfe\x00", "not UTF-8"),
+        (b"[" * 90_000, "not valid TOML"),
+        (b"x" * 1_000_000, "longer than"),
+        (b"\x00" * 1000, "not valid TOML"),
+    ],
+)
+def test_garbage(tmp_path, content, text):
+    path = tmp_path / "garbage.toml"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=text):
+        read_problem(path)
+
+
+def test_directory_and_missing_file(tmp_path):
+    with pytest.raises(InputError, match="is a directory"):
+        read_problem(tmp_path)
+    with pytest.raises(InputError, match="no such file"):
+        read_problem(tmp_path / "none.toml")
+
+
+def test_defaults_are_the_documented_formulas():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3), "x.toml", "x")
+    tau, f = 0.5e-3, sqrt(0.5 * 30.0)
+    loop = 0.4 / tau + 2.0
+    Z_0 = 0.4 * 2 * pi * f
+    assert problem.name == "x"
+    assert (problem.device.hold, problem.device.delay) == ("zoh", 0.0)
+    assert problem.transparency.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 30))
+    assert problem.transparency.reference_impedance == pytest.approx(Z_0)
+    assert problem.bounds.velocity == Range(pytest.approx(1e-8 * 0.4 / 1e-3), pytest.approx(2 * loop))
+    assert problem.bounds.position == Range(0.0, pytest.approx(2 * loop / tau))
+    assert problem.bounds.damping == Range(pytest.approx(1e-6 * Z_0), pytest.approx(1e6 * Z_0))
+    assert problem.bounds.mass == Range(pytest.approx(1e-6 * 0.4), pytest.approx(1e6 * 0.4))
+    assert problem.bounds.drag == Range(0.0, pytest.approx(Z_0))
+    assert problem.stability.band == Band(pytest.approx(2 * pi * 0.5), pytest.approx(2 * pi * 100))
+    assert (problem.stability.safety_factor, problem.stability.max_sensitivity) == (1.05, 2.0)
+    assert (problem.stability.criterion, problem.hands) == ("both", HUMAN_HANDS)
+
+
+def test_an_experiment_needs_but_a_name():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + '[[experiment]]\nname = "e"\n', "x.toml", "x")
+    assert problem.experiments == (
+        Experiment(
+            "e",
+            Environment(0.0, 0.0, 0.0, 0.0, False),
+            Operator("reciprocate", 0.0, 0.05, 0.01, 3, 0.0, 2.0, 1000.0),
+            None,
+            Sensors(0.0, 0.0, 0),
+            None,
+            None,
+        ),
+    )
+
+
+def test_defaults_of_friction():
+    text = '[[experiment]]\nname = "e"\nfriction = { coulomb = 0.3 }\n'
+    one = parse_problem(THREE.format(0.4, 2.0, 1e-3) + text, "x.toml", "x").experiments[0]
+    assert one.friction == Friction(0.3, 0.3, 0.005, 1e5, pytest.approx(sqrt(1e5 * 0.4)))
+
+
+def test_experiments_do_not_change_the_design_problem():
+    text = THREE.format(0.4, 2.0, 1e-3)
+    bare, full = (parse_problem(t, "x", "x") for t in (text, text + '[[experiment]]\nname = "e"\n'))
+    assert bare.experiments == ()
+    assert bare.in_units(2.0, 1e-3) == full.in_units(2.0, 1e-3)
+
+
+@given(st.floats(-3, 3), st.floats(-2, 2))
+def test_defaults_do_not_depend_on_units(mass_decades, time_decades):
+    """A device in other units has the same dimensionless problem."""
+    c, t = 10.0**mass_decades, 10.0**time_decades
+    here = parse_problem(THREE.format(0.4, 2.0, 1e-3), "x", "x")
+    there = parse_problem(THREE.format(0.4 * c * t, 2.0 * c, 1e-3 * t), "x", "x")
+    a = here.in_units(here.transparency.reference_impedance, here.device.sample_time)
+    b = there.in_units(there.transparency.reference_impedance, there.device.sample_time)
+    for name in ("velocity", "position", "damping", "mass"):
+        assert getattr(b.bounds, name).max == pytest.approx(getattr(a.bounds, name).max, rel=1e-9)
+    assert b.device.mass == pytest.approx(a.device.mass, rel=1e-9)
+    assert b.stability.band.max == pytest.approx(a.stability.band.max, rel=1e-9)
+
+
+def test_in_units_and_back():
+    problem = parse_problem(THREE.format(0.4, 2.0, 1e-3) + "delay = 1e-3\n", "x", "x")
+    back = problem.in_units(8.0, 0.5).in_units(1 / 8.0, 2.0)
+    assert back.device == problem.device
+    assert back.bounds == problem.bounds
+
+
+def test_bounds_that_meet_are_a_number():
+    text = THREE.format(0.4, 2.0, 1e-3)
+    a = parse_problem(text + "[gains]\nvelocity = { min = 3.0, max = 3.0 }\n", "x", "x")
+    b = parse_problem(text + "[gains]\nvelocity = 3\n", "x", "x")
+    assert a.bounds == b.bounds
+    assert a.bounds.velocity.fixed
+
+
+def test_band_may_reach_zero_and_infinity_with_lag():
+    text = THREE.format(0.4, 2.0, 1e-3) + 'hold = "lag"\n[stability]\nband_hz = [0.0, inf]\n'
+    assert parse_problem(text, "x", "x").stability.band == Band(0.0, inf)
+
+
+def test_locate_finds_keys_in_every_way_toml_writes_them():
+    text = (
+        '# [a]\nx = [\n  1,\n  2,\n]\n\n[a]  # b = 1\n# y\n\ny = """\n[c]\nz = 1\n"""\n'
+        'b.c = 1\n"d e" = { f = 1, g = 2 }\n[[t]]\nk = 1\n[[t]]\nk = 2\n'
+    )
+    places = {
+        ("x",): 2, ("x", 1): 2, ("a",): 7, ("a", "y"): 10, ("a", "b", "c"): 14, ("a", "d e", "g"): 15,
+        ("t", 0, "k"): 17, ("t", 1, "k"): 19,
+    }  # fmt: skip
+    for path, line in places.items():
+        assert toml.Lines(text).locate(path) == line
+        assert toml.Lines(text.replace("\n", "\r\n")).locate(path) == line
+    assert toml.Lines(text).locate(("c", "z")) is None
+
+
+def test_schema_agrees_with_the_reader():
+    """Every problem in the gallery is valid against the schema; the bad files of a single key are not."""
+    validator = jsonschema.Draft202012Validator(json_schema())
+    validator.check_schema(json_schema())
+    for path in PROBLEM_FILES:
+        document = tomllib.loads(path.read_text())
+        assert validator.is_valid(document), path
+    for name in ("misspelt-key", "negative-mass", "string-for-number", "range-without-max", "unknown-hold", "empty"):
+        assert not validator.is_valid(tomllib.loads((BAD / f"{name}.toml").read_text())), name
+
+
+def test_schema_file_is_the_schema():
+    stored = json.loads((ROOT / "vctune/document/problem.schema.json").read_text())
+    assert stored == json_schema()
+
+
+def test_problems_name_the_schema():
+    for path in PROBLEM_FILES:
+        first = path.read_text().splitlines()[0]
+        assert first.startswith("#:schema ")
+        assert (path.parent / first.removeprefix("#:schema ")).resolve() == ROOT / "vctune/document/problem.schema.json"
+
+
+@pytest.mark.parametrize(
+    "name", ["a b", 'quo"te', "<script>", "Größe 大", "tab\t", "back\\slash", "\x7f", "line\nbreak"]
+)
+def test_gains_file_is_toml_and_fixes_a_problem(name):
+    gains, coupling = Gains(279.10689, 1e-05), Coupling(16.0, 1e19, 0.0)
+    text = gains_text(gains, coupling, {"problem": name, "sha256": "0"})
+    document = tomllib.loads(text)
+    assert document["design"]["problem"] == name
+    pasted = text[: text.index("[design]")] + THREE.format(0.4, 2.0, 1e-3)
+    assert parse_problem(pasted, "x", "x").fixed_design == (gains, coupling)
+
+
+@pytest.mark.parametrize("name", ["a/b", "..", "../../etc", "a\x00b", "", "C:\\x", "." * 5, "x" * 300])
+def test_folder_name_is_one_folder(name):
+    made = folder_name(name)
+    assert made
+    assert Path(made).name == made
+    assert not made.startswith(".")
+
+
+def test_full_disk_leaves_the_old_files_and_nothing_else(tmp_path, monkeypatch):
+    first, second = tmp_path / "gains.toml", tmp_path / "design.json"
+    write_together({first: "old", second: "old"})
+    real, calls = os.fsync, []
+
+    def full(handle):
+        calls.append(handle)
+        if len(calls) == 2:
+            raise OSError(28, "No space left on device")
+        real(handle)
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_together({first: "new", second: "new"})
+    assert (first.read_text(), second.read_text()) == ("old", "old")
+    assert sorted(tmp_path.iterdir()) == [second, first]
+
+
+def test_many_mistakes_are_found_quickly_and_counted():
+    text = THREE.format(1.0, 1.0, 1.0) + "".join(f"key{k} = {k}\n" for k in range(3000))
+    began = time.perf_counter()
+    with pytest.raises(InputError, match="and 2975 more"):
+        parse_problem(text, "x", "x")
+    assert time.perf_counter() - began < 10
+
+
+def test_byte_order_mark_is_no_mistake(tmp_path):
+    path = tmp_path / "windows.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + THREE.format(0.4, 2.0, 1e-3).replace("\n", "\r\n").encode())
+    assert read_problem(path).problem.device.mass == 0.4
+
+
+def test_control_characters_cannot_forge_lines():
+    with pytest.raises(InputError) as caught:
+        parse_problem(THREE.format(1, 1, 1) + '"a\\nfake.toml:9: b\\u001b[31m" = 1\n', "x", "x")
+    assert len(str(caught.value).splitlines()) == 1
+    assert "\x1b" not in str(caught.value)
+
+
+PLAIN = THREE.format(0.4, 2.0, 1e-3)
+SAID_OTHERWISE = {
+    "comment": "# a remark\n" + PLAIN,
+    "blank lines and other decimals": PLAIN.replace("1e-3", "0.0010").replace("\n", "\n\n"),
+    "name and description": 'name = "other"\ndescription = "of it"\n' + PLAIN,
+    "experiment": PLAIN + '[[experiment]]\nname = "e"\n',
+    "order of keys": "[device]\nsample_time = 1e-3\ndamping = 2\nmass = 0.4\n",
+    "defaults": PLAIN + 'hold = "zoh"\ndelay = 0.0\n[stability]\nband_hz = [0.5, 100]\nsafety_factor = 1.05\n'
+    'max_sensitivity = 2.0\n[transparency]\nband_hz = [0.5, 30.0]\nnorm = "rms"\n[uncertainty]\n[operator]\n',
+    "zero with a sign": PLAIN + "delay = -0.0\n",
+}
+OTHERWISE = {
+    "mass": PLAIN.replace("0.4", "0.4000000000000001"),
+    "hold": PLAIN + 'hold = "lag"\n',
+    "delay": PLAIN + "delay = 1e-12\n",
+    "operator": PLAIN + "[operator]\nmass = 1e-9\n",
+    "bound": PLAIN + "[gains]\nposition = { min = 0.0, max = 1e5 }\n",
+    "fixed": PLAIN + "[coupling]\ndrag = 1e-9\n",
+    "edge": PLAIN + "[stability]\nband_hz = [0.5, 99.0]\n",
+    "factor": PLAIN + "[stability]\nsafety_factor = 1.06\n",
+    "norm": PLAIN + '[transparency]\nnorm = "peak"\n',
+    "weight": PLAIN + "[transparency]\nweights = { tracking = 2.0 }\n",
+    "uncertainty": PLAIN + "[uncertainty]\nmass = 0.1\n",
+    "objective": PLAIN + '[uncertainty]\nmass = 0.1\nobjective = "worst"\n',
+}
+
+
+def test_the_digest_is_of_what_a_problem_means():
+    """Other words for the same problem have its digest, another number in it has another."""
+
+    def digests(texts):
+        return [problem_file(text, Path("x.toml")).sha256 for text in texts]
+
+    assert set(digests(SAID_OTHERWISE.values())) == set(digests([PLAIN]))
+    assert len(set(digests([PLAIN, *OTHERWISE.values()]))) == 1 + len(OTHERWISE)
+
+
+def test_the_digest_of_an_endless_band_is_of_strict_json():
+    text = PLAIN + 'hold = "lag"\n[stability]\nband_hz = [0.5, inf]\n'
+    assert problem_file(text, Path("x.toml")).sha256 != problem_file(PLAIN, Path("x.toml")).sha256
+
+
+def test_a_delay_moves_the_default_band_with_the_loops_lag():
+    for delay in (0.0, 5e-4, 3e-3):
+        problem = parse_problem(PLAIN + f"delay = {delay!r}\n", "x.toml", "x")
+        assert problem.stability.band.max == 2 * pi * min(0.1 / 1e-3, 0.05 / (0.5e-3 + delay))

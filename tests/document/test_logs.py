@@ -1,0 +1,243 @@
+"""Logs that cannot be used get an answer that names row, column and remedy; nothing is guessed silently."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import zipfile
+
+import numpy as np
+import pytest
+from command import run, strict
+from identification_logs import driven, encoded
+from jsonschema import Draft202012Validator
+
+from vctune import identify
+from vctune.document.log import read_log, read_log_map
+from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.text.codes import ENDING
+from vctune.document.text.errors import InputError
+from vctune.model.device import Device
+from vctune.model.experiment import USUAL_MASS, Friction
+
+T = 1e-3
+DEVICE = Device(0.4, 2.0, T, 4e-4)
+
+
+@pytest.fixture(scope="module")
+def log():
+    """Six seconds of a rigid device under a slow random force."""
+    random = np.random.default_rng(5)
+    n = 6000
+    f = np.fft.rfftfreq(n, T)
+    wave = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * (f > 0.5) / (1 + (f / 4.0) ** 2), n)
+    force = 3.0 * wave / wave.std()
+    recorded = driven(DEVICE, Friction(0.3, 0.3, 0.005, 1e5, 200.0), force)
+    return {
+        "time_s": np.arange(n) * T,
+        "position_m": encoded(recorded["position"], 1e-6),
+        "command_N": recorded["motor"],
+    }
+
+
+def written(folder, columns, name="log.csv"):
+    path = folder / name
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="", fmt="%.12g")
+    return path
+
+
+def refused(path, config=None):
+    with pytest.raises(InputError) as caught:
+        identify(path, config)
+    return str(caught.value)
+
+
+def test_a_good_log_is_identified(log, tmp_path):
+    found = identify(written(tmp_path, log)).found
+    assert abs(found.device.mass / DEVICE.mass - 1) < 0.01
+    assert found.bounded("delay").low <= DEVICE.delay <= found.bounded("delay").high
+    assert abs(found.friction.coulomb / 0.3 - 1) < 0.05
+
+
+def test_a_rotary_device_says_so_in_its_file(log, tmp_path):
+    """The numbers are those of the linear one, in kg m2; the file reads back, with its experiment."""
+    turned = dict(zip(("time_s", "position_rad", "command_Nm"), log.values(), strict=True))
+    (tmp_path / "log.toml").write_text("rotary = true\n")
+    path = written(tmp_path, turned)
+    plain, found = identify(written(tmp_path, log, "linear.csv")).record, identify(path, tmp_path / "log.toml")
+    assert [each.value for each in found.record.numbers] == [each.value for each in plain.numbers]
+    assert {each.key: each.unit for each in found.record.numbers}["mass"] == "kg m2"
+    assert 'units = "rotary"' in found.text and not re.search(r"\bkg\b(?! m2)|N s/m", found.text)
+    problem = found.file.problem
+    assert problem.device.units == "rotary"
+    against = written(tmp_path, turned | {"command_Nm": -turned["command_Nm"]}, "against.csv")
+    assert re.search(
+        r"the inertia comes out as -[\d.]+ kg m2: command_Nm pushes", refused(against, tmp_path / "log.toml")
+    )
+    share = problem.device.mass / USUAL_MASS
+    assert problem.experiments[0].operator.stiffness == pytest.approx(1000.0 * share, rel=1e-2)
+
+
+def test_order_of_columns_packing_and_separator_do_not_matter(log, tmp_path):
+    plain = identify(written(tmp_path, log)).record
+    turned = written(tmp_path, dict(reversed(log.items())), "turned.csv")
+    turned.write_text(turned.read_text().replace(",", ";"))
+    packed = tmp_path / "packed.csv.gz"
+    packed.write_bytes(gzip.compress(turned.read_bytes()))
+    for path in (turned, packed):
+        assert [each.value for each in identify(path).record.numbers] == [each.value for each in plain.numbers]
+
+
+FAULTS = {
+    "constant column": (lambda c: c | {"command_N": 0 * c["time_s"] + 2.0}, ["command_N", "is 2 in every row"]),
+    "millimetres called metres": (lambda c: c | {"position_m": 1e3 * c["position_m"]}, ["position_m", "mm"]),
+    "millinewtons called newtons": (lambda c: c | {"command_N": 1e6 * c["command_N"]}, ["command_N", "reaches"]),
+    "milliseconds called seconds": (lambda c: c | {"time_s": 1e3 * c["time_s"]}, ["time_s", 'unit = "ms"']),
+    "swapped columns": (
+        lambda c: {"time_s": c["time_s"], "position_m": c["command_N"], "command_N": c["position_m"]},
+        ["swapped"],
+    ),
+    "ten samples": (lambda c: {key: values[:10] for key, values in c.items()}, ["has 10 samples"]),
+    "not a number": (lambda c: c | {"position_m": _with(c["position_m"], 77, np.nan)}, [":79: position_m: nan"]),
+    "time backwards": (lambda c: c | {"time_s": _with(c["time_s"], 100, 0.0)}, [":102: time_s: runs backwards"]),
+    "counts": (lambda c: c | {"position_m": np.round(c["position_m"] * 1e6)}, ["position_m", "counts"]),
+    "a gap": (
+        lambda c: {key: np.delete(values, slice(50, 60)) for key, values in c.items()},
+        [":52: time_s", "10 samples"],
+    ),
+    "jitter": (lambda c: c | {"time_s": c["time_s"] + 3e-4 * np.sin(np.arange(6000.0))}, ["time_s", "jitters by"]),
+    "another sign": (lambda c: c | {"command_N": -c["command_N"]}, ["command_N", "scale = -1"]),
+    "decimated": (lambda c: c | {"command_N": np.repeat(c["command_N"][::4], 4)}, ["command_N", "every 4th row"]),
+    "saturated": (lambda c: c | {"command_N": np.clip(c["command_N"], -1.0, 1.0)}, ["command_N", "at its limit"]),
+    "position early": (
+        lambda c: (
+            {key: values[:-40] if key == "command_N" else values[40:] for key, values in c.items()}
+            | {"time_s": c["time_s"][40:]}
+        ),
+        ["ahead of the force"],
+    ),
+    "no position": (lambda c: {key: c[key] for key in ("time_s", "command_N")}, ["columns.position"]),
+    "no unit": (
+        lambda c: {"time_s": c["time_s"], "position": c["position_m"], "command_N": c["command_N"]},
+        ["columns.position"],
+    ),
+}
+
+
+def _with(values, at, value):
+    values = values.copy()
+    values[at] = value
+    return values
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named(log, tmp_path, fault):
+    spoil, named = FAULTS[fault]
+    message = refused(written(tmp_path, spoil(log)))
+    assert all(part in message for part in named), message
+
+
+def test_a_torn_row_is_named(log, tmp_path):
+    path = written(tmp_path, log)
+    lines = path.read_text().splitlines()
+    lines[10], lines[20] = "0.1,abc,2", "0.2,0.3"
+    path.write_text("\n".join(lines))
+    message = refused(path)
+    assert ':11: position_m: "abc" is not a number' in message
+    assert ":21: has 2 columns, not 3" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("[columns]\nposition = 'x_m'\n", "columns.position"),
+        ("[columns]\npositon = 'position_m'\n", "did you mean position?"),
+        ("[columns]\nposition = { column = 'position_m', unit = 'inch' }\n", "log.toml:2"),
+        ("[columns]\nposition = { column = 'position_m', unit = 'm', scale = 1.0 }\n", "says the same as unit"),
+        ("rotary = true\n[columns]\nposition = 'position_m'\n", "rotary"),
+        ("sample_time = 2e-3\n", "sample_time is 0.002 s"),
+        ("[device]\ndelay_uncertainty = 1e-4\n", "device.delay"),
+    ],
+)
+def test_a_fault_of_the_map_is_named_with_its_line(log, tmp_path, text, named):
+    config = tmp_path / "log.toml"
+    config.write_text(text)
+    assert named in refused(written(tmp_path, log), config)
+
+
+def test_the_command_writes_a_device_that_solves(log, tmp_path):
+    written(tmp_path, log)
+    done = run("identify", "log.csv", "--out", "out", "--no-report", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert "limited by" in done.stdout
+    page = strict((tmp_path / "out/log/identification.json").read_text())
+    said = [*page["remarks"], *(each["limit"] for each in page["numbers"])]
+    said += [check["name"] for each in page["recordings"] for check in each["checks"]]
+    assert len(said) > 4 and all(ENDING.search(line) for line in said)
+    folder = tmp_path / "out" / "log"
+    assert sorted(path.name for path in folder.iterdir()) == ["device.toml", "identification.json"]
+    said = strict(run("identify", "log.csv", "--out", "out", "--no-report", "--json", cwd=tmp_path).stdout)
+    assert said == strict((folder / "identification.json").read_text())
+    assert list(Draft202012Validator(SCHEMAS["identification"]()).iter_errors(said)) == []
+    solved = run("solve", folder / "device.toml", "--out", "solved", cwd=tmp_path)
+    assert solved.returncode == 0, solved.stdout + solved.stderr
+
+
+def test_bad_input_is_code_2_and_leaves_nothing(log, tmp_path):
+    written(tmp_path, {key: values[:10] for key, values in log.items()})
+    done = run("identify", "log.csv", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "has 10 samples" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_without_scipy_it_says_how_to_install_it(log, tmp_path, monkeypatch):
+    monkeypatch.setattr("vctune.api.identifying.find_spec", lambda name: None)
+    assert "pip install scipy" in refused(written(tmp_path, log))
+
+
+def test_a_workbook_is_named(tmp_path):
+    path = tmp_path / "log.xlsx"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("[Content_Types].xml", "<Types/>")
+        packed.writestr("xl/workbook.xml", "<workbook/>")
+    assert refused(path) == f"{path}: is an Excel workbook and not text; save it as CSV [log-text]"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_decimal_commas_are_named_once(log, tmp_path, separator):
+    path = written(tmp_path, log)
+    header, *rows = path.read_text().splitlines()
+    cells = [[cell.replace(".", ",") for cell in row.split(",")] for row in rows]
+    path.write_text("\n".join(separator.join(row) for row in [header.split(","), *cells]))
+    message = refused(path)
+    assert "\n" not in message and 'has a decimal comma in "' in message
+
+
+@pytest.mark.parametrize(
+    ("row", "fault"), [("0,0,1", "has 3 columns, not 2"), ("0,001;1", '"001;1" is not'), ("\n0,1", "has 1 columns")]
+)
+def test_a_torn_row_is_no_decimal_comma(tmp_path, row, fault):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["position_m,command_N", "0,1", "1,1", "2,1", "3,1", row]))
+    message = refused(path)
+    assert "decimal comma" not in message and "log.csv:6: " in message
+
+
+def test_a_column_that_the_map_names_is_in_no_other_role(log, tmp_path):
+    """A header that ends in a unit of force is not the measured force too where it is named as the command."""
+    config = tmp_path / "log.toml"
+    config.write_text('[columns]\ncommand = "force_N"\n')
+    force = dict(zip(("time_s", "position_m", "force_N"), log.values(), strict=True))
+    recording = read_log(written(tmp_path, force), read_log_map(config))
+    assert recording.values("force") is None and recording.values("command") is not None
+
+
+def test_a_column_with_two_roles_is_refused_with_both(log, tmp_path):
+    config = tmp_path / "log.toml"
+    config.write_text('[columns]\ncommand = "force_N"\nforce = { column = "force_N", scale = 2.0 }\n')
+    message = refused(written(tmp_path, log), config)
+    assert "log.toml:3: columns.force" in message and "columns.command" in message

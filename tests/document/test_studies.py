@@ -1,0 +1,215 @@
+"""The study file: every mistake with its line, its key and its remedy; axes, samples, points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vctune.document.axes import Axis, number_keys
+from vctune.document.reading import parse_problem
+from vctune.document.schema.statement import statement
+from vctune.document.study_file import read_study
+from vctune.document.text.errors import InputError
+from vctune.study.points import latin_hypercube, points
+
+BARE = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+PROBLEM = BARE + "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
+
+
+def study(folder, text, problem=PROBLEM):
+    (folder / "device.toml").write_text(problem)
+    path = folder / "study.toml"
+    path.write_text('problem = "device.toml"\n[axes]\n' + text)
+    return read_study(path)
+
+
+BAD = {
+    '"device.dampin" = [1.0]': ('3: axes."device.dampin"', 'did you mean "device.damping"?'),
+    '"zzz" = [1.0]': ("3: axes.zzz", "no number of a problem file"),
+    '"device.hold" = [1.0]': ("device.hold", "no number of a problem file"),
+    '"device.damping" = []': ("3:", "is empty"),
+    '"device.damping" = ["a", 1.0]': ('axes."device.damping"[0]', '"a" is not a number'),
+    '"device.damping" = [1.0, true]': ("[1]", "true is not a number"),
+    '"device.damping" = [nan]': ("[0]", "not a number"),
+    '"device.damping" = "much"': ("3:", "no set of values; write a list"),
+    '"device.damping" = 3.0': ("3:", "no set of values"),
+    "device.damping = [1.0]": ("axes.device", 'write the whole key in quotes, "device.damping"'),
+    '"stability.band_hz" = [1.0]': ("3:", 'is a list; write "stability.band_hz[0]" or "stability.band_hz[1]"'),
+    '"stability.band_hz[2]" = [1.0]': ("3:", 'did you mean "stability.band_hz['),
+    '"device.damping" = { log = [0.0, 1.0], n = 3 }': ("log", "has no logarithm"),
+    '"device.damping" = { log = [2.0, 1.0], n = 3 }': ("log", "is not below"),
+    '"device.damping" = { log = [1.0], n = 3 }': ("log", "is not a pair of numbers"),
+    '"device.damping" = { linear = ["x", 2], n = 3 }': ("linear", "is not a pair of numbers"),
+    '"device.damping" = { log = [1.0, 2.0] }': ("3:", "lacks n"),
+    '"device.damping" = { log = [1.0, 2.0], n = 1 }': ("n: 1", "from 2 to"),
+    '"device.damping" = { log = [1.0, 2.0], n = 2.5 }': ("2.5", "whole number"),
+    '"device.damping" = { lg = [1.0, 2.0], n = 3 }': ("lg", "did you mean log?"),
+    '"device.damping" = { log = [1.0, 2.0], linear = [1, 2], n = 3 }': ("3:", "has both linear and log"),
+    '"gains.velocity" = [1.0]\n"gains.velocity.max" = [2.0]': ("4:", "varies the same number as gains.velocity"),
+    '"device.mass" = [1.0]\n[sample]\nkind = "lhs"': ("sample", "needs n"),
+    '"device.mass" = [1.0]\n[sample]\nn = 3': ("sample", 'is of kind = "lhs"'),
+    '"device.mass" = [1.0]\n[sample]\nkind = "random"': ("sample.kind", "is not one of 'grid', 'lhs' or 'list'"),
+    '"device.mass" = [1.0]\n[sample]\nkind = "lhs"\nn = 0': ("sample.n", "at least 1"),
+    '"device.mass" = [1.0]\n[sample]\nkind = "lhs"\nn = "x"': ("sample.n", "not a whole number"),
+    '"device.mass" = [1.0]\n[sample]\nkinds = "lhs"': ("sample.kinds", "did you mean kind?"),
+    '"device.mass" = [1.0, 2.0]\n"device.damping" = [1.0]\n[sample]\nkind = "list"': ("4:", "need as many"),
+    '"device.mass" = { log = [1, 2], n = 2 }\n[sample]\nkind = "list"': ("3:", "side by side need lists"),
+    "": ("axes", "should have at least 1 item"),
+}
+
+
+@pytest.mark.parametrize("text", BAD, ids=range(len(BAD)))
+def test_every_mistake_has_its_place_and_its_remedy(tmp_path, text):
+    with pytest.raises(InputError) as refused:
+        study(tmp_path, text)
+    assert all(part in str(refused.value) for part in BAD[text]), str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "= 3",
+        "problem = 3\naxes = 3\nsample = 3",
+        'problem = "device.toml"\nsample = 3\n[axes]\n"device.mass" = [1.0]',
+        'problem = "x\\u0000y"\n[axes]\n"device.mass" = [1.0]',
+        'problem = "."\n[axes]\n"device.mass" = [1.0]',
+        'problem = "device.toml"\nname = "x"\n[axes]\n"device.mass" = [1.0]',
+        'problem = "device.toml"\n[axes]\n"device.mass" = { linear = [0, 1' + 400 * "0" + "], n = 3 }",
+    ],
+)
+def test_odd_files_are_refused(tmp_path, text):
+    (tmp_path / "device.toml").write_text(PROBLEM)
+    (tmp_path / "study.toml").write_text(text)
+    with pytest.raises(InputError):
+        read_study(tmp_path / "study.toml")
+
+
+def test_all_mistakes_at_once(tmp_path):
+    with pytest.raises(InputError) as refused:
+        study(tmp_path, '"device.mas" = [1.0]\n"device.damping" = []\n[sample]\nkind = "lhs"')
+    assert [mistake.line for mistake in refused.value.mistakes] == [3, 4, 5]
+
+
+def test_mistakes_of_the_problem_are_those_of_its_own_file(tmp_path):
+    with pytest.raises(InputError) as refused:
+        study(tmp_path, '"device.damping" = [1.0]', PROBLEM.replace("mass", "mas"))
+    assert "device.toml:2: device.mas: unknown key; did you mean mass?" in str(refused.value)
+    with pytest.raises(InputError, match=r"study.toml:1: problem: .*: no such file"):
+        (tmp_path / "study.toml").write_text('problem = "nowhere.toml"\n[axes]\n"device.mass" = [1.0]')
+        read_study(tmp_path / "study.toml")
+    with pytest.raises(InputError, match=r"study.toml:3: .*device in the problem is not a table"):
+        study(tmp_path, '"device.mass" = [1.0]', "device = 3\n")
+
+
+def test_keys_are_those_of_the_schema():
+    keys = number_keys()
+    assert keys["stability.band_hz[1]"] == ("stability", "band_hz", 1)
+    assert keys["gains.velocity.max"] == ("gains", "velocity", "max")
+    assert "device.hold" not in keys and "name" not in keys and "transparency.norm" not in keys
+    assert len(keys) == len(set(keys.values())) == 58
+
+
+def test_a_point_is_the_problem_with_its_numbers_written_in(tmp_path):
+    plan = study(tmp_path, '"device.damping" = [3.0]\n"stability.band_hz[1]" = [50.0]\n"coupling.mass" = [0.1]')
+    here, faults = plan.at((3.0, 50.0, 0.1))
+    text = PROBLEM.replace("2.0", "3.0").replace("100.0", "50.0") + "[coupling]\nmass = 0.1\n"
+    assert here == parse_problem(text, "x", "study") and not faults
+
+
+def test_both_ends_may_be_axes_where_the_problem_has_neither(tmp_path):
+    text = '"stability.band_hz[0]" = [0.5]\n"stability.band_hz[1]" = [50.0]\n'
+    plan = study(tmp_path, text + '"gains.velocity.min" = [1.0]\n"gains.velocity.max" = [9.0]', BARE)
+    here, _ = plan.at((0.5, 50.0, 1.0, 9.0))
+    there = parse_problem(
+        BARE + "[stability]\nband_hz = [0.5, 50.0]\n[gains]\nvelocity = { min = 1.0, max = 9.0 }",
+        "x",
+        "study",
+    )
+    assert here == there
+
+
+@pytest.mark.parametrize(
+    ("key", "end"), [("gains.velocity", "max"), ("operator.mass", "max"), ("coupling.mass", "min")]
+)
+def test_one_end_of_a_range_at_its_default_may_be_an_axis(tmp_path, key, end):
+    """The other end is the default of the device at each point, here of another mass; the yardstick is of none."""
+    plan = study(tmp_path, f'"device.mass" = [0.2, 0.8]\n"{key}.{end}" = [0.3]', BARE)
+    table, name = key.split(".")
+    for mass in (0.2, 0.8):
+        bare = BARE.replace("mass = 0.4", f"mass = {mass}")
+        default = statement(parse_problem(bare, "x", "x"))[table][name]
+        ends = default | {end: 0.3}
+        text = f"{bare}[{table}]\n{name} = {{ min = {ends['min']!r}, max = {ends['max']!r} }}\n"
+        here, own = plan.at((mass, 0.3))[0], parse_problem(text, "x", "study")
+        assert here == replace(own, transparency=plan.yardstick)
+    assert plan.at((0.2, 0.3))[0] != plan.at((0.8, 0.3))[0]
+
+
+@pytest.mark.parametrize("place", [0, 1])
+def test_one_edge_of_a_band_at_its_default_may_be_an_axis(tmp_path, place):
+    plan = study(tmp_path, f'"device.sample_time" = [1e-3, 5e-4]\n"stability.band_hz[{place}]" = [3.0]', BARE)
+    for T in (1e-3, 5e-4):
+        bare = BARE.replace("1e-3", repr(T))
+        edges = [plan.yardstick.band.hz[0], statement(parse_problem(bare, "x", "x"))["stability"]["band_hz"][1]]
+        edges[place] = 3.0
+        own = parse_problem(f"{bare}[stability]\nband_hz = {edges}\n", "x", "study")
+        assert plan.at((T, 3.0))[0] == replace(own, transparency=plan.yardstick)
+    assert "lower edge" in str(plan.at((1e-3, 1e-3 if place else 1e4))[1])
+
+
+def test_a_number_that_only_an_axis_gives(tmp_path):
+    plan = study(tmp_path, '"device.damping" = [1.0, 2.0]', "[device]\nmass = 0.4\nsample_time = 1e-3\n")
+    assert plan.at((2.0,))[0].device.damping == 2.0
+
+
+def test_grid_order_and_ends(tmp_path):
+    plan = study(
+        tmp_path, '"device.mass" = [2, 1]\n"device.damping" = { log = [0.1, 10], n = 3 }\n"device.delay" = '
+        "{ linear = [0, 1e-3], n = 2 }",
+    )  # fmt: skip
+    made = list(points(plan))
+    assert plan.count == len(made) == 12
+    assert made[:4] == [(2.0, 0.1, 0.0), (2.0, 0.1, 0.001), (2.0, 1.0, 0.0), (2.0, 1.0, 0.001)]
+    assert made[-1] == (1.0, 10.0, 0.001)
+
+
+def test_points_side_by_side(tmp_path):
+    plan = study(tmp_path, '"device.mass" = [1, 2]\n"stability.band_hz[1]" = [50, inf]\n[sample]\nkind = "list"')
+    assert list(points(plan)) == [(1.0, 50.0), (2.0, inf)] and plan.count == 2
+
+
+@given(st.integers(1, 60), st.integers(0, 9))
+def test_latin_hypercube_has_one_point_in_each_part_of_each_axis(n, seed):
+    axes = (
+        Axis("a", ("a",), "linear", (-1.0, 3.0), None),
+        Axis("b", ("b",), "log", (1e-2, 1e4), None),
+        Axis("c", ("c",), "list", (7.0, 8.0, 9.0), 3),
+    )
+    made = np.array(list(latin_hypercube(axes, n, seed)))
+    assert made.shape == (n, 3)
+    linear, log = (made[:, 0] + 1) / 4, (np.log10(made[:, 1]) + 2) / 6
+    for share in (linear, log):
+        assert sorted(np.clip(np.floor(share * n + 1e-9), 0, n - 1)) == pytest.approx(range(n), abs=1)
+        assert len({int(part) for part in np.floor(share * n * (1 - 1e-9))}) >= n - 1
+    counts = [int((made[:, 2] == value).sum()) for value in (7.0, 8.0, 9.0)]
+    assert sum(counts) == n and max(counts) - min(counts) <= 2
+    assert list(latin_hypercube(axes, n, seed)) == [tuple(row) for row in made]
+
+
+def test_a_study_of_a_sample_may_keep_the_n_of_its_axes(tmp_path):
+    plan = study(tmp_path, '"device.damping" = { log = [0.1, 10], n = 20 }\n[sample]\nkind = "lhs"\nn = 7\nseed = 1')
+    assert plan.count == 7 and len(set(points(plan))) == 7
+
+
+def test_the_digest_is_of_the_problem_and_the_keys_not_of_the_values(tmp_path):
+    one = study(tmp_path, '"device.damping" = [1.0]').sha256
+    assert study(tmp_path, '"device.damping" = { log = [1, 2], n = 9 }').sha256 == one
+    assert study(tmp_path, '"device.damping" = [1.0]', "# a remark\n" + PROBLEM).sha256 == one
+    assert study(tmp_path, '"device.mass" = [1.0]').sha256 != one
+    assert study(tmp_path, '"device.damping" = [1.0]', PROBLEM.replace("0.4", "0.5")).sha256 != one

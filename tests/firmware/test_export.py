@@ -1,0 +1,655 @@
+"""`vctune export`: what is proved is what is compiled, and what is compiled is what was simulated."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import zipfile
+from dataclasses import replace
+from functools import cache
+from io import BytesIO
+
+import numpy as np
+import pytest
+from command import run as vctune
+from conftest import DEVICE, FIXED, ROOT, mostly_slow
+from device_arithmetic import DOUBLES
+from device_pairs import real_of
+from exported import Stated, closed_loop
+from firmware import Device as Sampled
+from sampled_device_oracle import LET_GO, Hand, coupling_at, seen_at
+
+from vctune import InputError, export, simulate, write_export
+from vctune.document.reading import read_gains, read_problem
+from vctune.exit_codes import ExitCode
+from vctune.firmware.firmware import NOTHING, certified, firmware, rounded
+from vctune.model.gains import Coupling, Gains
+from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
+from vctune.simulation.scene import designed_law
+
+COMPILERS = {
+    "gcc": ["gcc"],
+    "clang": ["clang"],
+    "arm": ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"],
+}
+WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wshadow", "-Werror"]
+EXPERIMENTS = """
+[[experiment]]
+name = "everything at once"
+environment = { mass = 0.1, damping = 3.0, stiffness = 5000.0, zero = 0.004, wall = true }
+operator = { to = 0.01, speed = 0.04, cycles = 1, mass = 0.1 }
+friction = { coulomb = 0.3, stiction = 0.4 }
+sensors = { position_resolution = 1e-5, force_noise = 0.01 }
+actuator = { limit = 2.0 }
+[[experiment]]
+name = "lossless"
+environment = { mass = 0.05, stiffness = 200.0, rule = "trapezoid" }
+operator = { from = 0.001, to = 0.01, speed = 0.05, cycles = 1 }
+[[experiment]]
+name = "free motion"
+operator = { to = 0.01, speed = 0.1, cycles = 1, motion = "sine" }
+"""
+NAME = r"""name = 'a /* ??/ \ %d " é */ name'
+"""
+"""What a comment of C must not trip over."""
+PARTS = {
+    "ideal": "",
+    "filtered": '[device.velocity]\nfrom = "difference"\nfilter_hz = 200.0\nfilter_order = 2\n',
+    "late": "[device.velocity]\nfilter_hz = 300.0\n[device.force_sensor]\nbandwidth_hz = 400.0\ndelay = 1.3e-3\n",
+    "flexible": "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 200.0\ndamping_ratio = 0.05\n",
+}
+
+
+def has(*tools):
+    missing = [tool for tool in tools if shutil.which(tool) is None]
+    return pytest.mark.skipif(bool(missing), reason=f"needs {', '.join(missing)}")
+
+
+def done(*command, cwd):
+    return subprocess.run(list(map(str, command)), cwd=cwd, capture_output=True, text=True, check=False, timeout=120)
+
+
+def period(folder):
+    text = (folder / "vctune_controller.h").read_text()
+    return text.split("#define VCTUNE_SAMPLE_TIME_NS ")[1].split()[0]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folders of exported C by parts and precision: each made once, unproved ones for what they compute."""
+    found = {}
+
+    def folder(parts="ideal", precision="double"):
+        if (parts, precision) not in found:
+            place = tmp_path_factory.mktemp(parts)
+            (place / "device.toml").write_text(NAME + DEVICE + PARTS[parts] + FIXED.format(160.0) + EXPERIMENTS)
+            told = export(place / "device.toml", precision=precision, unproved=True)
+            found[parts, precision] = write_export(told, place / "out")
+        return found[parts, precision]
+
+    return folder
+
+
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=has(command[0])) for name, command in COMPILERS.items()])
+def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
+    for parts in PARTS:
+        folder = made(parts, precision)
+        options = [*WARNINGS, "-O2", f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}"]
+        # newlib's own fenv.h and stdio.h are not needed by the controller: it has no I/O
+        sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "vctune_bridge.c", "replay.c"]
+        for source in sources:
+            found = done(*COMPILERS[name], *options, "-c", source, "-o", tmp_path / "out.o", cwd=folder)
+            assert (found.returncode, found.stderr) == (0, ""), parts
+
+
+@has("cppcheck")
+def test_cppcheck_has_nothing_to_say(made):
+    for parts, precision in (("ideal", "double"), ("filtered", "single")):
+        folder = made(parts, precision)
+        options = ["--std=c99", "--enable=warning,style,performance,portability", "--error-exitcode=1", "-q"]
+        found = done("cppcheck", *options, f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}", ".", cwd=folder)
+        assert (found.returncode, found.stdout + found.stderr) == (0, "")
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("compiler", [pytest.param(name, marks=has(name)) for name in ("gcc", "clang")])
+@pytest.mark.parametrize("parts", PARTS)
+def test_double_precision_replays_to_the_last_bit(made, parts, compiler, tmp_path):
+    """Friction, encoder, noise, a wall, a limit and the trapezoidal rule included: the same operations, every one."""
+    shutil.copytree(made(parts), tmp_path / "c")
+    found = done("make", "-s", "check", f"CC={compiler}", cwd=tmp_path / "c")
+    assert found.returncode == 0, found.stdout + found.stderr
+    assert found.stdout.count(" greatest difference 0 ulp  ok") == 3
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("parts", mostly_slow(PARTS, ["filtered"]))
+def test_single_precision_replays_within_the_bound_that_it_states(made, parts, tmp_path):
+    shutil.copytree(made(parts, "single"), tmp_path / "c")
+    found = done("make", "-s", "check", cwd=tmp_path / "c")
+    assert found.returncode == 0, found.stdout + found.stderr
+    stated = float((tmp_path / "c/replay.c").read_text().split("#define VCTUNE_ALLOWED ")[1].split()[0])
+    greatest = max(float(line.split("difference ")[1].split()[0]) for line in found.stdout.splitlines())
+    assert greatest == pytest.approx(stated / 2, rel=0.02)  # what NumPy measured is what C comes to
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("constant", ["VELOCITY_GAIN", "COUPLING_STEP", "COUPLING_DECAY", "HALF_SAMPLE_TIME"])
+def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, constant, tmp_path):
+    shutil.copytree(made(), tmp_path / "c")
+    header = tmp_path / "c/vctune_controller.h"
+    lines = header.read_text().splitlines(keepends=True)
+    k, line = next((k, line) for k, line in enumerate(lines) if f"#define VCTUNE_{constant} " in line)
+    number = line[line.index("(") + 1 : line.index(")")]
+    lines[k] = line.replace(number, repr(float(np.nextafter(float(number), np.inf))))
+    header.write_text("".join(lines))
+    found = done("make", "-s", "check", cwd=tmp_path / "c")
+    assert found.returncode != 0 and "FAILED" in found.stdout
+
+
+@has("gcc")
+@pytest.mark.parametrize(
+    "options, complaint",
+    [
+        ([], "define VCTUNE_TIMER_PERIOD_NS"),
+        (["-DVCTUNE_TIMER_PERIOD_NS=500000"], "certified for another sample time"),
+        (["-DVCTUNE_TIMER_PERIOD_NS=1000000", "-ffast-math"], "order of operations"),
+        (["-DVCTUNE_TIMER_PERIOD_NS=1000000", "-std=c89"], "needs C99"),
+    ],
+)
+def test_what_the_certificate_assumes_is_checked_by_the_compiler(made, options, complaint, tmp_path):
+    found = done("gcc", "-std=c99", *options, "-c", "vctune_controller.c", "-o", tmp_path / "o", cwd=made())
+    assert found.returncode != 0 and complaint in found.stderr
+
+
+@has("gcc", "nm")
+def test_nothing_is_global_and_nothing_is_called(made, tmp_path):
+    done(
+        "gcc",
+        "-std=c99",
+        "-O2",
+        "-DVCTUNE_TIMER_PERIOD_NS=1000000",
+        "-c",
+        "vctune_controller.c",
+        "-o",
+        tmp_path / "o",
+        cwd=made(),
+    )
+    kinds = [line.split()[-2] for line in done("nm", tmp_path / "o", cwd=tmp_path).stdout.splitlines()]
+    assert set(kinds) <= {"T", "t", "r"}  # no data, no bss, no undefined symbol: no malloc, no I/O, no library
+
+
+@pytest.fixture(scope="module")
+def stated(tmp_path_factory):
+    """Return the exported JSON of a device with parts, made when it is first asked for."""
+
+    @cache
+    def told(parts):
+        path = tmp_path_factory.mktemp(parts) / "device.toml"
+        path.write_text(DEVICE + PARTS[parts] + FIXED.format(160.0))
+        return export(path, to="json", unproved=True)
+
+    return told
+
+
+@pytest.mark.parametrize("parts", PARTS)
+def test_the_coefficients_are_the_loop_that_is_proved(stated, parts):
+    """The device, by an oracle, and the equations of the JSON make a loop that has the record's spectral radius."""
+    told = stated(parts)
+    record = json.loads(told.files["controller.json"])
+    device = told.firmware.device
+    held = Stated(record, damping=1e13)  # an environment that does not move
+    memory = Sampled(real_of(replace(device, velocity=None)), LET_GO, DOUBLES)
+    poles = np.linalg.eigvals(closed_loop(memory, held))
+    radius = max(abs(z) for z in poles if abs(z - 1) > 1e-6 and abs(z + 1) > 1e-6)  # x_e stands, no mass alternates
+    assert radius == pytest.approx(told.firmware.record.inner_loop.spectral_radius, rel=1e-8)
+
+
+@pytest.mark.parametrize("parts", PARTS)
+@pytest.mark.parametrize(
+    "environment",
+    [{"stiffness": 300.0, "rule": "trapezoid"}, {"mass": 0.2, "rule": "trapezoid"}, {"mass": 0.1, "damping": 2.0}],
+    ids=["spring", "mass", "backward"],
+)
+def test_in_a_hand_its_poles_are_those_of_the_theory(stated, parts, environment):
+    """(Z_seen + Z_c + Z_e) v_e = 0 at each, Z_seen and Z_c by oracles: law, trapezoid and timing are the proof's."""
+    told = stated(parts)
+    device, made = told.firmware.device, told.firmware
+    hand, T = Hand(0.1, 5.0, 500.0), device.sample_time
+    memory = Sampled(real_of(replace(device, velocity=None)), hand, DOUBLES)
+    poles = np.linalg.eigvals(closed_loop(memory, Stated(json.loads(told.files["controller.json"]), **environment)))
+    moving = [z for z in poles if abs(z - 1) > 1e-6 and abs(z + 1) > 1e-6 and abs(z) > 0.5]
+    assert len(moving) >= 3
+    real = real_of(device)
+    for z in moving:
+        s = 2 / T * (z - 1) / (z + 1) if environment.get("rule") else (z - 1) / (T * z)
+        rendered = (
+            environment.get("mass", 0.0) * s + environment.get("damping", 0.0) + environment.get("stiffness", 0.0) / s
+        )
+        mesh = [seen_at(real, made.gains, hand, z, DOUBLES), coupling_at(real, made.coupling, z, DOUBLES), rendered]
+        assert abs(sum(mesh)) < 1e-6 * sum(map(abs, mesh))
+
+
+def test_the_equations_of_the_json_are_those_of_the_vectors(made):
+    folder = made("filtered")
+    path = folder.parent.parent / "device.toml"
+    record = json.loads(export(path, to="json", unproved=True).files["controller.json"])
+    rendered = {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004, "wall": True}
+    stated = Stated(record, **rendered, limit=2.0)
+    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
+    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
+    stated.state |= {"measured": rows[0, 0], "reference": rows[0, 0]}
+    assert [stated.step(*row[:3]) for row in rows] == rows[:, 3].tolist()
+
+
+def test_the_page_of_the_equations_stands_alone(made):
+    told = export(made("filtered").parent.parent / "device.toml", to="json", unproved=True)
+    page, record = told.files["controller.html"], json.loads(told.files["controller.json"])
+    assert "<svg" in page and "http" not in page.replace("http://www.w3.org", "")
+    for one in record["equations"]:
+        assert f"<td>{one['name']}</td>" in page
+    assert repr(record["coefficients"]["coupling_step"]["value"]) in page
+
+
+def test_coefficients_go_back_to_their_coupling():
+    rng = np.random.default_rng(1)
+    for _ in range(300):
+        T, b_c, m_c, b_0 = (float(f"{10**each:.6g}") for each in rng.uniform((-5, -2, -3, -3), (-2, 4, 2, 1)))
+        back = coupling_of(coupling_coefficients(Coupling(b_c, m_c, b_0), T), T)
+        alpha = T * b_c / (2 * m_c)  # far from 1 on one side a mass hardly matters, on the other a damping
+        assert back.damping == pytest.approx(b_c, rel=1e-14 * (1 + alpha) ** 2)
+        assert back.mass == pytest.approx(m_c, rel=1e-14 * (1 + 1 / alpha) ** 2)
+        assert back.drag == pytest.approx(b_0, abs=1e-15 * (b_0 + b_c / (1 + alpha)))
+
+
+def test_in_single_precision_it_is_the_rounded_constants_that_are_proved():
+    file = read_problem(ROOT / "problems/friction-wheel-hands.toml")
+    given = read_gains(ROOT / "results/friction-wheel-hands/gains.toml")
+    made = firmware(file, given.gains, given.coupling, "single")
+    problem, (gains, coupling) = rounded(file.problem, made.coefficients)
+    assert certified(made)
+    assert (made.record.gains.plain, made.record.coupling.plain) == (gains, coupling) != (given.gains, given.coupling)
+    assert all(float(np.float32(number)) == number for number in made.coefficients.values())
+    assert problem.device.sample_time == float(np.float32(1e-3)) != 1e-3
+    again = coupling_coefficients(coupling, problem.device.sample_time)
+    for name, number in again.items():
+        assert made.coefficients[name] == pytest.approx(number, rel=1e-14)
+
+
+EDGE = """[device]
+mass = 0.4
+damping = 0.0
+sample_time = 0.0009765625
+[gains]
+velocity = 409.59999
+position = 0.0
+[coupling]
+damping = 1e4
+mass = 30.0
+[stability]
+band_hz = [1.0, 20.0]
+criterion = "passive"
+"""
+"""|S| at Nyquist is 1/(1 - K_v T/(2m)), below its limit of 2 for K_v < m/T = 409.6: 409.59999 is, and stays so in
+single precision; that of `OVER` rounds up."""
+OVER = EDGE.replace("409.59999", "409.599999")
+
+
+def test_a_design_that_does_not_survive_its_rounding_is_refused(tmp_path):
+    (tmp_path / "under.toml").write_text(EDGE)
+    (tmp_path / "over.toml").write_text(OVER)
+    for name, precision, code in (
+        ("under", "double", ExitCode.OK),
+        ("under", "single", ExitCode.OK),
+        ("over", "double", ExitCode.OK),
+    ):
+        assert (
+            vctune("export", f"{name}.toml", "--precision", precision, "--to", "json", cwd=tmp_path).returncode == code
+        )
+    refused = vctune("export", "over.toml", "--precision", "single", "--out", "single", cwd=tmp_path)
+    assert refused.returncode in (ExitCode.FAILED, ExitCode.UNDECIDED)
+    assert "rounded to single precision" in refused.stderr and "max_sensitivity" in refused.stderr
+    assert not (tmp_path / "single").exists()
+
+
+def test_what_is_not_proved_is_refused_or_says_so_at_the_top_of_every_file(folder):
+    refused = vctune("export", "poor.toml", cwd=folder)
+    assert (refused.returncode, refused.stdout) == (ExitCode.FAILED, "")
+    assert "violated" in refused.stderr and "--unproved" in refused.stderr
+    assert not (folder / "results").exists()
+    for to in ("c", "json"):
+        done = vctune("export", "poor.toml", "--to", to, "--unproved", cwd=folder)
+        assert done.returncode == ExitCode.OK and done.stdout.startswith("NOT PROVED")
+    files = list((folder / "results/poor/firmware").iterdir())
+    assert len(files) == 8
+    for path in files:
+        assert "NOT PROVED" in "".join(path.read_text().splitlines(keepends=True)[:3]), path
+    assert "#define VCTUNE_PROVED 0" in (folder / "results/poor/firmware/vctune_controller.h").read_text()
+    assert vctune("export", "good.toml", cwd=folder).returncode == ExitCode.OK
+    good = folder / "results/good/firmware"
+    assert "#define VCTUNE_PROVED 1" in (good / "vctune_controller.h").read_text()
+    assert not any("NOT PROVED" in path.read_text() for path in good.iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments, complaint",
+    [
+        (["free.toml"], "nothing to export: not every gain is fixed"),
+        (["bad.toml"], "dampin"),
+        (["gone.toml"], "no such file"),
+        (["gone.json"], "cannot be read"),
+        (["good.toml", "good.toml"], "gains"),
+        (["good.toml", "--to", "ada"], "ada"),
+        (["good.toml", "--precision", "half"], "half"),
+        (["good.toml", "--out", "good.toml"], "cannot be written"),
+    ],
+)
+def test_bad_input_is_refused(folder, arguments, complaint):
+    (folder / "no.json").write_text("{}")
+    refused = vctune("export", *arguments, cwd=folder)
+    assert refused.returncode == ExitCode.BAD_INPUT
+    assert complaint in refused.stderr and "Traceback" not in refused.stderr
+    assert not (folder / "results").exists()
+
+
+def test_a_design_is_exported_as_it_was_solved(folder):
+    assert vctune("solve", "good.toml", cwd=folder).returncode == ExitCode.OK
+    path = folder / "results/good/design.json"
+    told = export(path)
+    record = json.loads(path.read_text())
+    assert told.firmware.problem_sha256 == record["problem"]["sha256"]
+    assert told.firmware.gains == Gains(**record["gains"])
+    from_record = export(record)
+    assert from_record.files == told.files
+    assert vctune("export", path, cwd=folder).returncode == ExitCode.OK
+    assert (folder / "results/good/firmware/vctune_controller.c").read_text() == told.files["vctune_controller.c"]
+    assert vctune("export", path, "good.toml", cwd=folder).returncode == ExitCode.BAD_INPUT
+    path.write_text(json.dumps(record | {"problem": record["problem"] | {"sha256": "0" * 64}}))
+    assert "was changed" in vctune("export", path, cwd=folder).stderr
+
+
+def test_an_export_names_its_formats():
+    with pytest.raises(InputError, match="one of c, fmu, json"):
+        export({"device": {"mass": 1.0, "damping": 1.0, "sample_time": 1e-3}}, to="ada")
+
+
+@pytest.fixture(scope="module")
+def library(made, tmp_path_factory):
+    place = tmp_path_factory.mktemp("library") / "c"
+    shutil.copytree(made("filtered"), place)
+    assert done("make", "-s", "shared", cwd=place).returncode == 0
+    return place
+
+
+@has("make", "gcc")
+def test_the_compiled_controller_runs_as_the_simulated_one(made, library, tmp_path):
+    """Every trace to the last bit, with friction, encoder, noise, wall and limit."""
+    path = made("filtered").parent.parent / "device.toml"
+    design = read_problem(path).problem.fixed_design
+    plain = simulate(path, *design)
+    within = simulate(path, *design, controller=library)
+    for one, other in zip(plain.experiments, within.experiments, strict=True):
+        assert other.difference.force == 0
+        for name in ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed"):
+            assert getattr(one.design.traces, name).tolist() == getattr(other.design.traces, name).tolist(), name
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
+def test_a_firmware_that_commands_something_else_fails_and_one_that_rounds_otherwise_passes(made, precision, tmp_path):
+    """K_v ten times too small is far beyond the tolerance; a product that is multiplied out is within it."""
+    folder = made("filtered", precision)
+    path = folder.parent.parent / "device.toml"
+    found = {}
+    for name, file, old, new in (
+        ("exported", "Makefile", "", ""),
+        (
+            "rounded",
+            "vctune_controller.c",
+            "GAIN * (desired - velocity)",
+            "GAIN * desired - VCTUNE_VELOCITY_GAIN * velocity",
+        ),
+        ("tenth", "vctune_controller.h", "VCTUNE_VELOCITY_GAIN (150.0", "VCTUNE_VELOCITY_GAIN (15.0"),
+    ):
+        place = shutil.copytree(folder, tmp_path / name)
+        text = (place / file).read_text()
+        assert old in text
+        (place / file).write_text(text.replace(old, new))
+        assert done("make", "-s", "shared", cwd=place).returncode == 0
+        found[name] = simulate(path, controller=place, experiment="everything at once")
+    for name, agrees in (("exported", True), ("rounded", True), ("tenth", False)):
+        (one,) = found[name].experiments
+        assert (found[name].agrees, one.difference.passes, one.difference.precision) == (agrees, agrees, precision), (
+            name
+        )
+    exported, other, tenth = (made.experiments[0].difference for made in found.values())
+    assert exported.force == 0 < other.force <= other.tolerance and tenth.force > 10 * tenth.tolerance
+    strict = simulate(path, controller=tmp_path / "rounded", experiment="everything at once", tolerance=other.force / 2)
+    assert not strict.agrees
+
+
+@has("make", "gcc")
+def test_simulating_a_firmware_that_commands_something_else_exits_1(library, tmp_path):
+    shutil.copytree(library, tmp_path / "c")
+    header = tmp_path / "c/vctune_controller.h"
+    header.write_text(header.read_text().replace("VCTUNE_VELOCITY_GAIN (150.0)", "VCTUNE_VELOCITY_GAIN (75.0)"))
+    assert done("make", "-s", "shared", cwd=tmp_path / "c").returncode == 0
+    (tmp_path / "device.toml").write_text(DEVICE + PARTS["filtered"] + FIXED.format(160.0) + EXPERIMENTS)
+    (tmp_path / "gains.toml").write_text(FIXED.format(160.0))
+    command = ("simulate", "device.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
+    found = vctune(*command, cwd=tmp_path)
+    assert found.returncode == ExitCode.FAILED
+    assert "vctune_controller.so" in found.stdout and "FAILED" in found.stdout and "the tolerance is" in found.stdout
+    record = json.loads((tmp_path / "results/device/in-the-loop/simulation.json").read_text())
+    assert record["controller"] == "vctune_controller.so"
+    difference = record["experiments"][0]["difference"]
+    assert difference["force"] > 0.01 > difference["tolerance"] and difference["precision"] == "double"
+    allowed = vctune(*command, "--tolerance", 100, cwd=tmp_path)
+    assert allowed.returncode == ExitCode.OK and "the tolerance is 100 N" in allowed.stdout
+    alone = vctune("simulate", "device.toml", "--tolerance", 1, cwd=tmp_path)
+    assert alone.returncode == ExitCode.BAD_INPUT and "--controller" in alone.stderr
+
+
+@pytest.mark.parametrize(
+    "name, complaint", [("gone.so", "make shared"), ("empty", "make shared"), ("text.so", "cannot be loaded")]
+)
+def test_what_is_no_controller_is_refused(folder, name, complaint):
+    (folder / "empty").mkdir()
+    (folder / "text.so").write_text("no library")
+    (folder / "good.toml").write_text(DEVICE + FIXED.format(160.0) + EXPERIMENTS)
+    (folder / "gains.toml").write_text(FIXED.format(160.0))
+    refused = vctune("simulate", "good.toml", "gains.toml", "--controller", name, cwd=folder)
+    assert refused.returncode == ExitCode.BAD_INPUT and complaint in refused.stderr
+    assert not (folder / "results/good/in-the-loop").exists()
+
+
+@has("gcc")
+def test_a_library_of_something_else_is_refused(folder):
+    (folder / "else.c").write_text("int other(void);\nint other(void) { return 1; }\n")
+    done("gcc", "-shared", "-fPIC", "-o", "else.so", "else.c", cwd=folder)
+    (folder / "good.toml").write_text(DEVICE + FIXED.format(160.0) + EXPERIMENTS)
+    (folder / "gains.toml").write_text(FIXED.format(160.0))
+    refused = vctune("simulate", "good.toml", "gains.toml", "--controller", "else.so", cwd=folder)
+    assert refused.returncode == ExitCode.BAD_INPUT and "vctune_bridge.c" in refused.stderr
+
+
+@pytest.fixture(scope="module")
+def unit(made, tmp_path_factory):
+    """The FMU of the filtered device, and where the vectors of its C are."""
+    pytest.importorskip("fmpy")
+    folder = made("filtered")
+    told = export(folder.parent.parent / "device.toml", to="fmu", unproved=True)
+    path = write_export(told, tmp_path_factory.mktemp("fmu")) / next(iter(told.files))
+    return path, folder
+
+
+@has("gcc")
+def test_the_fmu_is_valid_and_its_binary_is_made_of_its_sources(unit):
+    from fmpy.validation import validate_fmu
+
+    path, _ = unit
+    assert validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as packed:
+        names = packed.namelist()
+        assert {"modelDescription.xml", "sources/vctune_controller.c", "binaries/linux64/vctune_fmu.so"} <= set(names)
+        described = packed.read("modelDescription.xml").decode()
+        folder = path.parent / "unpacked"
+        packed.extractall(folder)
+    assert described.count("NOT PROVED") == 2  # at its top, and in what a tool shows of it
+    assert done("gcc", *WARNINGS, "-c", "vctune_fmu.c", "-o", "out.o", cwd=folder / "sources").stderr == ""
+    again = export(unit[1].parent.parent / "device.toml", to="fmu", unproved=True)
+    assert next(iter(again.files.values())) == path.read_bytes()  # the same bytes
+
+
+@has("gcc")
+def test_the_fmu_replays_the_vectors(unit):
+    """In FMPy, to the last bit; and a step of another length is refused."""
+    from fmpy import extract, read_model_description
+    from fmpy.fmi1 import FMICallException
+    from fmpy.fmi2 import FMU2Slave
+
+    path, folder = unit
+    described = read_model_description(str(path))
+    at = {one.name: one.valueReference for one in described.modelVariables}
+    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
+    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
+    place = extract(str(path))
+    slave = FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier=described.coSimulation.modelIdentifier)
+    slave.instantiate()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    rendered = {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004}
+    given = {f"environment_{name}": number for name, number in rendered.items()} | {"limit": 2.0}
+    given |= {"start_position": rows[0, 0], "start_reference": rows[0, 0]}
+    slave.setReal([at[name] for name in given], list(given.values()))
+    slave.setBoolean([at["wall"]], [True])
+    slave.exitInitializationMode()
+    commanded, T = [], 1e-3
+    for k, row in enumerate(rows):
+        slave.setReal([at["position"], at["velocity"], at["force"]], row[:3].tolist())
+        slave.doStep(k * T, T)
+        commanded += slave.getReal([at["command"]])
+    assert commanded == rows[:, 3].tolist()
+    with pytest.raises(FMICallException):
+        slave.doStep(len(rows) * T, 2 * T)
+    with pytest.raises(FMICallException):
+        slave.setReal([at["force"]], [float("nan")])
+    slave.terminate()
+    slave.freeInstance()
+    shutil.rmtree(place)
+
+
+def test_an_fmu_without_a_compiler_is_refused(folder, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda name: None)
+    refused = vctune("export", "good.toml", "--to", "fmu", cwd=folder)
+    assert refused.returncode == ExitCode.BAD_INPUT and "install gcc or clang" in refused.stderr
+    assert not (folder / "results").exists()
+
+
+@has("gcc")
+def test_an_fmu_that_is_not_proved_says_so(folder):
+    told = export(folder / "poor.toml", to="fmu", unproved=True)
+    with zipfile.ZipFile(BytesIO(next(iter(told.files.values())))) as packed:
+        for name in packed.namelist():
+            assert name.endswith(".so") or b"NOT PROVED" in b"".join(packed.read(name).splitlines()[:3]), name
+
+
+def test_a_limit_that_does_not_act_changes_nothing():
+    """To the last bit, also where the position part alone asks for more than it: the certified loop is linear."""
+    from vctune.simulation.firmware.controller import Measurement, State, control
+    from vctune.simulation.firmware.operations import FLOATS
+
+    device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
+    free = designed_law(device, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.5), NOTHING)
+    limited = replace(free, limit=30.0)
+    states = [State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)] * 2
+    rng, beyond = np.random.default_rng(5), 0
+    for _ in range(500):
+        position, force = float(rng.normal(0.0, 3e-3)), float(rng.normal(0.0, 1.0))
+        # a velocity by which the damping part holds against the position part
+        ahead = states[0].reference + 1e-3 * states[0].desired - position
+        seen = Measurement(position, states[0].desired + 40 * ahead, force)
+        (states[0], one), (states[1], other) = (
+            control(law, state, seen, FLOATS) for law, state in zip((free, limited), states, strict=True)
+        )
+        assert (states[0], one) == (states[1], other)
+        assert abs(one.force) < 30.0
+        beyond += abs(6000.0 * (states[0].reference - position)) > 30.0
+    assert beyond > 10
+
+
+def test_behind_a_limit_the_position_error_stays_within_reach():
+    """What the limit can hold: the position part alone never asks for more, and is back as soon as the hand lets go."""
+    from vctune.simulation.firmware.controller import Measurement, State, control
+    from vctune.simulation.firmware.operations import FLOATS
+
+    gains, limit = Gains(150.0, 6000.0), 2.0
+    device = read_problem(ROOT / "problems/friction-wheel.toml").problem.device
+    law = replace(designed_law(device, gains, Coupling(160.0, 0.35, 0.5), NOTHING), limit=limit)
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for _ in range(500):  # the hand pushes with 20 N against a handle that is stuck
+        state, command = control(law, state, Measurement(0.0, 0.0, 20.0), FLOATS)
+        assert abs(state.reference) <= limit / gains.position * (1 + 1e-12)
+    assert command.force == limit
+    for _ in range(8000):
+        state, command = control(law, state, Measurement(0.0, 0.0, 0.0), FLOATS)
+    assert abs(command.force) <= limit
+    assert abs(state.desired) < 1e-3
+
+
+@pytest.mark.slow
+@has("make", "gcc")
+@pytest.mark.parametrize("seed", range(20))
+def test_random_designs_replay_to_the_last_bit(seed, tmp_path):
+    """Random devices with random parts, gains with and without an integrator, random environments, both precisions."""
+    rng = np.random.default_rng(seed)
+    device = ordinary_device(rng)
+    T, mass = device["sample_time"], device["mass"]
+    gain = mass / T * 10 ** rng.uniform(-2, -0.3)
+    tables = {
+        "device": device,
+        "gains": {"velocity": gain, "position": 0.0 if seed % 4 == 0 else gain * 10 ** rng.uniform(0, 2)},
+        "coupling": {"damping": 10 ** rng.uniform(-1, 4), "mass": 10 ** rng.uniform(-2, 1), "drag": rng.uniform(0, 5)},
+        "experiment": [
+            {
+                "name": f"random {number}",
+                "environment": environment,
+                "operator": {"to": 0.01, "cycles": 1, "mass": rng.uniform(0, 0.3)},
+                "sensors": {"force_noise": 0.01},
+                "actuator": {"limit": 10 ** rng.uniform(-1, 2)},
+            }
+            for number, environment in enumerate(
+                [
+                    {"mass": rng.uniform(0, 1), "stiffness": 10 ** rng.uniform(0, 5), "zero": 0.005, "wall": True},
+                    {"mass": rng.uniform(0, 1), "damping": rng.uniform(0, 20), "stiffness": 10 ** rng.uniform(0, 3)},
+                    {"mass": rng.uniform(0.01, 1), "stiffness": 10 ** rng.uniform(0, 3), "rule": "trapezoid"},
+                ]
+            )
+        ],
+    }
+    for precision in ("double", "single"):
+        place = write_export(export(tables, precision=precision, unproved=True), tmp_path / precision)
+        found = done("make", "-s", "check", cwd=place)
+        assert found.returncode == 0, found.stdout + found.stderr
+        assert precision == "single" or found.stdout.count(" difference 0 ulp  ok") == 3
+
+
+def ordinary_device(rng):
+    """A device with random parts, as a problem file states it."""
+    table = {"mass": 10 ** rng.uniform(-2, 1), "damping": rng.uniform(0, 5), "sample_time": 10 ** rng.uniform(-4, -2.7)}
+    rate = 1 / table["sample_time"]
+    if rng.random() < 0.7:
+        table["velocity"] = {"from": str(rng.choice(["measured", "difference"]))}
+        if rng.random() < 0.7:
+            table["velocity"] |= {"filter_hz": rate * rng.uniform(0.05, 0.4), "filter_order": int(rng.integers(1, 3))}
+    if rng.random() < 0.5:
+        table["delay"] = table["sample_time"] * rng.uniform(0, 3)
+    if rng.random() < 0.5:
+        table["actuator"] = {"bandwidth_hz": rate * rng.uniform(0.1, 1)}
+    if rng.random() < 0.5:
+        table["force_sensor"] = {"bandwidth_hz": rate * rng.uniform(0.05, 1), "delay": table["sample_time"]}
+    if rng.random() < 0.5:
+        table["structure"] = {"handle_mass": table["mass"] / 4, "frequency_hz": rate / 8, "damping_ratio": 0.05}
+    return table

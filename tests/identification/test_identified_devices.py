@@ -1,0 +1,204 @@
+"""Simulated devices, identified from their logs: the truth is in the box, the box is no larger than it has to be, and
+what is designed for the box is certified for the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from identification_logs import Log, driven, encoded, random_case
+
+from vctune import check, identify, solve
+from vctune.design.verdict.gains_check import CheckVerdict
+from vctune.document.text.errors import InputError
+from vctune.identification.box import Bounded
+from vctune.model.device import Device
+from vctune.model.experiment import Friction, Operator
+
+FEW, MANY = (pytest.param(1, marks=pytest.mark.slow), 2), range(200)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One device: relative errors, half-widths without and with floors, whether all are inside, and has the parts."""
+
+    errors: dict[str, float]
+    found: dict[str, float]
+    half_widths: dict[str, float]
+    inside: bool
+    parts: bool
+
+
+def trial(seed, folder) -> Trial:
+    case = random_case(seed)
+    identified = identify(*case.log.write(folder, f"log-{seed}"))
+    numbers = {each.key: each for each in identified.record.numbers}
+    true = {key: case.device.number(key) for key in numbers}
+    parts = all(
+        (case.device.number(key) is None) == (key not in numbers)
+        for key in ("structure.frequency_hz", "actuator.bandwidth_hz")
+    )
+    known = {key: each for key, each in numbers.items() if true[key] is not None}
+    return Trial(
+        errors={key: each.value / true[key] - 1 for key, each in known.items()},
+        found={key: without_floor(identified.found.bounded(key)) for key in known},
+        half_widths={key: each.share for key, each in known.items()},
+        inside=all(abs(true[key] / each.value - 1) <= each.share for key, each in known.items()),
+        parts=parts,
+    )
+
+
+def without_floor(bounded: Bounded) -> float:
+    """Return the half-width that records, directions and residuals ask for, as a share of the middle."""
+    factor = bounded.sampled / max(each.sigma for each in bounded.estimates)
+    low = min(each.value - factor * each.sigma - each.excess[0] for each in bounded.estimates)
+    high = max(each.value + factor * each.sigma + each.excess[1] for each in bounded.estimates)
+    return (high - max(low, 0.0)) / (high + max(low, 0.0))
+
+
+def designed_for_the_box(seed, folder) -> bool:
+    """Whether the design for the identified file passes on the true device."""
+    case = random_case(seed)
+    identified = identify(*case.log.write(folder, f"log-{seed}"))
+    solved = solve(identified.file)
+    posed = replace(identified.file.problem, device=case.device, uncertainty=None)
+    return check(posed, solved.judgement.gains, solved.judgement.coupling).result is CheckVerdict.PASSED
+
+
+@pytest.mark.parametrize("seed", FEW)
+def test_a_simulated_device_is_in_its_box(seed, tmp_path):
+    found = trial(seed, tmp_path)
+    assert found.parts
+    assert found.inside, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_design_for_the_box_is_certified_for_the_truth(seed, tmp_path):
+    assert designed_for_the_box(seed, tmp_path)
+
+
+@pytest.fixture(scope="module")
+def trials(tmp_path_factory):
+    """Two hundred devices."""
+    return [trial(seed, tmp_path_factory.mktemp("trials")) for seed in MANY]
+
+
+@pytest.mark.slow
+def test_nineteen_of_twenty_devices_are_in_their_boxes(trials):
+    assert np.mean([each.inside and each.parts for each in trials]) >= 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "key",
+    [
+        "mass",
+        "damping",
+        "delay",
+        "actuator.bandwidth_hz",
+        "structure.handle_mass",
+        "structure.frequency_hz",
+        pytest.param("structure.damping_ratio", marks=pytest.mark.xfail(reason="3.2 times: blocks of lines left out")),
+    ],
+)
+def test_no_interval_is_wider_than_the_errors_that_are_made(trials, key):
+    """Half the devices have an interval of at most three times the root mean square of the errors to each side.
+
+    Floors aside, which are for what differs between two days, and which no simulation has.
+    """
+    having = [each for each in trials if key in each.errors]
+    rms = np.sqrt(np.mean([each.errors[key] ** 2 for each in having]))
+    assert np.median([each.found[key] for each in having]) <= 3 * rms
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "floor"),
+    [
+        ("mass", 0.01),
+        ("damping", 0.01),
+        ("actuator.bandwidth_hz", 0.01),
+        ("structure.handle_mass", 0.01),
+        ("structure.frequency_hz", 0.005),
+        ("structure.damping_ratio", 0.01),
+    ],
+)
+def test_a_floor_widens_an_interval_to_itself_and_not_beyond(trials, key, floor):
+    for each in trials:
+        if key in each.errors and each.half_widths[key] < 0.9:  # not one that reaches down to 0
+            stated = each.half_widths[key]  # in five decimals, rounded up
+            assert 0 <= stated - max(each.found[key], floor) < 2e-5
+
+
+@pytest.mark.slow
+def test_designs_for_nineteen_of_twenty_boxes_are_certified_for_the_truth(tmp_path):
+    passed = [designed_for_the_box(seed, tmp_path) for seed in MANY[:60]]
+    assert np.mean(passed) >= 0.95
+
+
+def test_a_hand_moves_the_device_and_the_sensor_s_lag_is_found(tmp_path):
+    """Hand and motor push at once; the force is sensed late and with noise."""
+    random, T, n = np.random.default_rng(1), 1e-3, 12000
+    device = Device(0.4, 2.0, T, 4e-4)
+    f = np.fft.rfftfreq(n, T)
+    wave = np.fft.irfft(np.fft.rfft(random.normal(size=n)) * (f > 0.3) / (1 + (f / 6.0) ** 2), n)
+    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    recorded = driven(device, Friction(0.3, 0.35, 0.005, 1e5, 200.0), 3 * wave / wave.std(), hand=hand)
+    late = 2.5e-3
+    time = np.arange(n) * T
+    sensed = np.interp(time - late, time, recorded["force"]) + random.normal(size=n) * 0.02
+    columns = {
+        "time_s": time,
+        "position_m": encoded(recorded["position"], 1e-6),
+        "command_N": recorded["motor"],
+        "hand_N": sensed,
+    }
+    found = identify(*Log(columns, "").write(tmp_path)).found
+    for key in ("mass", "damping", "delay"):
+        assert found.bounded(key).low <= device.number(key) <= found.bounded(key).high
+    sensor = found.bounded("force_sensor.delay")
+    assert sensor.low <= late <= sensor.high < 1.2 * sensor.low
+    assert found.force_noise == pytest.approx(0.02, rel=0.1)
+
+
+def test_where_the_command_rests_the_delay_is_asked_for(tmp_path):
+    random, T, n = np.random.default_rng(2), 1e-3, 8000
+    hand = Operator("sine", 0.0, 0.05, 0.3, 40, 0.1, 5.0, 400.0)
+    recorded = driven(Device(0.4, 2.0, T), None, np.zeros(n), hand=hand)
+    sensed = recorded["force"] + random.normal(size=n) * 0.01
+    columns = {
+        "time_s": np.arange(n) * T,
+        "position_m": encoded(recorded["position"], 1e-6),
+        "command_N": np.zeros(n),
+        "hand_N": sensed,
+    }
+    log, config = Log(columns, "").write(tmp_path)
+    with pytest.raises(InputError, match="the command never moves"):
+        identify(log, config)
+    config.write_text("[device]\ndelay = 3e-4\ndelay_uncertainty = 2e-4\n")
+    delay = identify(log, config).found.bounded("delay")
+    assert (delay.low, delay.high) == pytest.approx((1e-4, 5e-4))
+
+
+@pytest.mark.slow
+def test_the_suggested_multisine_is_periodic_and_within_what_the_log_bore(tmp_path):
+    case = random_case(2)
+    identified = identify(*case.log.write(tmp_path), excitation=True)
+    made = identified.excitation
+    spectrum = np.abs(np.fft.rfft(made.force))
+    period = made.force.size * case.device.sample_time
+    excited = np.flatnonzero(spectrum > 1e-6 * spectrum.max()) / period
+    assert excited == pytest.approx(made.lines_hz)
+    assert made.peak <= np.abs(case.log.columns["command_N"]).max()
+    assert made.lines_hz[-1] <= 0.25 / case.device.sample_time
+    again = driven(case.device, case.friction, np.tile(made.force, made.periods + 1))
+    columns = {
+        "time_s": np.arange(again["motor"].size) * case.device.sample_time,
+        "position_m": encoded(again["position"], 1e-7),
+        "command_N": again["motor"],
+    }
+    found = identify(*Log(columns, case.log.toml).write(tmp_path, "again")).found
+    assert found.records[0].periodic is not None
+    assert found.device.mass == pytest.approx(case.device.mass, rel=0.01)

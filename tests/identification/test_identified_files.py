@@ -1,0 +1,259 @@
+"""What `vctune identify` writes: the reader of problem files takes it, and it says what is assumed and what is left."""
+
+from __future__ import annotations
+
+import re
+import resource
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from command import run
+from conftest import mostly_slow
+from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
+
+from vctune import check, identify, solve
+from vctune.design.verdict.gains_check import CheckVerdict
+from vctune.document.text.errors import InputError
+from vctune.identification.box import Estimate, box
+from vctune.identification.motion.covariance import robust_covariance
+from vctune.identification.motion.spectral_filters import HIGHEST, filtered, smooth, spectrum, stride
+from vctune.identification.readable import readable
+from vctune.model.device import Device
+from vctune.model.experiment import Friction
+
+T = 1e-3
+DEVICE = Device(0.5, 2.0, T, 7e-4)
+FRICTION = Friction(0.05, 0.05, 0.005, 1e5, 200.0)
+LINES = np.unique(np.round(np.geomspace(4, 120, 30))).astype(int)
+
+
+@pytest.fixture(scope="module")
+def repeated():
+    """Eight periods of a multisine, the command held between the samples of the log."""
+    wave = 3.0 * multisine(np.random.default_rng(4), LINES, 512, 8, T)
+    recorded = driven(DEVICE, FRICTION, wave)
+    return {
+        "time_s": np.arange(wave.size) * T,
+        "position_m": encoded(recorded["position"], 1e-8),
+        "force_N": recorded["motor"],
+    }
+
+
+@pytest.fixture(scope="module")
+def held(repeated, tmp_path_factory):
+    """The device from that log, whose force is of no stated kind."""
+    return identified(repeated, tmp_path_factory.mktemp("held"))
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """Six seconds of a slow motion."""
+    time = np.arange(6000) * T
+    recorded = driven(DEVICE, FRICTION, 3.0 * np.sin(11 * time + 2 * np.sin(0.7 * time)))
+    return {"time_s": time, "position_m": encoded(recorded["position"], 1e-6), "command_N": recorded["motor"]}
+
+
+def identified(columns, folder, text="", name="log"):
+    return identify(*Log(columns, text).write(folder, name))
+
+
+def coded(said, code):
+    return [line for line in said if line.endswith(f"[{code}]")]
+
+
+def test_a_force_that_jumps_at_each_sample_is_the_command(moved, tmp_path):
+    """As a continuous force its delay would be longer by half a sample."""
+    jumps = moved["command_N"] + np.random.default_rng(0).normal(size=6000)
+    recorded = driven(DEVICE, FRICTION, jumps)
+    columns = {
+        "time_s": moved["time_s"],
+        "position_m": encoded(recorded["position"], 1e-8),
+        "force_N": recorded["motor"],
+    }
+    found = identified(columns, tmp_path)
+    (said,) = coded(found.record.remarks, "remark-force-role")
+    assert "is taken for a held command" in said and "told apart" not in said and said.count("% of it is left") == 2
+    delay = found.found.bounded("delay")
+    assert delay.low <= DEVICE.delay <= delay.high < DEVICE.delay + 0.4 * T
+
+
+@pytest.mark.slow
+def test_a_force_that_is_held_is_the_command(held):
+    """As a continuous force it leaves twenty times as much."""
+    found = held
+    assert found.found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)
+    delay = found.found.bounded("delay")
+    assert delay.low <= DEVICE.delay <= delay.high and delay.high - delay.low < 0.3 * T
+    (said,) = coded(found.record.remarks, "remark-force-role")
+    assert "is taken for a held command" in said and said.count("% of it is left") == 2
+    assert found.record.warnings == []
+
+
+@pytest.mark.slow
+def test_a_force_that_a_sensor_samples_is_measured(tmp_path):
+    """The force changes sixteen times as often as it is sampled: as good as a continuous one."""
+    fine = 16
+    wave = 3.0 * multisine(np.random.default_rng(4), LINES, 512 * fine, 8, T / fine)
+    recorded = driven(replace(DEVICE, sample_time=T / fine), FRICTION, wave)
+    columns = {
+        "time_s": np.arange(512 * 8) * T,
+        "position_m": encoded(recorded["position"][::fine], 1e-8),
+        "force_N": recorded["motor"][::fine],
+    }
+    found = identified(columns, tmp_path)
+    assert found.found.device.mass == pytest.approx(DEVICE.mass, rel=0.01)
+    (said,) = coded(found.record.remarks, "remark-force-role")
+    assert "is taken for a measured force" in said and "between command and force" in said
+    delay = found.found.bounded("delay")
+    assert delay.low <= DEVICE.delay + T / (2 * fine) <= delay.high
+
+
+def test_where_chi2_does_not_tell_a_command_from_a_force_the_delay_holds_both(moved, tmp_path):
+    columns = {header.replace("command", "force"): values for header, values in moved.items()}
+    found = identified(columns, tmp_path)
+    assert "not told apart" in coded(found.record.remarks, "remark-force-role")[0]
+    delay = found.found.bounded("delay")
+    assert delay.low < DEVICE.delay < DEVICE.delay + T / 2 < delay.high
+
+
+@pytest.mark.parametrize(
+    ("text", "source", "assumed"),
+    [
+        ("", "difference", True),
+        ("[device.velocity]\nfilter_hz = 90.0\n", "difference", True),
+        ('[device.velocity]\nfrom = "measured"\n', "measured", False),
+    ],
+)
+def test_the_file_says_how_the_velocity_is_known(moved, tmp_path, text, source, assumed):
+    found = identified(moved, tmp_path, text)
+    estimate = found.file.problem.device.velocity
+    assert (estimate.source if estimate else "measured") == source
+    assert bool(coded(found.record.remarks, "remark-assumed-velocity")) == assumed
+    (line,) = [line for line in found.text.splitlines() if line.startswith("velocity = ")]
+    assert ("# assumed" in line) == assumed
+
+
+def test_what_is_known_must_be_possible_at_the_sample_time(moved, tmp_path):
+    with pytest.raises(InputError, match=r"log.toml:2: device.velocity.filter_hz: 900 Hz is above the Nyquist"):
+        identified(moved, tmp_path, "[device.velocity]\nfilter_hz = 900.0\n")
+    with pytest.raises(InputError, match="at most 200 are supported"):
+        identified(moved, tmp_path, "[device]\ndelay = 0.5\n")
+
+
+def test_much_that_is_left_is_a_warning_in_the_terminal_and_in_the_file(moved, tmp_path):
+    time = moved["time_s"]
+    Log(moved | {"command_N": moved["command_N"] + 0.6 * np.sin(5.0 * time)}, "").write(tmp_path)
+    done = run("identify", "log.csv", "--no-report", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^warning: log.csv: .*\[warn-residual]$", done.stdout, re.MULTILINE)
+    assert "\n# warning: log.csv: " in (tmp_path / "results/log/device.toml").read_text()
+
+
+def test_a_copy_of_the_command_is_no_actuator(repeated, tmp_path):
+    """Between two columns that are one there is no lag: none is in the file, where its bandwidth would be refused."""
+    found = identified(repeated | {"command_N": repeated["force_N"]}, tmp_path)
+    assert found.found.device.actuator is None
+    assert coded(found.record.remarks, "remark-no-lag")
+    assert found.file.problem.device.actuator is None
+
+
+@pytest.mark.parametrize("seed", mostly_slow(range(200), [2]))
+def test_an_identified_file_is_accepted(seed, tmp_path):
+    """The log may be refused; what is written is not, whatever the log is like."""
+    try:
+        found = identify(*spoiled(random_case(seed), seed).write(tmp_path))
+    except InputError as error:
+        assert error.source != "device.toml"
+    else:
+        assert found.file.problem.name == "log"
+
+
+@pytest.mark.parametrize("sample_time", [2e-6, 0.04])
+def test_a_very_fast_or_slow_log_gives_an_experiment_that_is_accepted(moved, sample_time, tmp_path):
+    slower, weaker = sample_time / T, min(1.0, 2 * T / sample_time**2 * 1e-3)
+    scaled = moved | {
+        "time_s": moved["time_s"] * slower,
+        "position_m": moved["position_m"] * slower**2 * weaker,
+        "command_N": moved["command_N"] * weaker,
+    }
+    found = identified(scaled, tmp_path, name="x" * 240)
+    assert found.file.problem.experiments and found.file.problem.name == "x" * 200
+
+
+def estimates(**values):
+    return [Estimate(key.replace("handle", "structure.handle_"), *each, "log") for key, each in values.items()]
+
+
+def test_a_handle_is_lighter_than_its_device(moved, tmp_path):
+    recording = identified(moved, tmp_path).found.records[0].recording
+    bounds = box(estimates(mass=(0.1, 1e-4), handlemass=(0.09, 0.005), delay=(T, 1e-5)), T)
+    mass, handle, _ = readable(bounds, recording, T)
+    assert bounds[1].high > mass.low > handle.high > 0.99 * mass.low and handle.low == bounds[1].low
+    assert handle.limits[-1].line == "lighter than the device [limit-handle]"
+    with pytest.raises(InputError, match="is not told from the device's"):
+        readable(box(estimates(mass=(0.1, 1e-2), handlemass=(0.09, 0.03), delay=(T, 1e-5)), T), recording, T)
+
+
+def test_a_damping_that_comes_out_negative_may_be_nothing_and_as_much():
+    (damping,) = box(estimates(damping=(-2.0, 0.1)), T)
+    assert (damping.low, damping.high) == (0.0, 2.0)
+
+
+def test_newey_and_west_by_sums_over_windows(monkeypatch):
+    random = np.random.default_rng(0)
+    scores, reach = random.normal(size=(300, 3)), 17
+    direct = scores.T @ scores
+    for lag in range(1, reach + 1):
+        crossed = scores[lag:].T @ scores[:-lag]
+        direct += (1 - lag / (reach + 1)) * (crossed + crossed.T)
+    information = scores.T @ scores
+    expected = np.linalg.inv(information) @ direct @ np.linalg.inv(information)
+    for block in (64, 1 << 16):
+        monkeypatch.setattr("vctune.identification.motion.covariance.BLOCK", block)
+        assert robust_covariance(scores, information, reach) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("halvings", [0, 1, 6])
+def test_a_stride_loses_nothing_behind_its_low_pass(halvings):
+    cutoff = HIGHEST / T / 2**halvings
+    every = stride(cutoff, T)
+    assert every == 2**halvings
+    column = spectrum(np.random.default_rng(0).normal(size=5000), T)
+    whole, some = (filtered(column, lambda omega: smooth(omega, cutoff), each) for each in (1, every))
+    assert some == pytest.approx(whole[::every], abs=1e-5 * whole.std())
+
+
+@pytest.mark.slow
+def test_two_million_rows_take_a_minute_and_600_megabytes(tmp_path):
+    """Processor time and peak memory of the whole command, with its report."""
+    wave = np.tile(np.sin(11 * np.arange(100_000) * T) + np.sin(2.7 * np.arange(100_000) * T), 20)
+    v, x, force = np.zeros(wave.size), 0.0, 3.0 * wave
+    drag, motion = 2.0 / 0.4, 0.0
+    for i, push in enumerate(force):
+        v[i] = motion
+        motion += T * (push / 0.4 - drag * motion - 0.75 * np.tanh(motion / 1e-3))
+    x = encoded(np.concatenate([[0.0], np.cumsum(T * (v[1:] + v[:-1]) / 2)]), 1e-6)
+    with (tmp_path / "log.csv").open("w") as file:
+        file.write("time_s,position_m,command_N\n")
+        for first in range(0, wave.size, 100_000):
+            rows = slice(first, first + 100_000)
+            np.savetxt(
+                file, np.column_stack([np.arange(wave.size)[rows] * T, x[rows], force[rows]]), "%.9g", delimiter=","
+            )
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    command = [sys.executable, "-m", "vctune", "identify", "log.csv", "--quiet"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 60
+    assert after.ru_maxrss < 600_000
+
+
+@pytest.mark.slow
+def test_what_is_solved_for_a_differenced_velocity_passes_its_check(held):
+    found = held
+    solved = solve(found.file)
+    checked = check(found.file.problem, solved.judgement.gains, solved.judgement.coupling)
+    assert checked.result is CheckVerdict.PASSED

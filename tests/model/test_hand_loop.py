@@ -1,0 +1,460 @@
+"""The sampled loop in a known hand: against an oracle that shares nothing with it, closed forms, every arithmetic."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import astuple, replace
+from math import pi
+from typing import Any
+
+import numpy as np
+import pytest
+from agreement import all_to_all_digits, to_all_digits
+from device_arithmetic import DIGITS, Digits
+from device_fixtures import GAINS, REAL_A_LATE_SENSOR, WHEEL, WHEEL_GAINS
+from device_oracle import Coupling as OracleCoupling
+from device_oracle import Real
+from device_pairs import device_of, real_of
+from flint import arb, ctx
+from random_devices import COMBINATIONS, hand_for, ordinary_gains, with_parts
+from sampled_device_oracle import Hand as OracleHand
+from sampled_device_oracle import coupling_at, pulses, seen_at
+
+from vctune.model.coupling import sampled_resistance
+from vctune.model.device import Actuator, Device, ForceSensor, Structure
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import HAND, Hand
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand, required_in_hand, required_in_limp_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.claims.margins_of_claims import Design, hand_margin
+from vctune.proof.enclosures.arb_balls import BALLS, ball, box, device_ball, gains_ball
+from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
+
+HERTZ = (1, 10, 100, 400, 499.999999)
+SHARES = (1e-6, 1e-3, 0.03, 0.2, 0.4999)
+"""Of the sampling rate."""
+QUICK = Digits(80)
+"""For balls of 128 bits, and for differences over `STEP`."""
+STEP = QUICK.number("1e-25")
+KEYS = (*HAND, "theta")
+
+
+def loop(
+    device: Device, hand: Hand, theta: Number, ops: Arithmetic = FLOATS, plain: Device | None = None
+) -> LoopInHand:
+    """Return the loop in the hand; the plain device is the one of which device is an enclosure."""
+    return loop_in_hand(plant_in_hand(device, hand, delays_of(plain or device), ops), theta, ops)
+
+
+def required(device: Device, gains: Gains, hand: Hand, theta: Any) -> Any:
+    """Return R in doubles, N s/m."""
+    found = required_in_hand(loop(device, hand, np.asarray(theta)), gains)
+    return found.lost / found.size
+
+
+def number(part: Any, theta: Any) -> Any:
+    """Return even + j s odd."""
+    return part.even + 1j * np.sin(theta / 2) * part.odd
+
+
+def seen(device: Device, gains: Gains, hand: Hand, theta: Any) -> Any:
+    """Return Z_seen in doubles, N s/m."""
+    found = loop(device, hand, theta)
+    return number(found.numerator(gains), theta) / (2j * np.sin(theta / 2)) / number(found.closed(gains), theta)
+
+
+def oracle(device: Device, gains: Gains, hand: Hand, theta: Any, num: Any = DIGITS) -> Any:
+    """Return what the oracle says of Z_seen, N s/m."""
+    z = num.exp(num.i * num.number(theta))
+    return seen_at(real_of(device), gains, OracleHand(hand.mass, hand.damping, hand.stiffness), z, num)
+
+
+def cases(numbers: Iterable[int], seed: int) -> Iterator[tuple[Device, Gains, Hand, np.random.Generator]]:
+    """Yield random devices, with the combinations of parts one after the other, with gains and a hand."""
+    for k in numbers:
+        rng = np.random.default_rng((seed, k))
+        device = with_parts(rng, k)
+        yield device, ordinary_gains(device, rng)[0], hand_for(device, rng), rng
+
+
+SOME = range(0, len(COMBINATIONS), 11)
+"""Of all combinations: 11 has no factor in common with their number."""
+FEW = range(0, len(COMBINATIONS), 41)
+"""Fewer of them, for what takes long."""
+
+
+def radius(device: Device, gains: Gains, hand: Hand) -> float:
+    """Return the spectral radius: F e^(-j n theta/2) is a polynomial in e^(-j theta), with its DFT as coefficients."""
+    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+    theta = 2 * pi * np.arange(64) / 64
+    turned = np.exp(-0.5j * (len(plant.push) + plant.order) * theta)
+    coefficients = np.fft.ifft(number(loop_in_hand(plant, theta, FLOATS).closed(gains), theta) * turned).real
+    degree = int(np.flatnonzero(np.abs(coefficients) > 1e-14 * np.abs(coefficients).max())[-1])
+    return float(np.abs(np.roots(coefficients[: degree + 1])).max())
+
+
+@pytest.mark.parametrize(
+    ("real", "gains", "hand", "printed", "printed_radius"),
+    [
+        (
+            WHEEL,
+            WHEEL_GAINS,
+            Hand(0, 2, 1000),
+            "-3.30189871, -1.79708223, -1.43203308, .75885157, 16.66506962",
+            ".971311321227",
+        ),
+        (WHEEL, WHEEL_GAINS, Hand(0, 5, 1000), "41.65673015", ".971431542196"),
+        (
+            WHEEL,
+            WHEEL_GAINS,
+            Hand(0.1, 5, 500),
+            "-5.073865, -5.1123491, -48.7445991, 107.034006, 508.637387",
+            ".972009890218",
+        ),
+        (
+            REAL_A_LATE_SENSOR,
+            GAINS,
+            Hand(0.1, 5, 500),
+            "-5.92496224, -4.67687430, -23.4782379, -1.42762575, -10.4771066",
+            ".976809123701",
+        ),
+    ],
+    ids=["damper and spring", "heavier damper", "with mass", "a and a late sensor"],
+)
+def test_check_numbers(real: Real, gains: Any, hand: Hand, printed: str, printed_radius: str) -> None:
+    """R and the spectral radius, as model/README.md, section 14, has them."""
+    device, law = device_of(real), Gains(gains.velocity, gains.position)
+    hertz = np.array(HERTZ[-1:] if "," not in printed else HERTZ)
+    assert all_to_all_digits(printed, list(required(device, law, hand, 2 * pi * hertz * device.sample_time)))
+    assert to_all_digits(printed_radius, radius(device, law, hand))
+
+
+@pytest.mark.parametrize("numbers", [FEW, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
+def test_what_the_environment_meets_is_what_the_oracle_says(numbers):
+    """Z_seen and R, and the return difference over its open part, of every combination of parts."""
+    theta = 2 * pi * np.array(SHARES)
+    for device, gains, hand, rng in cases(numbers, 61):
+        found, R = seen(device, gains, hand, theta), required(device, gains, hand, theta)
+        held = loop(device, hand, theta)
+        delta = number(held.closed(gains), theta) / number(held.open, theta)
+        for k, at in enumerate(theta):
+            true = oracle(device, gains, hand, at)
+            assert abs(DIGITS.context.mpc(found[k]) - true) <= 1e-10 * abs(true), (device, hand, at)
+            assert abs(float(R[k]) + true.real) <= 1e-10 * abs(true), (device, hand, at)
+        k = int(rng.integers(1, len(theta)))
+        z = DIGITS.exp(DIGITS.i * DIGITS.number(theta[k]))
+        G_x, G_v, _ = pulses(real_of(device), OracleHand(*astuple(hand)), z)
+        true = complex(1 + gains.velocity * G_v + gains.position * G_x)
+        assert delta[k] == pytest.approx(true, rel=1e-9, abs=1e-9 * (1 + gains.velocity * abs(complex(G_v)))), device
+
+
+@pytest.mark.parametrize("numbers", [SOME, pytest.param(range(300), marks=pytest.mark.slow)], ids=["some", "every"])
+def test_without_an_integrator_both_forms_differ_by_rho(numbers):
+    """Next to rest, and as exactly anywhere else, of every combination of parts."""
+    for device, gains, hand, rng in cases(numbers, 62):
+        held = replace(hand, stiffness=float(10 ** rng.uniform(-6, 4)))
+        theta, K_v = float(10 ** rng.uniform(-4, 0.49)), gains.velocity
+        plant = plant_in_hand(device, held, delays_of(device), FLOATS)
+        known = required_in_hand(loop_in_hand(plant, theta, FLOATS), Gains(K_v, 0.0))
+        spring, turned = held.stiffness * device.sample_time**2 / device.mass, 2 * np.sin(theta / 2)
+        rho = spring + turned
+        found = required_in_limp_hand(plant, K_v, theta, spring / rho, FLOATS)
+        size = abs(found.size) + abs(found.lost) / K_v
+        assert abs(found.size - known.size / rho**2) < 1e-6 * size, (device, held, theta)
+        assert abs(found.lost - known.lost / rho**2) < 1e-6 * size * K_v, (device, held, theta)
+
+
+@pytest.mark.parametrize("share", [0.0, 1e-3, 0.5, 1.0])
+def test_without_an_integrator_at_rest_the_limit_is_that_of_a_spring_and_a_damper(share):
+    b, B, K_v, T, m = 2.0, 3.0, 40.0, 1e-3, 0.4
+    device = Device(mass=m, damping=b, sample_time=T)
+    plant = plant_in_hand(device, Hand(0.2, B, 0.0), delays_of(device), FLOATS)
+    found = required_in_limp_hand(plant, K_v, 0.0, share, FLOATS)
+    K, omega = share * m / T**2, (1 - share) / T
+    seen = K_v * (K**2 + omega**2 * B * (b + B + K_v)) / (K**2 + (omega * (b + B + K_v)) ** 2)
+    assert -found.lost / found.size == pytest.approx(seen, rel=1e-12)
+
+
+def test_angles_and_hands_are_arrays():
+    """One hand at many angles, and many hands at an angle each: as one by one."""
+    device, gains = device_of(REAL_A_LATE_SENSOR), Gains(150.0, 3000.0)
+    hands = [Hand(0.1, 5.0, 500.0), Hand(0.0, 5.0, 500.0), Hand(0.3, 0.0, 0.0)]
+    theta = np.array([0.01, 1.0, 3.0])
+    together = required(
+        device, gains, Hand(*(np.array(column) for column in zip(*map(astuple, hands), strict=True))), theta
+    )
+    one_by_one = [float(required(device, gains, hand, at)) for hand, at in zip(hands, theta, strict=True)]
+    assert together == pytest.approx(one_by_one, rel=1e-12)
+    along = required(device, gains, hands[0], theta)
+    assert along == pytest.approx([float(required(device, gains, hands[0], at)) for at in theta], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "numbers", [SOME, pytest.param(range(len(COMBINATIONS)), marks=pytest.mark.slow)], ids=["some", "every"]
+)
+def test_no_hand_gives_the_environment_nothing(numbers):
+    """No force is felt of it: Z_seen = 0, exactly, with every combination of parts."""
+    theta = 2 * pi * np.array(SHARES)
+    for device, gains, _, _ in cases(numbers, 62):
+        found = loop(device, Hand(0.0, 0.0, 0.0), theta)
+        P = found.numerator(gains)
+        assert np.all(P.even == 0) and np.all(P.odd == 0), device
+        assert np.all(required(device, gains, Hand(0.0, 0.0, 0.0), theta) == 0)
+
+
+def test_R_in_other_units_is_the_same():
+    """R over the unit of impedance; a hand has units too."""
+    theta = 2 * pi * np.array(SHARES)
+    for device, gains, hand, rng in cases(SOME, 63):
+        Z_0, time = float(10 ** rng.uniform(-2, 3)), float(device.sample_time * 10 ** rng.uniform(-1, 4))
+        scaled = Gains(gains.velocity / Z_0, gains.position * time / Z_0)
+        found = required(device.in_units(Z_0, time), scaled, hand.in_units(Z_0, time), theta) * Z_0
+        size = np.abs(seen(device, gains, hand, theta))
+        assert np.all(np.abs(found - required(device, gains, hand, theta)) <= 1e-10 * size), device
+
+
+def test_a_hand_that_is_hardly_there_is_as_none():
+    """R is continuous where mass, damping or stiffness of the hand vanish."""
+    theta = 2 * pi * np.array(SHARES[1:])
+    for device, gains, hand, _ in cases(SOME, 64):
+        m, T = device.mass, device.sample_time
+        for name, unit in (("mass", m), ("damping", m / T), ("stiffness", m / T**2)):
+            without = replace(hand, **{name: 0.0})
+            if without == Hand(0.0, 0.0, 0.0):
+                continue
+            R, size = required(device, gains, without, theta), np.abs(seen(device, gains, without, theta))
+            away = [
+                np.abs(required(device, gains, replace(hand, **{name: x * unit}), theta) - R) for x in (1e-10, 1e-8)
+            ]
+            assert np.all(away[0] <= 0.02 * away[1] + 1e-10 * size), (device, hand, name)
+
+
+def sampled_stiffness(device: Device, hand: Hand) -> tuple[Any, Any]:
+    """Return alpha and beta of f(A) = alpha + beta A, A the rigid mechanism's over a sample: with 50 digits."""
+    number, context = DIGITS.number, DIGITS.context
+    mass, T = number(device.mass) + number(hand.mass), number(device.sample_time)
+    loss = (number(device.damping) + number(hand.damping)) * T / mass
+    root = context.sqrt(loss**2 / 4 - number(hand.stiffness) * T**2 / mass)
+
+    def f(x: Any) -> Any:
+        return x / 2 * context.coth(x / 2) if x else number(1)
+
+    one, two = -loss / 2 + root, -loss / 2 - root
+    slope = (f(one) - f(two)) / (one - two)
+    return f(one) - slope * one, slope
+
+
+def at_rest(device: Device, gains: Gains, hand: Hand) -> Any:
+    """Return Re Z_seen(e^(j 0)) of a rigid device with a delay of whole samples, K_p > 0, in closed form.
+
+    Without sampling it is (B K_p^2 + K (K K_v - b K_p))/(K + K_p)^2.
+    """
+    number = DIGITS.number
+    b, T, tau = (number(x) for x in (device.damping, device.sample_time, device.delay))
+    M, B, K = (number(x) for x in astuple(hand))
+    K_v, K_p = number(gains.velocity), number(gains.position)
+    alpha, beta = sampled_stiffness(device, hand)
+    mu = M / (number(device.mass) + M)
+    lost = K**2 * K_v + (1 - alpha) * K * K_p * K_v + alpha * (B * K_p**2 - b * K * K_p)
+    late = K**2 * K_p * (tau + T * (0.5 - beta)) + K * K_p * (K + K_p) * mu * T * (0.5 + beta)
+    return (lost - late) / (K + K_p) ** 2
+
+
+def test_at_0_hz_in_closed_form():
+    """An integrator, a rigid device, any hand: formula, oracle next to 0 and vctune at 0 agree."""
+    for k in range(60):
+        rng = np.random.default_rng((65, k))
+        device = with_parts(rng, 0)
+        device = replace(device, delay=device.sample_time * int(rng.integers(0, 4)))
+        hand, gains = hand_for(device, rng), ordinary_gains(device, rng)[0]
+        gains = Gains(gains.velocity, gains.position or gains.velocity)
+        true = at_rest(device, gains, hand)
+        size = abs(true) + gains.velocity
+        assert abs(oracle(device, gains, hand, 1e-13).real - true) <= 1e-9 * size, (device, hand)
+        assert abs(-float(required(device, gains, hand, 0.0)) - true) <= 1e-12 * size, (device, hand)
+
+
+def test_at_0_hz_the_worst_hand_is_a_spring_with_its_mass():
+    """R is (b + sigma K_p)^2/(4 (b + K_v - tau K_p)) at most, sigma = M/(m + M) T/2, and a little damping is enough."""
+    T = 1e-4
+    for b, K_v, K_p in ((2.0, 150.0, 3000.0), (0.5, 40.0, 9000.0), (8.0, 20.0, 200.0)):
+        for M in (0.0, 0.1, 0.5):
+            device, gains, K = Device(0.4, b, T), Gains(K_v, K_p), K_p * 10 ** np.linspace(-5, 2, 4001)
+            k, lost = K_v - T / 2 * K_p, b + M / (0.4 + M) * T / 2 * K_p
+            enough = lost**2 / (4 * (k - lost + b))
+            worst = [
+                required(device, gains, Hand(M, B, K), np.zeros(K.shape)).max()
+                for B in (0.0, 0.99 * enough, 1.01 * enough)
+            ]
+            assert worst[0] == pytest.approx(lost**2 / (4 * (b + k)), rel=1e-3)
+            assert worst[1] > 0 > worst[2]
+
+
+@pytest.mark.slow
+def test_next_to_0_with_every_part():
+    """What vctune says at 0 is the oracle's limit; without an integrator or a spring, next to it."""
+    for device, gains, hand, _ in cases(range(1, len(COMBINATIONS), 3), 66):
+        at = 0.0 if gains.position and hand.stiffness else 1e-7
+        true = oracle(device, gains, hand, at or 1e-12)
+        away = abs(float(required(device, gains, hand, at)) + true.real)
+        assert away <= 1e-10 * (abs(true.real) + gains.velocity), (device, hand)
+
+
+def test_parts_far_faster_than_the_sampling():
+    """20 kHz before a loop of 1 kHz are nearly nothing, and are found so."""
+    for order in (1, 2):
+        for structure in (None, Structure(0.02, 300.0, 0.02)):
+            device = Device(0.4, 2.0, 1e-3, 3e-4, structure=structure)
+            quick = replace(
+                device,
+                actuator=Actuator(2e4, order),
+                force_sensor=ForceSensor(bandwidth_hz=2e4, order=order, delay=1e-4),
+            )
+            gains, hand = Gains(150.0, 3000.0), Hand(0.1, 5.0, 500.0)
+            for share in SHARES:
+                theta = 2 * pi * share
+                true = oracle(quick, gains, hand, theta)
+                found = DIGITS.context.mpc(complex(seen(quick, gains, hand, theta)))
+                assert abs(found - true) <= 1e-10 * abs(true), (order, structure, share)
+
+
+def test_the_coupling_as_the_firmware_runs_it():
+    """Re Z_c by the trapezoidal rule, from 0 to the Nyquist frequency, where it is b_0 + b_c."""
+    for k in range(50):
+        rng = np.random.default_rng((67, k))
+        T = float(10 ** rng.uniform(-4, -2))
+        b_c, m_c, b_0 = 10 ** rng.uniform(0, 4), 10 ** rng.uniform(-3, 1), float(rng.integers(2)) * 0.3
+        theta = pi * 10 ** rng.uniform(-5, 0, 5)
+        found = sampled_resistance(Coupling(b_c, m_c, b_0), T, theta, FLOATS)
+        for x, at in zip(found, theta, strict=True):
+            z = DIGITS.exp(DIGITS.i * DIGITS.number(at))
+            true = coupling_at(Real(1.0, 0.0, T), OracleCoupling(b_c, m_c, b_0), z).real
+            assert float(x) == pytest.approx(float(true), rel=1e-12)
+        ends = sampled_resistance(Coupling(b_c, m_c, b_0), T, np.array([0.0, pi]), FLOATS)
+        assert ends == pytest.approx([b_0, b_0 + b_c], rel=1e-12)
+
+
+def test_the_margin_is_the_demand_times_the_square_of_F():
+    device, gains, hand = device_of(REAL_A_LATE_SENSOR), Gains(150.0, 3000.0), Hand(0.1, 5.0, 500.0)
+    coupling, theta = Coupling(38.2, 0.0808, 0.5), np.array([0.0, 0.1, 2.0, pi])
+    plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
+    size = np.abs(number(loop_in_hand(plant, theta, FLOATS).closed(gains), theta)) ** 2
+    demand = 1.05 * required(device, gains, hand, theta)
+    expected = size * (sampled_resistance(coupling, device.sample_time, theta, FLOATS) - demand)
+    design = Design(device, gains, coupling)
+    assert hand_margin(plant, design, theta, 1.05, FLOATS) == pytest.approx(expected, rel=1e-12)
+
+
+def as_ball(x: Any) -> arb:
+    """Return a number of the oracle as a ball that contains it and little else."""
+    with ctx.workprec(300):
+        return arb(QUICK.context.nstr(x, 60))
+
+
+def contains(enclosure: Enclosure, true: Any) -> bool:
+    """Return whether an enclosure contains a number; one that is not finite does."""
+    mid, rad = float(enclosure.mid), float(enclosure.rad)
+    near = QUICK.context.mpf(mid) - true
+    return not np.isfinite(rad) or bool(abs(near) <= QUICK.context.mpf(rad))
+
+
+def around(x: float, width: float, rng: np.random.Generator) -> tuple[float, float]:
+    """Return an interval that contains a number, of a width relative to it, somewhere within it."""
+    low, high = rng.uniform(0.1, 1.0, 2) * width
+    return x * (1 - low), x * (1 + high)
+
+
+def numbers_of(hand: Hand, theta: float) -> dict[str, float]:
+    return dict(zip(KEYS, (*astuple(hand), theta), strict=True))
+
+
+def quotient(values: dict[str, Any], device: Device, gains: Gains, ops: Arithmetic, plain: Device) -> Any:
+    """Return R from what KEYS name."""
+    *hand, theta = (values[key] for key in KEYS)
+    found = required_in_hand(loop(device, Hand(*hand), theta, ops, plain), gains)
+    return found.lost / found.size
+
+
+WIDTHS = (1e-14, 1e-9, 1e-6, 1e-3, 0.05)
+
+
+@pytest.mark.parametrize(
+    "numbers", [FEW, pytest.param(range(len(COMBINATIONS)), marks=pytest.mark.slow)], ids=["some", "every"]
+)
+@np.errstate(all="ignore")
+def test_boxes_of_hands_and_angles_contain_what_the_oracle_says(numbers):
+    """Balls of the decimals and of boxes, and enclosures of both."""
+    finite = dict.fromkeys(WIDTHS, 0)
+    for device, gains, hand, rng in cases(numbers, 68):
+        theta = float(pi * 10 ** rng.uniform(-3, 0))
+        values = numbers_of(hand, theta)
+        true = -oracle(device, gains, hand, theta, QUICK).real
+        with ctx.workprec(128):
+            balls = {key: ball(x) for key, x in values.items()}
+            found = quotient(balls, device_ball(device), gains_ball(gains), BALLS, device)
+            assert found.overlaps(as_ball(true)), (device, hand)
+            assert found.rad() < 1e-25 * float(abs(oracle(device, gains, hand, theta))), (device, hand)
+        enclosed, law = device.converted(decimal), Gains(decimal(gains.velocity), decimal(gains.position))
+        for width in WIDTHS:
+            ends = {key: around(x, width, rng) if x else (0.0, 0.0) for key, x in values.items()}
+            boxes = {key: between(*map(np.array, pair)) for key, pair in ends.items()}
+            found = quotient(boxes, enclosed, law, ENCLOSURES, device)
+            assert contains(found, true), (device, hand, width)
+            finite[width] += bool(np.isfinite(found.rad))
+            with ctx.workprec(128):
+                balls = {key: box(*pair) for key, pair in ends.items()}
+                found = quotient(balls, device_ball(device), gains_ball(gains), BALLS, device)
+                assert not found.is_finite() or found.contains(as_ball(true)), (device, hand, width)
+    assert finite[1e-9] == len(numbers) and finite[1e-3] > len(numbers) / 2
+
+
+@np.errstate(all="ignore")
+def test_boxes_that_begin_at_no_hand():
+    """Mass, damping and stiffness from 0 on, angles from 0 on: any hand and angle within are contained."""
+    for device, gains, hand, rng in cases(SOME, 69):
+        values = numbers_of(hand, float(pi * 10 ** rng.uniform(-4, -2)))
+        law = Gains(decimal(gains.velocity), decimal(gains.position))
+        boxes = {key: between(np.array(0.0), np.array(x)) for key, x in values.items()}
+        held = loop(device.converted(decimal), Hand(*(boxes[key] for key in HAND)), boxes["theta"], ENCLOSURES, device)
+        found = required_in_hand(held, law)
+        for share in (0.0, 0.3, 0.99):
+            within = loop(device, Hand(*(values[key] * share for key in HAND)), np.array(values["theta"] * share))
+            inside = required_in_hand(within, gains)
+            for one, other in zip(found, inside, strict=True):
+                away = abs(float(other) - float(one.mid))
+                assert not np.isfinite(one.rad) or away <= float(one.rad) + 1e-12 * abs(float(other)), (device, hand)
+
+
+@pytest.mark.slow
+@np.errstate(all="ignore")
+@pytest.mark.parametrize(
+    "width", [1e-3, pytest.param(1e-6, marks=pytest.mark.slow), pytest.param(1e-12, marks=pytest.mark.slow)]
+)
+def test_slopes_of_jets_contain_those_of_the_oracle(width):
+    """By mass, damping and stiffness of the hand and by the angle."""
+    looked_at = 0
+    for device, gains, hand, rng in cases(range(2, len(COMBINATIONS), 13), 70):
+        theta = float(pi * 10 ** rng.uniform(-2, 0))
+        values = numbers_of(hand, theta)
+        boxes = [between(*map(np.array, around(x, width, rng))) for x in values.values()]
+        jets = dict(zip(KEYS, variables(boxes, [bool(x) for x in values.values()]), strict=True))
+        law = Gains(decimal(gains.velocity), decimal(gains.position))
+        found = quotient(jets, device.converted(decimal), law, ENCLOSURES, device)
+        assert isinstance(found, Jet)
+        moving = [key for key, x in values.items() if x]
+        for key, slope in zip(moving, found.slopes, strict=True):
+            assert contains(slope, slope_by(key, device, gains, values)), (device, hand, key)
+            looked_at += bool(np.isfinite(slope.rad))
+    assert looked_at > (30 if width < 1e-3 else 5)
+
+
+def slope_by(key: str, device: Device, gains: Gains, values: dict[str, float]) -> Any:
+    """Return the slope of R by a number, from the oracle's difference over `STEP` of it on either side."""
+    ends = []
+    for sign in (-1, 1):
+        moved = {k: QUICK.number(x) * (1 + sign * STEP if k == key else 1) for k, x in values.items()}
+        *hand, theta = (moved[k] for k in KEYS)
+        ends.append(-oracle(device, gains, Hand(*hand), theta, QUICK).real)
+    return (ends[1] - ends[0]) / (2 * STEP * QUICK.number(values[key]))

@@ -1,0 +1,106 @@
+"""Devices let go, in the form of the loop in a hand: the same loop as the polynomials', and sharper over a box."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.hands import LeastOperator
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.let_go import has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
+from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
+
+ANGLES = np.linspace(1e-3, np.pi, 40)
+
+
+def random_device(rng):
+    """A device with an actuator, a structure or both, some of them loaded, late by any time."""
+    T = 10 ** rng.uniform(-4, -2.5)
+    mass, kind = 10 ** rng.uniform(-2, 1), rng.integers(3)
+    structure = Structure(mass * rng.uniform(0.05, 0.9), rng.uniform(0.01, 0.7) / T, 10 ** rng.uniform(-3, -0.3))
+    if rng.random() < 0.4:
+        structure = replace(
+            structure, load=LeastOperator(mass * rng.uniform(0, 1), mass / T * 10 ** rng.uniform(-4, -1))
+        )
+    estimate = VelocityEstimate(("measured", "difference")[rng.integers(2)], 0.1 / T, int(rng.integers(1, 3)))
+    return Device(
+        mass,
+        mass / T * 10 ** rng.uniform(-5, -1),
+        T,
+        delay=T * rng.choice([0.0, 0.3, 1.0, 2.7]),
+        velocity=estimate if rng.random() < 0.6 else None,
+        actuator=Actuator(10 ** rng.uniform(-1.5, 0.5) / T, int(rng.integers(1, 3))) if kind else None,
+        force_sensor=ForceSensor(0.2 / T, 1, 0.0) if rng.random() < 0.5 else None,
+        structure=structure if kind != 1 else None,
+    )
+
+
+def complex_(pair):
+    return pair.re + 1j * pair.im
+
+
+@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("position", [False, True])
+def test_both_forms_of_the_loop_have_the_same_pulse_transfer_functions(seed, position):
+    device = random_device(np.random.default_rng(seed))
+    assert has_sharp_form(device)
+    whole, fraction = split_delay(device.delay, device.sample_time)
+    found = [
+        return_difference(sample(device, whole, FLOATS, fractional=fraction > 0), ANGLES, FLOATS, position=position)
+        for sample in (sampled_plant, plant_let_go)
+    ]
+    for part in ("velocity", "position") if position else ("velocity",):
+        polynomials, mechanism = (complex_(getattr(each, part)) / complex_(each.open) for each in found)
+        assert np.max(np.abs(mechanism / polynomials - 1)) < 1e-7
+
+
+KEYS = ("mass", "damping", "delay", "actuator.bandwidth_hz", "structure.frequency_hz", "structure.handle_mass")
+
+EXAMPLE = Device(0.4, 2.0, 1e-3, delay=3e-4, actuator=Actuator(400.0, 1), structure=Structure(0.1, 60.0, 0.05))
+
+
+def wide(sample, device, theta, width):
+    """|F|^2 of a device known to +-width, and how wide its enclosure is relative to what it encloses at the middle."""
+    numbers = {key: between(device.number(key) * (1 - width), device.number(key) * (1 + width)) for key in KEYS}
+    plant = sample(device.converted(decimal).with_numbers(numbers), 0, ENCLOSURES, fractional=True)
+    found = return_difference(plant, Enclosure(theta), ENCLOSURES, position=False)
+    return found.velocity.abs2() * found.open.abs2().reciprocal()
+
+
+def test_a_box_of_devices_is_enclosed():
+    device = EXAMPLE
+    theta, rng = np.linspace(0.2, 3.0, 15), np.random.default_rng(0)
+    sharp = wide(plant_let_go, device, theta, 0.002)
+    for _ in range(200):
+        one = device.with_numbers({key: device.number(key) * (1 + rng.uniform(-0.002, 0.002)) for key in KEYS})
+        parts = return_difference(sampled_plant(one, 0, FLOATS, fractional=True), theta, FLOATS, position=False)
+        inside = parts.velocity.abs2() / parts.open.abs2()
+        assert np.all(np.abs(inside - sharp.mid) <= sharp.rad)
+
+
+def test_a_small_box_is_enclosed_at_least_three_times_as_sharply_as_by_polynomials():
+    device, theta = EXAMPLE, np.linspace(0.2, 3.0, 15)
+    sharp, blunt = (wide(sample, device, theta, 1e-4) for sample in (plant_let_go, sampled_plant))
+    assert np.all(sharp.rad < blunt.rad / 3)
+
+
+def test_a_modulus_has_finite_slopes_that_hold_at_0_too():
+    """|re + j im| over a box around 0 and off it: no difference quotient is beyond the slopes."""
+    rng = np.random.default_rng(1)
+    middle = np.concatenate((np.zeros((2, 50)), rng.normal(size=(2, 150))), axis=1)
+    rad = rng.uniform(0.0, 0.5, (2, 200))
+    found = ENCLOSURES.modulus(*variables([Enclosure(m, r) for m, r in zip(middle, rad, strict=True)], [True, True]))
+    assert isinstance(found, Jet)
+    for _ in range(50):
+        a, b = (middle + rad * rng.uniform(-1, 1, rad.shape) for _ in range(2))
+        for row, slope in enumerate(found.slopes):
+            c = a.copy()
+            c[row] = b[row]
+            rise = (np.hypot(*c) - np.hypot(*a)) / (c[row] - a[row])
+            assert np.all(np.abs(rise - slope.mid) <= slope.rad + 1e-9)
+        assert np.all(np.abs(np.hypot(*a) - found.value.mid) <= found.value.rad)

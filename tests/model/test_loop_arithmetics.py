@@ -1,0 +1,367 @@
+"""Devices with parts: every formula the same in every arithmetic; balls, enclosures and jets contain what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import pi
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from device_arithmetic import Digits
+from device_cases import NUM, Case, cases
+from device_pairs import loop
+from flint import arb, arb_series, ctx
+
+from vctune.design.nlp.nlp import SYMBOLS
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.loop.affine import Affine, loop_constants
+from vctune.model.loop.device_response import device_response
+from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import CURVATURE_BELOW, FLOATS, Arithmetic, Number
+from vctune.model.sampled.velocity_loop import (
+    ReturnDifference,
+    SampledPlant,
+    return_difference,
+    sampled_plant,
+    sensitivity_abs2,
+    split_delay,
+)
+from vctune.proof.claims.margins_of_claims import (
+    Design,
+    across_position,
+    along_drive,
+    conditions_margin,
+    low_margin,
+    model_curve,
+)
+from vctune.proof.claims.sampled_poles import exact_plant
+from vctune.proof.enclosures.arb_balls import BALLS, as_series, ball, box
+from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES, PHI_ERROR, Jet, variables
+
+Formula = Callable[[Device, Gains, Coupling, Number, Arithmetic], Number]
+
+
+def at(device: Device, gains: Gains, omega: Number, ops: Arithmetic) -> Any:
+    return loop_response(device_response(device, omega, ops), gains, ops)
+
+
+def plant_of(device: Device, ops: Arithmetic) -> SampledPlant:
+    """Return the sampled plant; the delay's whole samples are those of about its middle."""
+    whole, fraction = split_delay(plain(device.delay), plain(device.sample_time))
+    return sampled_plant(device, whole, ops, fractional=fraction > 0)
+
+
+def sampled(device: Device, theta: Number, ops: Arithmetic, gains: Gains) -> ReturnDifference:
+    return return_difference(plant_of(device, ops), theta, ops, position=not ops.is_zero(gains.position))
+
+
+def plain(x: Number) -> float:
+    """Return about the middle of a number of any arithmetic."""
+    if isinstance(x, arb_series):
+        x = x[0]
+    if isinstance(x, Jet):
+        x = x.value
+    return float(x.mid if isinstance(x, Enclosure) else x)
+
+
+FACTOR = 1.25
+"""A binary fraction, so that it is the same number in every arithmetic."""
+
+FORMULAS: dict[str, Formula] = {
+    "R": lambda d, g, c, w, ops: required_resistance(at(d, g, w, ops), ops),
+    "G_hh": lambda d, g, c, w, ops: G_hh_abs2(at(d, g, w, ops)),
+    "tracking": lambda d, g, c, w, ops: tracking_abs2(at(d, g, w, ops)),
+    "resistance": lambda d, g, c, w, ops: at(d, g, w, ops).resistance,
+    "conditions": lambda d, g, c, w, ops: conditions_margin(Design(d, g, c), w, FACTOR, ops),
+    "next to 0": lambda d, g, c, w, ops: low_margin(Design(d, g, c), w, FACTOR, ops),
+    "poles": lambda d, g, c, w, ops: model_curve(device_response(d, w, ops), g, ops).im,
+    "any position": lambda d, g, c, w, ops: along_drive(device_response(d, w, ops), g),
+}
+SAMPLED: dict[str, Formula] = {
+    "sensitivity": lambda d, g, c, w, ops: sensitivity_abs2(sampled(d, w, ops, g), g),
+    "turns": lambda d, g, c, w, ops: sampled(d, w, ops, g).closed(g).re,
+    "across": lambda d, g, c, w, ops: across_position(plant_of(d, ops), g, w, ops)[0],
+}
+
+
+def value(name: str, case: Case, x: float) -> float:
+    """Return a formula in doubles, at omega or theta."""
+    formula = (FORMULAS | SAMPLED)[name]
+    return float(formula(case.device, case.gains, case.coupling, np.array(x), FLOATS))
+
+
+def test_symbols():
+    """Gains as symbols, and theta; the device's constants are numbers, as in the NLP."""
+    for case, rng in cases("ordinary", 31, 12):
+        omega = float(pi / case.device.sample_time * 10 ** rng.uniform(-2, 0))
+        design = ca.SX.sym("design", 2)
+        x = ca.SX.sym("x")
+        gains = Gains(design[0], design[1] if case.gains.position else 0.0)
+        numbers = list(numbers_of(case).values())[:2]
+        response = loop_response(device_response(case.device, np.array(omega), FLOATS), gains, SYMBOLS)
+        values = {
+            "R": required_resistance(response, SYMBOLS),
+            "G_hh": G_hh_abs2(response),
+            "tracking": tracking_abs2(response),
+            "resistance": response.resistance,
+        }
+        whole, fraction = split_delay(case.device.delay, case.device.sample_time)
+        plant = sampled_plant(case.device, whole, FLOATS, fractional=fraction > 0)
+        parts = return_difference(plant, x, SYMBOLS, position=case.gains.position > 0)
+        values |= {"sensitivity": sensitivity_abs2(parts, gains), "turns": parts.closed(gains).re}
+        for name, expression in values.items():
+            found = float(ca.Function(name, [design, x], [expression])(numbers, omega * case.device.sample_time))
+            place = omega * case.device.sample_time if name in SAMPLED else omega
+            assert found == pytest.approx(value(name, case, place), rel=1e-10), (case, name)
+
+
+def number(pair: Affine, gains: Gains) -> complex:
+    """Return an affine number at gains."""
+    parts = zip((pair.constant, pair.velocity, pair.position), (1.0, gains.velocity, gains.position), strict=True)
+    return sum(complex(float(part.re), float(part.im)) * gain for part, gain in parts if part is not None)
+
+
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_constants_give_the_loop_for_any_gains(kind):
+    """Affine in the gains, with constants that only the device knows: C, D and N, and D - C_0."""
+    for case, rng in cases(kind, 32, 100):
+        omega = np.array(pi / case.device.sample_time * 10 ** rng.uniform(-4, 0))
+        constants, loops = (
+            loop_constants(device_response(case.device, omega, FLOATS)),
+            loop(case.device, case.gains, omega),
+        )
+        scale = float(np.sqrt(loops.scale2))
+        for found, pair in (
+            (constants.C, loops.C_scaled),
+            (constants.D, loops.D_scaled),
+            (constants.miss, loops.miss_scaled),
+        ):
+            expected = complex(float(pair.re), float(pair.im)) / scale
+            sizes = [abs(complex(float(part.re), float(part.im))) for part in (found.velocity,) if part is not None]
+            tolerance = 1e-10 * (abs(expected) + case.gains.velocity * sum(sizes))
+            assert abs(number(found, case.gains) - expected) <= tolerance, case
+        if loops.numerator is not None:
+            N = complex(float(loops.numerator.re), float(loops.numerator.im))
+            assert number(constants.numerator, case.gains) == pytest.approx(N, rel=1e-9)
+
+
+ORACLES = ("R", "G_hh", "tracking", "sensitivity")
+"""What there is a value of that shares nothing with vctune's formula."""
+DIGITS = 60
+"""Of the oracles' values that are held against balls and enclosures, whose 128 bits are 38."""
+QUICK = Digits(80)
+"""For matrix exponentials, in which nothing cancels but what differences over `STEP` leave out."""
+STEP = QUICK.number("1e-25")
+
+
+def true_value(name: str, case: Case, x: Any) -> Any:
+    """Return what the oracles say of a formula, at omega or theta."""
+    if name == "sensitivity":
+        return abs(case.sensitivity(x, QUICK)) ** 2
+    found = case.at(x)
+    return {"R": found.required, "G_hh": abs(found.G_hh) ** 2, "tracking": abs(found.tracking) ** 2}[name]
+
+
+def exactly(x: Any) -> arb:
+    """Return a number of the oracles as a ball of more than `DIGITS` digits."""
+    return arb(NUM.context.nstr(x, DIGITS))
+
+
+def places(case: Case, rng: np.random.Generator) -> dict[str, float]:
+    """Return for each formula where it is looked at: omega, or theta."""
+    omega = float(pi / case.device.sample_time * 10 ** rng.uniform(-3, 0))
+    theta = float(pi * 10 ** rng.uniform(-3, 0))
+    return dict.fromkeys(FORMULAS, omega) | dict.fromkeys(SAMPLED, theta)
+
+
+def numbers_of(case: Case) -> dict[str, float]:
+    """Return the numbers of a case that may be a variable: gains, coupling, and all of the device but its clock."""
+    gains, coupling = case.gains, case.coupling
+    found = {"K_v": gains.velocity, "K_p": gains.position}
+    found |= {"b_c": coupling.damping, "m_c": coupling.mass, "b_0": coupling.drag}
+    return found | {key: x for key, x in case.device.numbers().items() if key != "sample_time"}
+
+
+def case_of(case: Case, numbers: dict[str, Any], number: Callable[[Any], Any]) -> tuple[Device, Gains, Coupling]:
+    """Return device, gains and coupling of other numbers; `number` makes one of what is none of these."""
+    K_v, K_p, b_c, m_c, b_0 = (numbers[name] for name in ("K_v", "K_p", "b_c", "m_c", "b_0"))
+    own = {key: x for key, x in numbers.items() if key in case.device.numbers()}
+    return case.device.converted(number).with_numbers(own), Gains(K_v, K_p), Coupling(b_c, m_c, b_0)
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(40, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_balls_contain_what_the_oracles_say(kind, count):
+    """Decimals as balls, and boxes of frequency, gains, coupling and device around them."""
+    formulas = FORMULAS | SAMPLED
+    for case, rng in cases(kind, 33, count):
+        for name, x in places(case, rng).items():
+            if name not in ORACLES:
+                continue
+            true = exactly(true_value(name, case, x))
+            with ctx.workprec(128):
+                numbers = {key: ball(n) for key, n in numbers_of(case).items()}
+                found = formulas[name](*case_of(case, numbers, ball), ball(x), BALLS)
+                assert not found.is_finite() or found.overlaps(true), (case, name)
+                for width in (1e-12, 1e-6, 1e-3):
+                    wide = {key: wider_ball(n, width, rng) for key, n in numbers_of(case).items()}
+                    found = formulas[name](*case_of(case, wide, ball), wider_ball(x, width, rng), BALLS)
+                    assert not found.is_finite() or found.contains(true), (case, name, width)
+
+
+def wider_ball(x: float, width: float, rng: np.random.Generator) -> arb:
+    """Return a ball that contains a number, somewhere within it."""
+    low, high = rng.uniform(0.1, 1.0, 2) * width
+    return box(x * (1 - low), x * (1 + high)) if x else arb(0)
+
+
+def wider(x: float, width: float, rng: np.random.Generator) -> Enclosure:
+    low, high = rng.uniform(0.1, 1.0, 2) * width
+    return between(np.array(x * (1 - low)), np.array(x * (1 + high)))
+
+
+def contains(enclosure: Enclosure, exact: Any) -> bool:
+    """Return whether an enclosure contains a number; one that is not finite does."""
+    mid, rad = float(enclosure.mid), float(enclosure.rad)
+    return not np.isfinite(rad) or not np.isfinite(mid) or bool(abs(NUM.number(mid) - exact) <= NUM.number(rad))
+
+
+@pytest.mark.slow
+@np.errstate(all="ignore")
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_enclosures_contain_what_the_oracles_say(kind):
+    formulas = FORMULAS | SAMPLED
+    finite = 0
+    for case, rng in cases(kind, 34, 40):
+        for name, x in places(case, rng).items():
+            if name not in ORACLES:
+                continue
+            true = true_value(name, case, x)
+            for width in (1e-14, 1e-9, 1e-6, 1e-3):
+                boxes = {key: wider(n, width, rng) if n else Enclosure(0.0) for key, n in numbers_of(case).items()}
+                found = formulas[name](*case_of(case, boxes, decimal), wider(x, width, rng), ENCLOSURES)
+                assert contains(found, true), (case, name, width)
+                finite += bool(np.isfinite(found.rad))
+    assert finite > 300
+
+
+@pytest.mark.slow
+@np.errstate(all="ignore")
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_slopes_of_jets_contain_the_slopes_of_the_oracles(kind):
+    """Every derivative by frequency, gains, coupling and device, against differences of 150 digits."""
+    formulas = FORMULAS | SAMPLED
+    looked_at = 0
+    for case, rng in cases(kind, 35, 12):
+        for name, x in places(case, rng).items():
+            if name not in ORACLES:
+                continue
+            numbers = {"x": x} | numbers_of(case)
+            varied = [bool(n) for n in numbers.values()]
+            boxes = [wider(n, 1e-9, rng) if n else Enclosure(0.0) for n in numbers.values()]
+            jets = dict(zip(numbers, variables(boxes, varied), strict=True))
+            at_x = jets.pop("x")
+            found = formulas[name](*case_of(case, jets, decimal), at_x, ENCLOSURES)
+            assert contains(found.value, true_value(name, case, x)), (case, name)
+            moving = [key for key, varies in zip(numbers, varied, strict=True) if varies]
+            for key, slope in zip(moving, (*found.slopes, *[None] * len(moving)), strict=False):
+                difference = difference_by(name, case, x, key)
+                looked_at += 1
+                if slope is None:
+                    assert abs(difference) < 1e-40 * abs(true_value(name, case, x)) / numbers[key], (case, name, key)
+                else:
+                    assert contains(slope, difference), (case, name, key)
+    assert looked_at > 200
+
+
+def difference_by(name: str, case: Case, x: float, key: str) -> Any:
+    """Return the slope of a formula by one of its numbers, from a difference over `STEP` of it on either side."""
+    ends = []
+    for sign in (-1, 1):
+        share = 1 + sign * STEP
+        if key == "x":
+            ends.append(true_value(name, case, QUICK.number(x) * share))
+        else:
+            moved = {k: QUICK.number(n) * share if k == key else n for k, n in numbers_of(case).items()}
+            device, gains, coupling = case_of(case, moved, lambda n: n)
+            ends.append(true_value(name, Case(device, gains, coupling, case.name), x))
+    base = x if key == "x" else numbers_of(case)[key]
+    return (ends[1] - ends[0]) / (2 * STEP * QUICK.number(base))
+
+
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_series_of_balls_have_the_slopes_of_the_oracles(kind):
+    """What the proof's mean value form takes: the slope by the frequency, over a box of frequencies."""
+    for case, rng in cases(kind, 36, 12):
+        for name, x in places(case, rng).items():
+            if name not in ORACLES:
+                continue
+            with ctx.workprec(128):
+                series = {key: as_series(ball(n)) for key, n in numbers_of(case).items()}
+                device, gains, coupling = case_of(case, series, lambda n: as_series(ball(n)))
+                frequency = arb_series([wider_ball(x, 1e-9, rng), 1], 3)
+                if name == "sensitivity":
+                    plant = exact_plant(case.device).converted(as_series)
+                    parts = return_difference(plant, frequency, BALLS, position=case.gains.position > 0)
+                    found = sensitivity_abs2(parts, gains)
+                else:
+                    found = FORMULAS[name](device, gains, coupling, frequency, BALLS)
+                assert found[0].overlaps(exactly(true_value(name, case, x))), (case, name)
+                slope = exactly(difference_by(name, case, x, "x"))
+                assert not found[1].is_finite() or found[1].contains(slope), (case, name)
+
+
+@np.errstate(all="ignore")
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", ["far apart", "ordinary"])
+def test_every_formula_is_the_same_in_every_arithmetic(kind, count):
+    """Balls of 600 bits stand for the truth: in them, in balls of 128, in enclosures, and near them in doubles."""
+    formulas = FORMULAS | SAMPLED
+    for case, rng in cases(kind, 37, count):
+        for name, x in places(case, rng).items():
+            formula, numbers = formulas[name], numbers_of(case)
+            with ctx.workprec(600):
+                true = formula(*case_of(case, {key: ball(n) for key, n in numbers.items()}, ball), ball(x), BALLS)
+                with ctx.workprec(128):
+                    balls = formula(*case_of(case, {key: ball(n) for key, n in numbers.items()}, ball), ball(x), BALLS)
+                assert balls.overlaps(true), (case, name)
+                boxes = {key: decimal(np.array(n)) for key, n in numbers.items()}
+                found = formula(*case_of(case, boxes, decimal), decimal(np.array(x)), ENCLOSURES)
+                exact = NUM.number(true.mid().str(60, radius=False))
+                assert contains(found, exact), (case, name)
+                away = abs(NUM.number(value(name, case, x)) - exact)
+                assert not np.isfinite(found.rad) or away <= 4 * float(found.rad), (case, name)
+
+
+def curvature(x: Any) -> Any:
+    """Return (1 - sin(x)/x)/x^2 with 150 digits."""
+    x = NUM.number(x)
+    return (1 - NUM.context.sin(x) / x) / x**2
+
+
+def test_the_curvature_of_sinc():
+    """Doubles as accurate as the proof takes them for; enclosures, jets and balls contain value and slope."""
+    rng = np.random.default_rng(38)
+    sizes = [CURVATURE_BELOW * (1 - 1e-9), CURVATURE_BELOW, 1e-9, 1e-3, pi, 2 * pi, *10 ** rng.uniform(-6, 2.5, 200)]
+    for x in map(float, sizes):
+        true, step = curvature(x), NUM.number(x) * NUM.number("1e-40")
+        slope = (curvature(NUM.number(x) + step) - curvature(NUM.number(x) - step)) / (2 * step)
+        assert abs(float(FLOATS.sinc_curvature(np.array(x))) / true - 1) <= PHI_ERROR, x
+        for width in (1e-14, 1e-6, 1e-2, 0.5):
+            place = wider(x, width, rng)
+            jet = ENCLOSURES.sinc_curvature(variables([place], [True])[0])
+            assert contains(ENCLOSURES.sinc_curvature(place), true), (x, width)
+            assert contains(jet.value, true) and contains(jet.slopes[0], slope), (x, width)
+            with ctx.workprec(128):
+                around = wider_ball(x, width, rng)
+                assert BALLS.sinc_curvature(around).contains(exactly(true)), (x, width)
+                if width > 0.1:  # a square of such a ball may contain 0, and no series is divided by that
+                    continue
+                series = BALLS.sinc_curvature(arb_series([around, 1], 3))
+                assert series[0].contains(exactly(true)) and series[1].contains(exactly(slope)), (x, width)

@@ -1,0 +1,210 @@
+"""Devices with parts: vctune's formulas in doubles against the oracles, for parts of any size."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+import pytest
+from device_arithmetic import DOUBLES, Digits
+from device_cases import NUM, Case, cases
+from device_oracle import (
+    Real,
+    coupling_impedance,
+    low_pass,
+    operator_impedance,
+    response_at,
+    velocity_estimate,
+)
+from device_pairs import loop, real_of
+from firmware import Device as Sampled
+from firmware import spectral_radius
+from random_devices import frequencies
+
+from vctune.analysis.sampled_loop import sensitivity_of
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.gains import Coupling, Gains
+from vctune.model.loop.impedances import G_hh_abs2, tracking_abs2
+from vctune.model.loop.limits import low_frequency_limit
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.proof.claims.sampled_poles import spectral_radius as proved_radius
+
+FURTHER = Digits(400)
+"""For what is left at 1e-60 of the sampling rate."""
+TURN = 1e-4
+"""How near, relative, a frequency may be to one at which Im q, the resistance or R changes its sign: what is left of a
+difference is rounded there."""
+LOST = 1e4
+"""Up to which attenuation by a device's low-passes R is asked for to `DIGITS_OF_R`: vctune works out what a filter
+takes away, not what it leaves, and of that as many digits are lost as it is small."""
+DIGITS_OF_R = 1e-10
+
+
+def relative(found: Any, true: Any) -> float:
+    return float(abs(NUM.number(float(found)) / true - 1))
+
+
+def attenuation(real: Real, omega: float) -> float:
+    """Return 1 over the least gain of a device's low-passes and of its velocity estimate at a frequency."""
+    s = NUM.i * NUM.number(omega)
+    filters = [low_pass(filter_, s, NUM) for filter_ in (real.actuator, real.force_sensor)]
+    return 1 / min(float(abs(gain)) for gain in (*filters, velocity_estimate(real, s, NUM)))
+
+
+def turns(case: Case, omega: float) -> bool:
+    """Return whether Im q, the resistance or R changes its sign next to a frequency."""
+    beside = [omega * (1 + share) for share in (-TURN, TURN)]
+    pairs = [(case.at(w).q.imag, case.held_resistance(w), case.at(w).required) for w in beside]
+    return any((below > 0) != (above > 0) for below, above in zip(*pairs, strict=True))
+
+
+LONG = [pytest.param(*case, marks=pytest.mark.slow) for case in (("far apart", 120), ("ordinary", 80))]
+
+
+@pytest.mark.parametrize(("kind", "count"), [("ordinary", 12), *LONG])
+def test_model_agrees_with_the_definitions(kind, count):
+    """R, |G_hh| and |1 - G_he|; far above a low-pass R loses what that takes away, which is bounded too."""
+    worst = {"R": (0.0, ""), "R/attenuation": (0.0, ""), "G_hh": (0.0, ""), "tracking": (0.0, "")}
+    for case, rng in cases(kind, 21, count):
+        for omega in frequencies(case.device, rng, 6).tolist():
+            true, ours, where = case.at(omega), loop(case.device, case.gains, omega), f"{case}, omega {omega!r}"
+            found = {
+                "G_hh": relative(np.sqrt(G_hh_abs2(ours)), abs(true.G_hh)),
+                "tracking": relative(np.sqrt(tracking_abs2(ours)), abs(true.tracking)),
+            }
+            if not turns(case, omega):
+                missed, lost = relative(required_resistance(ours, FLOATS), true.required), attenuation(case.real, omega)
+                found |= {"R": missed} if lost < LOST else {"R/attenuation": missed / lost}
+            worst |= {name: max(worst[name], (error, where)) for name, error in found.items()}
+    assert worst["R"][0] < DIGITS_OF_R, worst["R"]
+    assert worst["R/attenuation"][0] < 1e-14, worst["R/attenuation"]
+    assert worst["G_hh"][0] < 1e-12, worst["G_hh"]
+    assert worst["tracking"][0] < 1e-12, worst["tracking"]
+
+
+@pytest.mark.parametrize("part", [{"actuator": Actuator(1e-3, 2)}, {"force_sensor": ForceSensor(1e-3, 2)}])
+def test_required_resistance_far_above_a_low_pass(part):
+    case = Case(replace(Device(0.4, 2.0, 1e-3), **part), Gains(150.0, 3000.0), Coupling(1.0, 1.0, 0.0), "")
+    omega = 2 * pi * 100.0
+    ours = required_resistance(loop(case.device, case.gains, omega), FLOATS)
+    assert relative(ours, case.at(omega).required) < DIGITS_OF_R
+
+
+@pytest.mark.slow
+def test_required_resistance_next_to_where_im_q_changes_its_sign():
+    """At 1.1e-4 and at 1e-2 from each such frequency above 1e-4 of Nyquist; relative to what low-passes leave."""
+    worst, looked_at = (0.0, ""), 0
+    for kind in ("far apart", "ordinary"):
+        for case, _ in cases(kind, 22, 40):
+            for turn in im_q_turns(case):
+                for share in (-1e-2, -1.1e-4, 1.1e-4, 1e-2):
+                    omega = turn * (1 + share)
+                    if turns(case, omega) or attenuation(case.real, omega) > LOST:
+                        continue
+                    looked_at += 1
+                    ours = required_resistance(loop(case.device, case.gains, omega), FLOATS)
+                    missed = relative(ours, case.at(omega).required) / attenuation(case.real, omega)
+                    worst = max(worst, (missed, f"{case}, omega {omega!r}"))
+    assert looked_at > 150
+    assert worst[0] < DIGITS_OF_R, worst
+
+
+def im_q_turns(case: Case) -> list[float]:
+    """Return frequencies at which Im q changes its sign, to 1e-9."""
+    grid = pi / case.device.sample_time * np.geomspace(1e-4, 1, 400)
+    with np.errstate(all="ignore"):  # of R, which is not looked at
+        q = response_at(case.real, case.gains, 1j * grid, DOUBLES).q
+    found = []
+    for index in np.flatnonzero(np.diff(np.sign(q.imag))):
+        low, high = grid[index : index + 2].tolist()
+        rises = case.at(high).q.imag > 0
+        if (case.at(low).q.imag > 0) == rises:
+            continue
+        while high / low - 1 > 1e-9:
+            middle = (low * high) ** 0.5
+            low, high = (low, middle) if (case.at(middle).q.imag > 0) == rises else (middle, high)
+        found.append(low)
+    return found
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("kind", "digits"), [("far apart", 1e-7), ("ordinary", 1e-11)])
+def test_sampled_sensitivity(kind, count, digits):
+    """To 1e-11; where an actuator is 1e5 times as slow as the structure rings, the step's determinant cancels."""
+    worst = (0.0, "")
+    for case, rng in cases(kind, 23, count):
+        ours = sensitivity_of(case.device.bare, case.gains)
+        T = case.device.sample_time
+        for omega in (pi / T * 10 ** rng.uniform(-4, 0, 3)).tolist():
+            missed = relative(ours(np.array(omega)), abs(case.sensitivity(NUM.number(omega) * NUM.number(T))))
+            worst = max(worst, (missed, f"{case}, omega {omega!r}"))
+    assert worst[0] < digits, worst
+
+
+@pytest.mark.parametrize("count", [16, pytest.param(80, marks=pytest.mark.slow)])
+def test_spectral_radius(count):
+    worst, looked_at = (0.0, ""), 0
+    for case, _ in cases("ordinary", 24, count):
+        if Sampled(case.let_go, sensor=False).size > 10:  # eigenvalues of 50 digits take long
+            continue
+        looked_at += 1
+        true = spectral_radius(case.let_go, case.gains)
+        worst = max(worst, (relative(proved_radius(case.device.bare, case.gains), true), str(case)))
+    assert looked_at > 50 * count / 80
+    assert worst[0] < 1e-9, worst
+
+
+SLOW_PARTS = Device(
+    0.4, 2.0, 2e-5, 6e-6,
+    velocity=VelocityEstimate("difference", 200.0, 2), actuator=Actuator(500.0, 2),
+    structure=Structure(0.1, 120.0, 0.02),
+)  # fmt: skip
+"""Parts of ordinary speed at 50 kHz: eight poles lie within 0.04 of 1."""
+
+
+def test_spectral_radius_of_poles_that_lie_close_together():
+    gains = Gains(50.0, 1000.0)
+    true = spectral_radius(real_of(SLOW_PARTS), gains)
+    assert true < 1
+    assert relative(proved_radius(SLOW_PARTS, gains), true) < 1e-9
+
+
+def test_low_frequency_limits():
+    """At 1e-60 of the sampling rate, with 400 digits: with operator, with K_p = 0, without damping, on a spring."""
+    kinds = set()
+    for drawn, rng in cases("far apart", 25, 300):
+        undamped = replace(drawn.device, damping=0.0)
+        case = replace(drawn, device=undamped) if rng.random() < 0.2 else drawn
+        s = FURTHER.i * FURTHER.number("1e-60") / FURTHER.number(case.device.sample_time)
+        true, Z_c = response_at(case.real, case.gains, s, FURTHER), coupling_impedance(case.coupling, s, FURTHER)
+        resistance = (true.G_hh / (1 + operator_impedance(case.real, s, FURTHER) * true.G_hh)).real
+        limit = low_frequency_limit(case.device, case.gains, case.coupling)
+        integral = case.gains.position > 0
+        damped = case.device.operator is not None and case.device.operator.damping > 0
+        kinds.add((integral, damped, case.device.structure is not None, case.coupling.drag > 0))
+        if limit.required == inf:
+            assert resistance < 1e-30 * abs(true.G_hh), case
+        elif limit.required == 0:
+            assert abs(true.required) < 1e-9 * Z_c.real, case
+        elif integral or damped:
+            assert float(true.required) == pytest.approx(limit.required, rel=1e-12), case
+            assert limit.coupling == case.coupling.drag or not case.coupling.drag, case
+        else:
+            assert float(Z_c.real / true.required) == pytest.approx(limit.coupling / limit.required, rel=1e-12), case
+    assert len(kinds) == 16
+
+
+def test_a_spring_s_loss_eases_the_limit():
+    """R -> b^2/(4 (b + K_v - tau K_p + c K_p^2/k^2)); here the last term is what makes the resistance positive."""
+    device, gains = Device(1.0, 2.0, 1e-3, structure=Structure(0.3, 20.0, 0.5)), Gains(10.0, 25000.0)
+    reduced, swing = 0.7 * 0.3, 2 * pi * 20.0
+    loss = 2 * 0.5 * reduced * swing * gains.position**2 / (reduced * swing**2) ** 2
+    rigid = device.damping + gains.velocity - 0.5e-3 * gains.position
+    assert rigid < 0 < rigid + loss
+    limit = low_frequency_limit(device, gains, Coupling(1.0, 1.0, 1.0))
+    assert limit.required == pytest.approx(device.damping**2 / (4 * (rigid + loss)), rel=1e-12)
+    found = Case(device, gains, Coupling(1.0, 1.0, 1.0), "").at(1e-12).required
+    assert float(found) == pytest.approx(limit.required, rel=1e-9)

@@ -1,0 +1,314 @@
+"""Functions of small matrices, against many digits and exact fractions, in every arithmetic."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import permutations
+from math import prod
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from mpmath.ctx_mp import MPContext
+
+from vctune.design.nlp.nlp import SYMBOLS
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.matrices import (
+    COTH_WITHIN,
+    Matrix,
+    bernoulli,
+    blocked,
+    exponential_less_one,
+    half_coth,
+    inverse,
+    minors,
+    norm_of,
+    rows_of,
+)
+from vctune.proof.enclosures.arb_balls import BALLS
+from vctune.proof.enclosures.array_intervals import Enclosure, between, matmul
+from vctune.proof.enclosures.jets import ENCLOSURES, Jet, variables
+
+NUM = MPContext()
+NUM.dps = 140
+"""e^A of norm 50 next to e^-A takes 43 digits, a derivative by differences 40."""
+STEP = NUM.mpf("1e-40")
+NORMS = (0.1, 1.0, 1.99, 2.01, 5.0, 12.0, 27.0, 50.0)
+"""On both sides of `COTH_WITHIN`."""
+
+
+def exact(x: Any) -> Any:
+    return NUM.mpf(float(x))
+
+
+def random_matrix(rng: np.random.Generator, norm: float) -> np.ndarray:
+    """Return a matrix of the norm whose eigenvalues are about as far to the left as they oscillate."""
+    n = int(rng.integers(2, 9))
+    found = rng.normal(size=(n, n))
+    found -= np.diag(np.abs(found).sum(axis=1)) * rng.uniform(0.5, 1)
+    return found * (norm / np.abs(found).sum(axis=1).max())
+
+
+def coth_by_exponentials(matrix: Any) -> Any:
+    """Return (A/2) (e^A + 1)/(e^A - 1) with many digits."""
+    A = NUM.matrix([[NUM.mpf(x) if isinstance(x, float) else x for x in row] for row in matrix])
+    power, one = NUM.expm(A), NUM.eye(A.rows)
+    return A / 2 * (power + one) * NUM.inverse(power - one)
+
+
+def rows(matrix: np.ndarray, number: Any) -> Matrix:
+    return tuple(tuple(number(x) for x in row) for row in matrix.tolist())
+
+
+def entries(size: int) -> list[tuple[int, int]]:
+    return [(i, j) for i in range(size) for j in range(size)]
+
+
+def contains(enclosure: Enclosure, true: Any) -> bool:
+    """Return whether an enclosure contains a number; one that is not finite does."""
+    mid, rad = float(enclosure.mid), float(enclosure.rad)
+    return not np.isfinite(rad) or bool(abs(exact(mid) - true) <= exact(rad))
+
+
+def as_ball(x: Any) -> arb:
+    """Return a number of many digits as a ball that contains it and little else."""
+    with ctx.workprec(400):
+        return arb(NUM.nstr(x, 100))
+
+
+@pytest.mark.parametrize("norm", NORMS)
+def test_half_coth_in_every_arithmetic(norm):
+    """Doubles are near, balls and enclosures contain; neither is wider than the norm explains."""
+    for number in range(8):
+        A = random_matrix(np.random.default_rng((51, number)), norm)
+        true = coth_by_exponentials(A.tolist())
+        size = max(abs(x) for x in true)
+        floats = half_coth(rows(A, float), FLOATS)
+        boxes = half_coth(rows(A, lambda x: Enclosure(np.array(x))), ENCLOSURES)
+        with ctx.workprec(128):
+            balls = half_coth(rows(A, arb), BALLS)
+        for i, j in entries(len(A)):
+            assert abs(exact(floats[i][j]) - true[i, j]) <= 1e-12 * size, number
+            assert contains(boxes[i][j], true[i, j]), number
+            assert boxes[i][j].rad <= (1e-14 if norm < 3 else 1e-5) * size, number
+            assert balls[i][j].contains(as_ball(true[i, j])), number
+            assert balls[i][j].rad() <= 1e-28 * float(size), number
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "norm", [norm if norm in (0.1, 12.0) else pytest.param(norm, marks=pytest.mark.slow) for norm in NORMS]
+)
+def test_jets_of_half_coth_contain_its_derivatives(norm):
+    """Along a line of matrices, over boxes of its parameter."""
+    for number in range(4):
+        rng = np.random.default_rng((52, number))
+        A = random_matrix(rng, norm)
+        along = A * rng.uniform(-1, 1, A.shape)
+
+        def at(t: Any, A: np.ndarray = A, along: np.ndarray = along) -> Any:
+            line = zip(A.tolist(), along.tolist(), strict=True)
+            return coth_by_exponentials(
+                [[exact(a) + t * exact(b) for a, b in zip(*pair, strict=True)] for pair in line]
+            )
+
+        for width in (0.0, 1e-9, 1e-3):
+            place = float(width * rng.uniform(-1, 1))
+            t = variables([between(np.array(-width), np.array(width))], [True])[0]
+            found = half_coth(
+                tuple(
+                    tuple(Enclosure(np.array(a)) + t * b for a, b in zip(*pair, strict=True))
+                    for pair in zip(A.tolist(), along.tolist(), strict=True)
+                ),
+                ENCLOSURES,
+            )
+            value = at(exact(place))
+            slope = (at(exact(place) + STEP) - at(exact(place) - STEP)) / (2 * STEP)
+            for i, j in entries(len(A)):
+                assert contains(found[i][j].value, value[i, j]), (number, width)
+                assert contains(found[i][j].slopes[0], slope[i, j]), (number, width)
+                assert width > 1e-9 or np.isfinite(found[i][j].slopes[0].rad), (number, width)
+
+
+def test_what_is_0_by_structure_stays_0():
+    """A triangular matrix has a triangular f(A), whose diagonal is that of single numbers."""
+    A = ((-1.0, 0, 0), (0.5, -3.0, 0), (0.2, 0.7, -9.0))
+    for ops in (FLOATS, BALLS):
+        found = half_coth(tuple(tuple(x if x == 0 else arb(x) if ops is BALLS else x for x in row) for row in A), ops)
+        for i, j in entries(3):
+            if j > i:
+                assert type(found[i][j]) is int and found[i][j] == 0
+        for i in range(3):
+            assert float(found[i][i]) == pytest.approx(A[i][i] / 2 / np.tanh(A[i][i] / 2), rel=1e-14)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e-12, 1e-30])
+@pytest.mark.parametrize("ops", [FLOATS, BALLS], ids=["floats", "balls"])
+def test_an_exponential_has_the_powers_that_reach_its_corners(size, ops):
+    """A chain of four: the corner of e^A is the product of its links over 3!, however short the series could be."""
+    link = arb(size) if ops is BALLS else size
+    chain = tuple(tuple(link if column == row + 1 else 0 for column in range(4)) for row in range(4))
+    corner = exponential_less_one(chain, ops)[0][3]
+    if ops is BALLS:
+        assert corner.contains(link * link * link / 6)
+    assert float(corner) == pytest.approx(size**3 / 6, rel=1e-12)
+
+
+def test_arrays_of_matrices_are_their_matrices_one_by_one():
+    matrices = np.stack([random_matrix(np.random.default_rng(53), norm) for norm in (0.3, 1.0, 4.0)])
+    together = half_coth(rows_of_arrays(matrices), FLOATS)
+    for k, A in enumerate(matrices):
+        true = coth_by_exponentials(A.tolist())
+        for i, j in entries(len(A)):
+            assert together[i][j][k] == pytest.approx(float(true[i, j]), rel=1e-12, abs=1e-13)
+
+
+def rows_of_arrays(matrices: np.ndarray) -> Matrix:
+    size = matrices.shape[1]
+    return tuple(tuple(matrices[:, i, j] for j in range(size)) for i in range(size))
+
+
+def test_single_numbers_are_no_blocks():
+    """Balls and symbols are not stacked: their matrices stay rows."""
+    matrix = ((arb(1), 0), (arb(2), arb(3)))
+    assert BALLS.arrays is None and SYMBOLS.arrays is None
+    assert blocked(matrix, BALLS) is matrix
+    assert FLOATS.arrays is FLOATS and ENCLOSURES.arrays is ENCLOSURES
+    assert rows_of(blocked(((1.0, 0), (2.0, 3.0)), FLOATS)) == ((1.0, 0), (2.0, 3.0))
+
+
+def test_bernoulli_numbers():
+    known = {0: "1", 1: "-1/2", 2: "1/6", 4: "-1/30", 12: "-691/2730", 20: "-174611/330", 30: "8615841276005/14322"}
+    for n, number in known.items():
+        assert bernoulli(n) == Fraction(number)
+    assert all(bernoulli(n) == 0 for n in (3, 5, 21))
+    for n in range(2, 90, 2):
+        assert abs(NUM.mpf(bernoulli(n).numerator) / bernoulli(n).denominator / NUM.bernoulli(n) - 1) < 1e-100
+
+
+def test_numerators_that_are_no_doubles():
+    """The series takes some; an enclosure's product with one contains that with the numerator itself."""
+    ratio = (COTH_WITHIN / (2 * np.pi)) ** 2
+    taken = [k for k in range(1, 40) if 3.7 * ratio**k > 2.0**-62 * ratio]  # as `half_coth` does in doubles
+    big = [bernoulli(2 * k).numerator for k in taken if abs(bernoulli(2 * k).numerator) > 2**53]
+    assert big, "then nothing need be said of them"
+    rng = np.random.default_rng(54)
+    for x in rng.uniform(-1, 1, 200):
+        for numerator in big:
+            found = Enclosure(np.array(x), np.array(0.0)) * float(numerator)
+            away = abs(Fraction(float(found.mid)) - Fraction(float(x)) * numerator)
+            assert away <= Fraction(float(found.rad)), (x, numerator)
+
+
+def test_inverse_by_elimination():
+    """Next to 1 it is the inverse; balls and enclosures contain it, and a 0 by structure stays."""
+    for number in range(20):
+        rng = np.random.default_rng((55, number))
+        n = int(rng.integers(1, 8))
+        A = np.eye(n) + 0.3 * rng.normal(size=(n, n)) / n
+        true = NUM.inverse(NUM.matrix(A.tolist()))
+        floats = inverse(rows(A, float))
+        boxes = inverse(rows(A, lambda x: Enclosure(np.array(x))))
+        with ctx.workprec(128):
+            balls = inverse(rows(A, arb))
+        for i, j in entries(n):
+            assert abs(exact(floats[i][j]) - true[i, j]) < 1e-14
+            assert contains(boxes[i][j], true[i, j]) and boxes[i][j].rad < 1e-13
+            assert balls[i][j].contains(as_ball(true[i, j]))
+    assert inverse(((2.0, 0), (1.0, 4.0))) == ((0.5, 0), (-0.125, 0.25))
+
+
+class Exact(Fraction):
+    """A fraction with the multiplication by a number that `minors` asks for."""
+
+    def __add__(self, other: Any) -> Exact:
+        return Exact(Fraction(self) + Fraction(other))
+
+    def __mul__(self, other: Any) -> Exact:
+        return Exact(Fraction(self) * Fraction(other))
+
+    def scaled(self, factor: int) -> Exact:
+        return Exact(Fraction(self) * factor)
+
+
+def determinant(matrix: list[list[Fraction]]) -> Fraction:
+    """Return the sum over permutations."""
+    n, total = len(matrix), Fraction(0)
+    for order in permutations(range(n)):
+        sign = (-1) ** sum(order[i] > order[j] for i in range(n) for j in range(i + 1, n))
+        total += sign * prod((matrix[i][order[i]] for i in range(n)), start=Fraction(1))
+    return total
+
+
+def test_minors_are_determinants():
+    """Without the column that is left out; those that have no term are absent."""
+    for number in range(40):
+        rng = np.random.default_rng((56, number))
+        n = int(rng.integers(1, 6))
+        there = rng.random((n, n + 1)) < rng.uniform(0.4, 1)
+        matrix = [
+            [Fraction(int(rng.integers(-9, 10)), int(rng.integers(1, 5))) if has else Fraction(0) for has in row]
+            for row in there.tolist()
+        ]
+        found = minors(
+            [
+                [Exact(x) if has else None for x, has in zip(*pair, strict=True)]
+                for pair in zip(matrix, there.tolist(), strict=True)
+            ]
+        )
+        for left_out in range(n + 1):
+            square = [[x for j, x in enumerate(row) if j != left_out] for row in matrix]
+            assert found.get(left_out, Fraction(0)) == determinant(square), (number, left_out)
+
+
+def test_products_of_matrices_of_enclosures():
+    """They contain the exact products, of any members of the factors, of numbers of any size."""
+    for number in range(30):
+        rng = np.random.default_rng((57, number))
+        n, m, k = (int(x) for x in rng.integers(1, 9, 3))
+
+        def factor(*shape: int, rng: np.random.Generator = rng) -> tuple[Enclosure, np.ndarray]:
+            mid = rng.normal(size=shape) * 10 ** rng.uniform(-8, 8, shape)
+            rad = np.abs(mid) * 10 ** rng.uniform(-17, 0, shape) * rng.integers(0, 2, shape)
+            return Enclosure(mid, rad), mid + rad * rng.integers(-1, 2, shape) * 0.999999
+
+        (a, in_a), (b, in_b) = factor(n, m, 3), factor(m, k, 3)
+        found = matmul(a, b)
+        assert found.mid.shape == (n, k, 3)
+        for i, j, at in np.ndindex(n, k, 3):
+            true = sum(Fraction(in_a[i, p, at]) * Fraction(in_b[p, j, at]) for p in range(m))
+            assert abs(Fraction(found.mid[i, j, at]) - true) <= Fraction(found.rad[i, j, at]), number
+
+
+def test_products_of_matrices_of_jets():
+    """(A B)' = A' B + A B', of members of boxes; what does not move has no slope."""
+    rng = np.random.default_rng(58)
+    a, b, slope_a, slope_b = rng.normal(size=(4, 3, 3))
+    t = variables([between(np.array(-1e-3), np.array(1e-3)), Enclosure(np.array(1.0))], [True, True])[0]
+    left = ENCLOSURES.arrays.stacked(
+        [Enclosure(np.array(x)) + t * y for x, y in zip(a.flat, slope_a.flat, strict=True)]
+    )
+    assert isinstance(left, Jet) and left.slopes[1] is None
+    for moves in (False, True):
+        right = [
+            Enclosure(np.array(x)) + t * y if moves else Enclosure(np.array(x))
+            for x, y in zip(b.flat, slope_b.flat, strict=True)
+        ]
+        found = ENCLOSURES.arrays.matmul(square(left), square(ENCLOSURES.arrays.stacked(right)))
+        for place in (-9e-4, 0.0, 9e-4):
+            A, B = a + place * slope_a, b + place * slope_b * moves
+            slope = slope_a @ B + A @ slope_b * moves
+            assert np.all(np.abs(found.value.mid - A @ B) <= found.value.rad)
+            rounding = 1e-15  # of the slope that it is held against
+            assert np.all(np.abs(found.slopes[0].mid - slope) <= found.slopes[0].rad + rounding)
+        assert found.slopes[1] is None
+
+
+def square(flat: Any) -> Any:
+    return flat[np.arange(9).reshape(3, 3)]
+
+
+def test_the_norm_bounds_every_row():
+    assert norm_of(((1.0, -2.0), (0, 2.5)), FLOATS) == 3.0
+    assert norm_of(((Enclosure(np.array([1.0, -4.0]), np.array([1.0, 0.5])),),), ENCLOSURES) >= 4.5

@@ -1,0 +1,165 @@
+"""The sampled loop against a state-space model, and its stability proof against eigenvalues."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from vctune.analysis.stability import clearly_stable, makes_no_turn, unit_circle
+from vctune.bench import evaluator
+from vctune.bench.evaluator import Case
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.characteristic import characteristic_polynomial
+from vctune.model.sampled.velocity_loop import return_difference, sampled_plant, split_delay
+from vctune.proof.claims.model_poles import prove_model_poles
+from vctune.proof.claims.sampled_poles import prove_sampled_poles, spectral_radius
+from vctune.proof.engine.interval import Verdict
+
+
+@st.composite
+def loops(draw):
+    T = 10.0 ** draw(st.floats(-5, -1))
+    m = 10.0 ** draw(st.floats(-4, 4))
+    K_v = m / T * 10.0 ** draw(st.floats(-2, 0.6))
+    return Case(
+        mass=m,
+        damping=draw(st.sampled_from([0.0, 1e-6, 1e-2, 1.0])) * m / T,
+        sample_time=T,
+        delay=T * draw(st.sampled_from([0.0, 0.25, 1.0, 1.7, 5.0])),
+        hold="zoh",
+        K_v=K_v,
+        K_p=draw(st.sampled_from([0.0, 1e-3, 0.05, 0.3])) * K_v / T,
+    )
+
+
+def assert_agrees_with_the_matrix_exponential(case):
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh"), Gains(case.K_v, case.K_p)
+    radius = evaluator.spectral_radius(case)
+    assert spectral_radius(device, gains) == pytest.approx(radius, rel=1e-6)
+    assume(abs(radius - 1) > 1e-6)
+    assert prove_sampled_poles(device, gains).verdict is (Verdict.PROVED if radius < 1 else Verdict.REFUTED)
+
+
+@settings(max_examples=50, deadline=None)
+@given(loops())
+def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials(case):
+    assert_agrees_with_the_matrix_exponential(case)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(loops())
+def test_spectral_radius_and_its_proof_agree_with_matrix_exponentials_for_many(case):
+    assert_agrees_with_the_matrix_exponential(case)
+
+
+def assert_turned_as_often_as_counted(case):
+    """The scan's count against np.unwrap, and against the poles wherever those are not too near the circle."""
+    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
+    gains, integrator = Gains(np.array([case.K_v]), np.array([case.K_p])), case.K_p > 0
+    circle = unit_circle(device, position=integrator)
+    F = circle.closed(gains)
+    stable = bool(makes_no_turn(F))
+    turns = np.unwrap(np.arctan2(F.im, F.re))
+    assert stable == (abs(turns[-1] - turns[0]) < np.pi / 2 and F.re[-1] > 0)
+    radius = evaluator.spectral_radius(case)
+    assume(abs(radius - 1) > 1e-2)
+    assert stable == (radius < 1)
+
+
+@settings(max_examples=50, deadline=None)
+@given(loops())
+def test_crossings_of_the_negative_axis_count_the_turns(case):
+    assert_turned_as_often_as_counted(case)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(loops())
+def test_crossings_of_the_negative_axis_count_the_turns_for_many(case):
+    assert_turned_as_often_as_counted(case)
+
+
+def assert_proved_where_clear(case, hold):
+    device, gains = Device(case.mass, case.damping, case.sample_time, case.delay, hold), Gains(case.K_v, case.K_p)
+    estimate = clearly_stable(device, gains)
+    assume(estimate is not None)
+    verdicts = {prove(device, gains).verdict for prove in (prove_sampled_poles, prove_model_poles)}
+    assert estimate == (verdicts == {Verdict.PROVED})
+
+
+@settings(max_examples=50, deadline=None)
+@given(loops(), st.sampled_from(["zoh", "lag"]))
+def test_what_is_clearly_stable_is_proved_so_and_what_clearly_is_not_is_not(case, hold):
+    assert_proved_where_clear(case, hold)
+
+
+@pytest.mark.slow
+@settings(max_examples=300, deadline=None)
+@given(loops(), st.sampled_from(["zoh", "lag"]))
+def test_what_is_clearly_stable_is_proved_so_and_what_clearly_is_not_is_not_for_many(case, hold):
+    assert_proved_where_clear(case, hold)
+
+
+def test_too_much_integral_action_is_not_taken_for_stable_without_damping():
+    """With tau K_p > K_v the argument of F starts beyond -pi, which looks like just below pi."""
+    device, gains = Device(280.0, 0.0, 1.0, 5.0, "zoh"), Gains(32.0, 9.7)
+    assert prove_sampled_poles(device, gains).verdict is Verdict.REFUTED
+    assert clearly_stable(device, gains) is False
+
+
+@given(loops(), st.floats(0.01, np.pi))
+def test_return_difference_is_the_characteristic_polynomial_over_z_to_its_degree(case, theta):
+    device = Device(case.mass, case.damping, case.sample_time, case.delay, "zoh")
+    whole, fraction = split_delay(case.delay, case.sample_time)
+    plant = sampled_plant(device, whole, FLOATS, fractional=fraction > 0)
+    gains, integrator = Gains(case.K_v, case.K_p), case.K_p > 0
+    F = return_difference(plant, theta, FLOATS, position=integrator).closed(gains)
+    polynomial = [float(c) for c in characteristic_polynomial(plant, gains)]
+    z = np.exp(1j * theta)
+    assert F.re + 1j * F.im == pytest.approx(np.polyval(polynomial, z) / z ** (len(polynomial) - 1), rel=1e-9, abs=1e-9)
+
+
+def test_velocity_loop_without_delay_is_stable_up_to_its_closed_form_gain():
+    """z = a - K_v (1 - a)/b: stable while K_v < b (1 + a)/(1 - a)."""
+    device = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
+    a = np.exp(-2.0 * 1e-3 / 0.4)
+    limit = 2.0 * (1 + a) / (1 - a)
+    assert prove_sampled_poles(device, Gains(limit * (1 - 1e-9), 0.0)).verdict is Verdict.PROVED
+    assert prove_sampled_poles(device, Gains(limit * (1 + 1e-9), 0.0)).verdict is Verdict.REFUTED
+
+
+def test_no_position_in_the_loop_without_position_gain():
+    """With K_p = 0 the free integrator from velocity to position does not count (model/README.md, section 7)."""
+    device = Device(0.4, 0.0, 1e-3, 0.0, "zoh")
+    assert spectral_radius(device, Gains(100.0, 0.0)) == pytest.approx(1 - 100.0 * 1e-3 / 0.4)
+
+
+def test_whole_samples_snaps_rounding_noise():
+    assert split_delay(3e-4, 1e-4) == (3, 0.0)
+    whole, fraction = split_delay(2.5e-4, 1e-4)
+    assert (whole, fraction) == (2, pytest.approx(0.5))
+
+
+@settings(max_examples=200, deadline=None)
+@given(loops(), st.sampled_from(["lag", "zoh"]))
+def test_poles_of_the_frequency_model(case, hold):
+    """Routh-Hurwitz for "lag" without delay; for the rest: stable well below the phase limit, unstable well above."""
+    m, b, T = case.mass, case.damping, case.sample_time
+    device, gains = Device(m, b, T, case.delay, hold), Gains(case.K_v, case.K_p)
+    verdict = prove_model_poles(device, gains).verdict
+    if hold == "lag" and case.delay == 0:
+        excess = (m + b * T / 2) * (b + case.K_v) - case.K_p * m * T / 2
+        assume(abs(excess) > 1e-9 * m * case.K_v)
+        assert verdict is (Verdict.PROVED if excess > 0 else Verdict.REFUTED)
+    elif case.K_p == 0 and b == 0:
+        phase = case.K_v / m * device.loop_lag
+        assume(hold == "zoh" or case.delay > 0)
+        if phase < 0.5:
+            assert verdict is Verdict.PROVED
+        if phase > 4:
+            assert verdict is Verdict.REFUTED

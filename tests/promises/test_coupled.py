@@ -1,0 +1,163 @@
+"""Coupled stability: certified designs in random passive hands on random passive environments, and without coupling.
+
+A certificate speaks of a band. A mode of the sampled loop that grows must therefore lie outside it.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from math import pi
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.reading import read_gains, read_problem
+from vctune.model.experiment import Environment, Experiment, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Problem
+from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
+from vctune.simulation.run import run
+from vctune.simulation.scene import Scene, designed_scene
+
+DESIGNS = (
+    "friction-wheel",
+    "friction-wheel-gripped",
+    "friction-wheel-held",
+    "friction-wheel-paper",
+    "fixed-gains",
+    "cobot-wrist",
+    "desktop",
+    "keemink",
+)
+GROWS = 1 + 1e-9
+
+
+@dataclass(frozen=True)
+class Certified:
+    problem: Problem
+    gains: Gains
+    coupling: Coupling
+    proved_hz: tuple[float, float]
+
+
+def certified(name: str) -> Certified:
+    problem = read_problem(ROOT / f"problems/{name}.toml").problem
+    design = read_gains(ROOT / f"results/{name}/gains.toml")
+    judgement = judge(problem, design.gains, design.coupling)
+    assert judgement.status is Status.CERTIFIED
+    low, high = judgement.certificate.proved_band
+    return Certified(problem, design.gains, design.coupling, (low / (2 * pi), high / (2 * pi)))
+
+
+def passive(rng: np.random.Generator) -> tuple[Operator, Environment]:
+    """Return a hand and a wall (to 1e5 N/m), a mass or a resonator."""
+
+    def decades(low: float, high: float) -> float:
+        return float(10.0 ** rng.uniform(low, high))
+
+    hand = Operator(
+        "sine", 0.0, 0.05, 0.05, 1, float(rng.choice([0.0, decades(-3, 1)])), float(rng.choice([0.0, decades(-2, 2)])),
+        decades(1, 4),
+    )  # fmt: skip
+    environments = (
+        Environment(0.0, float(rng.choice([0.0, decades(-1, 2)])), decades(2, 5), 0.0, False),
+        Environment(decades(-3, 1), 0.0, 0.0, 0.0, False),
+        Environment(decades(-3, 1), 0.0, decades(1, 5), 0.0, False),
+    )
+    return hand, environments[rng.integers(3)]
+
+
+def scenes(design: Certified, count: int, seed: int = 1) -> list[Scene]:
+    rng = np.random.default_rng(seed)
+    made = []
+    for _ in range(count):
+        hand, environment = passive(rng)
+        if (least := design.problem.device.operator) is not None:
+            hand = replace(hand, mass=hand.mass + least.mass, damping=hand.damping + least.damping)
+        experiment = Experiment("random", environment, hand, None, Sensors(0.0, 0.0, 0), None, None)
+        made.append(designed_scene(design.problem.device, design.gains, design.coupling, experiment))
+    return made
+
+
+def growing(loops: list[Scene]) -> list[Mode]:
+    return [mode for mode in map(fastest_mode, loops) if mode.radius > GROWS]
+
+
+def uncoupled(scene: Scene) -> Scene:
+    return replace(scene, law=replace(scene.law, coupling=None))
+
+
+def outside(design: Certified, modes: list[Mode]) -> bool:
+    low, high = design.proved_hz
+    return all(not low <= mode.hz <= high for mode in modes)
+
+
+@pytest.mark.parametrize("name", ["friction-wheel", "friction-wheel-held", "fixed-gains"])
+def test_growing_modes_lie_outside_the_proved_band(name):
+    design = certified(name)
+    loops = scenes(design, 40)
+    coupled, bare = growing(loops), growing([uncoupled(scene) for scene in loops])
+    assert outside(design, coupled)
+    assert len(coupled) < len(bare)
+
+
+@pytest.mark.parametrize(
+    ("mass", "damping", "stable"),
+    [
+        (0.0, 2.0, True),
+        (0.0, 50.0, True),
+        (0.03, 2.0, True),
+        (0.0, 80.0, False),
+        (0.05, 2.0, False),
+        (0.5, 10.0, False),
+    ],
+)
+def test_what_hands_the_friction_wheel_bears(mass, damping, stable):
+    """Proved to 102.8 Hz it oscillates at 500 Hz in a hand that is firm up there; proved to 300 Hz it does not."""
+    for name, bears in (("friction-wheel", stable), ("friction-wheel-gripped", True)):
+        design = certified(name)
+        experiment = design.problem.experiments[0]
+        held = replace(experiment, operator=replace(experiment.operator, mass=mass, damping=damping))
+        mode = fastest_mode(designed_scene(design.problem.device, design.gains, design.coupling, held))
+        assert (mode.radius < 1) == bears
+        if not bears:
+            assert mode.hz == pytest.approx(500)
+            assert outside(design, [mode])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DESIGNS)
+def test_two_hundred_passive_hands_and_environments(name, capsys):
+    design = certified(name)
+    loops = scenes(design, 200)
+    coupled, bare = growing(loops), growing([uncoupled(scene) for scene in loops])
+    with capsys.disabled():
+        sys.stdout.write(
+            f"\n{name}: proved {design.proved_hz[0]:.4g} to {design.proved_hz[1]:.4g} Hz; of 200 loops grow\n"
+        )
+        for case, modes in (("with", coupled), ("without", bare)):
+            places = np.quantile([mode.hz for mode in modes], (0.0, 0.5, 1.0)) if modes else ()
+            shown = ", ".join(f"{hz:.4g}" for hz in places)
+            sys.stdout.write(f"  {len(modes):3} {case} the coupling; least, median, greatest frequency: {shown} Hz\n")
+    assert outside(design, coupled)
+    assert len(coupled) <= len(bare)
+    if name == "friction-wheel-gripped":
+        assert not coupled
+
+
+@pytest.mark.slow
+def test_walls_in_time():
+    """A one-sided wall whose two halves are each stable is left and hit again without end and without growth."""
+    design = certified("fixed-gains")
+    for scene in scenes(design, 60):
+        there = scene.law.environment
+        wall = replace(there, stiffness=max(there.stiffness, 100.0), zero=0.04, wall=True)
+        hit = replace(scene, law=replace(scene.law, environment=wall), operator=replace(scene.operator, cycles=3))
+        if fastest_mode(hit).radius > GROWS:
+            continue
+        traces = run(hit)
+        assert traces.diverged is None
+        assert np.abs(traces.position - traces.intended).max() <= 2 * abs(hit.operator.end - hit.operator.start)

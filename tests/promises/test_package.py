@@ -1,0 +1,76 @@
+"""What is shipped: the problems, as `vctune example` writes them, and all that an installed vctune needs."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+import venv
+import zipfile
+from email import message_from_string
+from pathlib import Path
+from urllib.parse import urlparse
+from urllib.request import url2pathname
+
+import pytest
+from command import run, strict
+from conftest import ROOT
+
+from vctune.document.reading import parse_problem, read_problem
+from vctune.document.text.digest import problem_digest
+from vctune.exit_codes import ExitCode
+
+PROBLEMS = sorted(path.stem for path in (ROOT / "problems").glob("*.toml"))
+
+
+def test_every_problem_is_an_example(tmp_path):
+    assert run("example", cwd=tmp_path).stdout.splitlines() == PROBLEMS
+    assert strict(run("example", "--json", cwd=tmp_path).stdout)["names"] == PROBLEMS
+    for name in PROBLEMS:
+        done = run("example", name, "--out", "mine", "--json", cwd=tmp_path)
+        assert strict(done.stdout)["file"] == os.path.join("mine", f"{name}.toml")
+        written = tmp_path / "mine" / f"{name}.toml"
+        here, there = read_problem(written), read_problem(ROOT / "problems" / f"{name}.toml")
+        assert here.sha256 == there.sha256 and here.text.splitlines()[1:] == there.text.splitlines()[1:]
+        schema = urlparse(here.text.splitlines()[0].removeprefix("#:schema "))
+        named = Path(url2pathname(schema.path))  # that of the vctune installed, which need not be this tree's
+        assert named.read_bytes() == (ROOT / "vctune/document/problem.schema.json").read_bytes()
+
+
+def test_an_example_overwrites_nothing(tmp_path):
+    (tmp_path / "desktop.toml").write_text("mine")
+    done = run("example", "desktop", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT and "[file-exists]" in done.stderr
+    assert (tmp_path / "desktop.toml").read_text() == "mine"
+    none = run("example", "../conftest", cwd=tmp_path)
+    assert none.returncode == ExitCode.BAD_INPUT and "friction-wheel" in none.stderr and len([*tmp_path.iterdir()]) == 1
+
+
+@pytest.mark.slow
+def test_a_wheel_in_an_empty_environment_solves_its_own_example(tmp_path):
+    pip = [sys.executable, "-m", "pip", "-q", "--disable-pip-version-check"]
+    subprocess.run([*pip, "wheel", "--no-deps", "-w", tmp_path, ROOT], check=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as packed:
+        (name,) = (each for each in packed.namelist() if each.endswith("/METADATA"))
+        said = message_from_string(packed.read(name).decode())
+    assert said["Author"] and "@software{vctune" in said.get_payload()
+    venv.create(tmp_path / "empty", with_pip=True)
+    tools = tmp_path / "empty" / ("Scripts" if os.name == "nt" else "bin")
+    subprocess.run([tools / "python", *pip[1:], "install", wheel], check=True)
+    for command in ("example friction-wheel", "solve friction-wheel.toml", "explain unknown-key", "schema design"):
+        done = subprocess.run([tools / "vctune", *command.split()], cwd=tmp_path, check=True, capture_output=True)
+        assert done.stdout
+    made = tomllib.loads((tmp_path / "results/friction-wheel/gains.toml").read_text())
+    text = (ROOT / "problems/friction-wheel.toml").read_text()
+    assert made["design"]["sha256"] == problem_digest(parse_problem(text, "friction-wheel", "friction-wheel"))
+    assert (tmp_path / "results/friction-wheel/report.html").exists()
+
+
+def test_no_remedy_names_a_package_that_no_index_has():
+    """Extras are those of a checkout: vctune is on no index."""
+    said = [path for path in (ROOT / "vctune").rglob("*") if path.suffix in (".py", ".md")]
+    assert len(said) > 100
+    assert [path for path in said if re.search(r"pip install\s+\W?vctune", path.read_text())] == []

@@ -1,0 +1,182 @@
+"""The layout is the pipeline, and imports go one way."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from functools import cache
+
+from conftest import ROOT
+
+FLOORS = [
+    "version",
+    "markup",
+    "interrupt",
+    "running",
+    "exit_codes",
+    "model",
+    "proof",
+    "analysis",
+    "document",
+    "simulation",
+    "identification",
+    "design",
+    "study",
+    "firmware",
+    "report",
+    "api",
+    "bench",
+    "cli",
+]
+"""A room imports only from itself and from what stands before it."""
+PACKAGE = ROOT / "vctune"
+
+
+@cache
+def imports(path):
+    found = []
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0
+            found += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return found
+
+
+def room(name):
+    parts = name.split(".")
+    return parts[1] if len(parts) > 1 else ""
+
+
+def test_imports_go_one_way():
+    for path in PACKAGE.rglob("*.py"):
+        here = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        if room(here) not in FLOORS:
+            continue
+        for name in imports(path):
+            if name.startswith("vctune.") and room(name) in FLOORS:
+                assert FLOORS.index(room(name)) <= FLOORS.index(room(here)), f"{here} imports {name}"
+
+
+def test_the_library_knows_no_command():
+    assert not any(name.startswith("vctune.cli") for name in imports(PACKAGE / "__init__.py"))
+    import vctune
+
+    assert not any(home.startswith("cli.") for home in vctune._HOME.values())
+
+
+def test_the_proof_knows_no_optimiser_and_no_estimate():
+    for path in (PACKAGE / "proof").glob("*.py"):
+        for name in imports(path):
+            assert not name.startswith(("casadi", "vctune.design", "vctune.analysis")), path
+
+
+def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
+    known = {"bound", "prepared", "variables", "shapes", "judge"}
+    found = {"search.py", "branching.py", "stability.py", "nodes.py", "resume.py"}
+    for path in (PACKAGE / "design/bound").glob("*.py"):
+        for name in imports(path):
+            if name.startswith("vctune.design."):
+                assert name.split(".")[2] in known, f"{path} imports {name}"
+            assert path.name in found or not name.startswith(("casadi", "vctune.analysis")), path
+
+
+def test_heavy_libraries_stay_in_their_rooms():
+    homes = {
+        # the simulation's step runs in CasADi's virtual machine; a benchmark runs CasADi's other solvers on the NLP
+        "casadi": (
+            "design/nlp/nlp.py",
+            "simulation/mechanics/step.py",
+            "simulation/mechanics/stretches.py",
+            "bench/dense.py",
+        ),
+        "pydantic": "document",
+        "flint": ("proof", "design/bound/objective.py"),
+        "click": "cli",
+        "rich": "cli",
+        "matplotlib": "report",
+        "distributed": "study/executors.py",
+        "pyarrow": "study/study_table.py",
+        "scipy": ("bench", "identification"),
+        "mpmath": "bench",
+        "yaml": "document/ros.py",
+        "ctypes": "simulation/firmware/library.py",
+    }
+    for library, home in homes.items():
+        for path in PACKAGE.rglob("*.py"):
+            if any(name.split(".")[0] == library for name in imports(path)):
+                assert str(path.relative_to(PACKAGE)).startswith(home), f"{path} imports {library}"
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; sys.argv = ['vctune', '--help']\n"
+        "import vctune.cli\n"
+        "try: vctune.cli.run()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'casadi', 'numpy', 'flint', 'pydantic', 'rich', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+
+
+def test_public_names_are_there():
+    import vctune
+
+    for name in vctune.__all__:
+        assert getattr(vctune, name) is not None
+
+
+IN_A_LINE = ("model", "proof", "design/bound", "bench/evaluator", "bench/digits")
+"""Where a line of algebra says what a function takes: A B, |re + j im|."""
+
+
+def public_functions(tree):
+    """Yield the functions and methods of a module that others may call, but commands, whose docstring is their help."""
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public_functions(node)
+        elif isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            stub = isinstance(node.body[-1], ast.Expr) and ast.unparse(node.body[-1]) == "..."
+            command = any(ast.unparse(each).startswith("click.command") for each in node.decorator_list)
+            if not stub and not command:
+                yield node
+
+
+def lacking(function):
+    """Yield what the docstring of a function does not say, in NumPy's sections or in its first line."""
+    text = ast.get_docstring(function) or ""
+    arguments = [each.arg for each in (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)]
+    arguments = [name for name in arguments if name not in ("self", "cls")]
+    parts = re.split(r"\n\n(\w+)\n-{3,}\n", text)
+    summary, sections = parts[0], dict(zip(parts[1::2], parts[2::2], strict=True))
+    if len(arguments) > 1:
+        entries = re.findall(r"^(\S.*?) : ", sections.get("Parameters", ""), re.MULTILINE)
+        named = {name.lstrip("*") for entry in entries for name in entry.split(", ")}
+        yield from (name for name in arguments if name not in named)
+        returns = function.returns is not None and ast.unparse(function.returns) not in ("None", "NoReturn")
+        said = re.search(r"\b(return|yield)s? ", summary, re.IGNORECASE) or {"Returns", "Yields"} & sections.keys()
+        yield from ["Returns"] if returns and not said else []
+    raised = [ast.unparse(node.exc) for node in ast.walk(function) if isinstance(node, ast.Raise) and node.exc]
+    if any(name.startswith("InputError") for name in raised) and "Raises" not in sections:
+        yield "Raises"
+
+
+def test_public_functions_say_what_they_take_give_and_refuse():
+    for path in PACKAGE.rglob("*.py"):
+        place = path.relative_to(PACKAGE).as_posix()
+        if not place.startswith(IN_A_LINE):
+            for function in public_functions(ast.parse(path.read_text())):
+                assert list(lacking(function)) == [], f"{place}: {function.name}"
+
+
+def test_top_level_holds_what_the_users_named():
+    allowed = {"pyproject.toml", "vctune", "problems", "tests", "results", "README.md", "LICENSE"}
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False).stdout.split(
+        "\n"
+    )
+    tops = {line.split("/")[0] for line in tracked if line and not line.startswith(".")}
+    assert tops <= allowed

@@ -1,0 +1,196 @@
+"""Pictures do not mislead: curves keep their shape, and nothing is told by colour alone."""
+
+from __future__ import annotations
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from conftest import DEVICE, for_passive_hands
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.colors import to_rgb
+
+from vctune.design.solve import solve
+from vctune.design.verdict.design_record import record_of
+from vctune.document.reading import ProblemFile, parse_problem
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand, Hands
+from vctune.report.figures.design_figures import Design, figures
+from vctune.report.figures.experiment_figures import simulation_figure
+from vctune.report.figures.hands_figure import hands_figure
+from vctune.report.figures.region_figure import BAD, GOOD, OPEN
+from vctune.report.figures.style import PAPER, time_text
+from vctune.report.page.page import _shortened, inline, svg
+from vctune.simulation.mechanics.intended_motion import stroke_time
+from vctune.simulation.simulation_record import TOLERANCE, simulation_record
+from vctune.simulation.thinning import thinned
+from vctune.simulation.two_runs import simulate
+
+EXPERIMENTS = """
+[[experiment]]
+name = "free"
+environment = { damping = 0.0 }
+operator = { to = 0.02, cycles = 2 }
+friction = { coulomb = 0.3 }
+baseline = { kp = 30.0, kd = 2.0, mass = 0.3, damping = 5.0 }
+"""
+
+
+def off(points, kept):
+    """Return how far each point is from the polyline through those that are kept."""
+    ends = points[kept]
+    start, along = ends[:-1], np.diff(ends)
+    share = ((points[:, None] - start) * along.conj()).real / np.maximum(abs(along) ** 2, 1e-300)
+    return np.abs(points[:, None] - start - np.clip(share, 0, 1) * along).min(axis=1)
+
+
+def test_a_circle_stays_round():
+    angle = np.linspace(0, 2 * np.pi, 5001)
+    kept = thinned(3e-3 * np.cos(angle), 40 * np.sin(angle), (6e-6, 0.08))
+    assert 30 < len(kept) < 200
+    assert np.diff(angle[kept]).max() < np.radians(12)
+    assert off(np.exp(1j * angle), kept).max() < 2e-3 * 1.01
+
+
+@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), min_size=1, max_size=60), st.floats(1e-3, 1))
+def test_what_is_left_out_is_near_what_is_kept(points, tolerance):
+    x, y = np.array(points).T
+    kept = thinned(x, y, (tolerance, tolerance))
+    assert kept[0] == 0 and kept[-1] == len(x) - 1 and (np.diff(kept) > 0).all()
+    if len(kept) > 1:
+        assert off(x + 1j * y, kept).max() <= tolerance * (1 + 1e-9)
+
+
+@pytest.fixture(scope="module")
+def measured():
+    text = DEVICE + EXPERIMENTS
+    problem = parse_problem(text, "x", "x")
+    design = Gains(150.0, 6000.0), Coupling(160.0, 0.35, 0.0)
+    made = simulate(problem, *design, problem.experiments[0])
+    return made, simulation_record(ProblemFile(problem, text), *design, [made])
+
+
+def test_the_curves_of_experiments_are_those_of_the_traces(measured):
+    made, record = measured
+    (shown,) = record.experiments
+    first = 2 * stroke_time(made.experiment.operator)
+    traces = {name: getattr(made, name).traces for name in ("baseline", "design")}
+    whole = {name: (each.velocity + 1j * each.force)[each.time >= first] for name, each in traces.items()}
+    both = np.concatenate(list(whole.values()))
+    for name, curve in whole.items():
+        drawn = np.array(getattr(shown, name).curve)
+        scaled = [
+            part.real / np.ptp(both.real) + 1j * part.imag / np.ptp(both.imag) for part in (curve, drawn @ [1, 1j])
+        ]
+        every = np.concatenate((scaled[1], scaled[0][:: len(curve) // 500]))
+        assert off(every, np.arange(len(drawn))).max() < TOLERANCE * 1.2
+        assert len(drawn) < len(curve) / 3
+
+
+# colours: Machado, Oliveira and Fernandes (2009), severity 1
+
+SIGHTS = {
+    "normal": np.eye(3),
+    "deuteranopia": np.array(
+        [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
+    ),
+    "protanopia": np.array(
+        [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
+    ),
+}
+
+
+def lab(colour, sight):
+    """Return CIELAB of an sRGB colour as it is seen."""
+    channels = np.array(to_rgb(colour))
+    linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+    seen = np.clip(SIGHTS[sight] @ linear, 0, 1)
+    xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]] @ seen
+    ratio = xyz / [0.9505, 1.0, 1.089]
+    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_regions_are_told_apart_by_everyone_and_in_grey(sight):
+    for (one, mark), (other, other_mark) in itertools.combinations((GOOD, BAD, OPEN), 2):
+        difference = lab(one, sight) - lab(other, sight)
+        assert np.linalg.norm(difference) > 25
+        assert abs(difference[0]) > 12
+        assert mark != other_mark
+
+
+@pytest.fixture(scope="module")
+def drawn(measured):
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
+    solved = solve(problem)
+    record = record_of(ProblemFile(problem, DEVICE), solved)
+    made = figures(Design(problem, solved.judgement.gains, solved.judgement.coupling, record))
+    return made | {"simulation": simulation_figure(measured[1])}
+
+
+def test_lines_are_told_apart_without_colour(drawn):
+    assert set(drawn) == {"loop", "llewellyn", "nyquist", "transparency", "impedance", "simulation"}
+    for name, figure in drawn.items():
+        for axes in figure.axes:
+            lines = [line for line in axes.lines if not line.get_label().startswith("_")]
+            styles = [(line._dash_pattern, line.get_marker()) for line in lines]
+            paired = [(a.get_label(), b.get_label()) for a, b in itertools.combinations(lines, 2)]
+            same = [pair for pair, (a, b) in zip(paired, itertools.combinations(styles, 2), strict=True) if a == b]
+            assert not same, name
+
+
+def test_the_limit_the_safety_factor_and_the_least_ratio_are_apart(drawn):
+    lower = drawn["llewellyn"].axes[1]
+    heights = lower.transAxes.inverted().transform(lower.transData.transform([(1, 1.0), (1, 1.05)]))[:, 1]
+    assert heights[1] - heights[0] > 0.1 and heights[0] > 0
+
+
+def test_the_bands_of_the_promises_are_shaded(drawn):
+    for name, bands in {
+        "llewellyn": {"requested band"}, "transparency": {"transparency band"},
+        "impedance": {"transparency band", "proved stable"},
+    }.items():  # fmt: skip
+        for axes in drawn[name].axes:
+            assert bands <= {patch.get_label() for patch in axes.patches}
+
+
+def test_times_have_a_unit_that_suits_them():
+    assert [time_text(value, 3) for value in (0.000472, 0.25, 3e-5, 12.0, 0.0)] == [
+        ("0.472", "ms"), ("0.25", "s"), ("30", "µs"), ("12", "s"), ("0", "s"),
+    ]  # fmt: skip
+
+
+def test_files_have_a_ground_of_their_own_and_pages_show_theirs(drawn):
+    text = svg(drawn["nyquist"], "nyquist")
+    assert PAPER in text and PAPER not in inline(text)
+    assert not re.search(r'\bd="[^"]*\d\.\d{3}', text)
+
+
+def test_files_say_nothing_to_no_end(drawn):
+    """A line that follows a line goes without its letter; one that follows a curve keeps it."""
+    for name, figure in drawn.items():
+        text = svg(figure, name)
+        assert "<metadata>" not in text and "rotate(-0" not in text
+        for path in re.findall(r'\bd="([^"]*)"', text):
+            letters = re.findall("[A-Za-z]", path)
+            assert ("M", "L") not in itertools.pairwise(letters) and ("L", "L") not in itertools.pairwise(letters)
+
+
+def test_letters_of_lines_after_curves_stay():
+    path = re.match(".*", 'd="M 1.250 2.0 \nL 3.001 4.0 \nQ 5 6 7 8.00 \nL 9 10.0 \nL 11.0 -0.001 \nz\n"', re.DOTALL)
+    assert _shortened(path) == 'd="M 1.25 2\n3 4\nQ 5 6 7 8\nL 9 10\n11 -0\nz\n"'
+
+
+def test_nothing_of_a_figure_is_beyond_its_edge(drawn):
+    """Tick labels as wide as they come included, and the longest legends."""
+    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(0.55, 30.5, 3000.5))
+    problem = parse_problem(DEVICE, "x", "x")
+    in_hands = hands_figure(problem, hands, Gains(150.0, 6000.0), Coupling(160.0, 0.35, 3.0))
+    for name, figure in {**drawn, "hands": in_hands}.items():
+        drawn_box = figure.get_tightbbox()
+        width, height = figure.get_size_inches()
+        assert drawn_box.x0 >= 0 and drawn_box.x1 <= width, name
+        assert drawn_box.y0 >= 0 and drawn_box.y1 <= height, name

@@ -1,0 +1,255 @@
+"""The report: every verdict renders, the same bytes again, nothing from outside, readable in a real browser."""
+
+from __future__ import annotations
+
+import json
+import re
+from functools import cache
+from html import escape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import run
+from conftest import DEVICE, FIXED, ROOT, for_passive_hands, mostly_slow
+from pages import PARTS, made, recorded
+
+from vctune.analysis.demands import transparency_error
+from vctune.analysis.margins import unstable_poles
+from vctune.cli.printing.design_table import print_design
+from vctune.design.solve import solve
+from vctune.document.reading import parse_problem
+from vctune.document.records.design_file import design_of, read_design
+from vctune.document.text.errors import InputError
+from vctune.model.gains import Coupling, Gains
+from vctune.report.design_report import write_report
+from vctune.report.figures.curves import handle_impedance, llewellyn, nyquist, transparency
+from vctune.report.figures.diagram import loop_figure
+from vctune.report.page.summary import LITTLE_USE
+
+LAG = 'hold = "lag"\n[stability]\ncriterion = "passive"\nband_hz = [0.0, inf]\n'
+HELD = "[coupling]\ndrag = { min = 0.0, max = 50.0 }\n[operator]\ndamping = 0.5\n"
+DRAG = "drag = 3.0\n"
+CASES = {
+    "certified": DEVICE,
+    "violated": DEVICE + FIXED.format(50.0),
+    "infeasible": DEVICE + "[gains]\nvelocity = { min = 2000.0, max = 3000.0 }\n",
+    "one-variable-fixed": DEVICE + "[coupling]\nmass = 0.3\n",
+    "weights-zero": DEVICE + "[transparency]\nweights = { admittance = 0.0, coupling = 0.0 }\n",
+    "whole-axis": DEVICE + LAG,
+    "undamped": DEVICE.replace("2.0", "0.0"),
+    "no-loop": DEVICE + "[gains]\nvelocity = 0.0\nposition = 0.0\n[coupling]\ndamping = 1.0\nmass = 1.0\n",
+    "every-part": DEVICE + PARTS + HELD,
+    "every-part-fixed": DEVICE + PARTS + FIXED.format(160.0).replace("150", "60").replace("6000", "1000") + DRAG,
+    "odd-name": 'name = "a b \'c\' \\"d\\" <script>alert(1)</script> Größe 大"\n' + DEVICE,
+}
+PRICED = ("certified", "infeasible", "every-part")
+FEW = ("certified", "infeasible", "every-part-fixed", "no-loop")
+"""Cases whose table and page are looked at each time."""
+
+
+def html_of(record, folder):
+    return made(record, folder).read_text()
+
+
+@pytest.fixture(scope="module")
+def records():
+    """Return a case's record, made when it is first asked for."""
+    return cache(lambda name: recorded(for_passive_hands(CASES[name]), prices=name in PRICED))
+
+
+@pytest.fixture(scope="module")
+def pages(records, tmp_path_factory):
+    """Return the text of a case's page, made when it is first asked for."""
+    return cache(lambda name: html_of(records(name), tmp_path_factory.mktemp("page") / "report"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CASES)
+def test_report_of_every_verdict(records, tmp_path, name):
+    """Renders without a warning (warnings are errors here), below 600 kB, escaped, embedding its own record."""
+    record = records(name)
+    html = html_of(record, tmp_path / "report")
+    assert len(html.encode()) < 600_000
+    problem = parse_problem(record["problem"]["text"], "x", "x")
+    bare = transparency_error(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)).error
+    of_use = record["gains"] is not None and not record["idle"] and record["transparency"]["error"] < LITTLE_USE * bare
+    kind = {"certified": "good" if of_use else "doubtful", "undecided": "doubtful"}.get(record["status"], "bad")
+    assert f'<div class="verdict {kind}">' in html
+    assert "<script>alert" not in html
+    assert not re.search(r'(src|href)="(?!#|data:)', html)
+    embedded = re.search(r'<script type="application/json" id="design">(.*?)</script>', html, re.DOTALL)[1]
+    assert json.loads(embedded) == record
+    drawn = {path.stem for path in (tmp_path / "report").glob("*.svg")}
+    assert ("llewellyn" in drawn) == (record["gains"] is not None)
+    assert {path.suffix for path in (tmp_path / "report").iterdir()} <= {".html", ".svg"}
+
+
+@pytest.mark.slow
+def test_the_same_design_gives_the_same_bytes(records, tmp_path):
+    for folder in ("a", "b"):
+        made(json.loads(json.dumps(records("certified"))), tmp_path / folder)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+
+
+def test_no_figure_of_an_earlier_design_stays(records, tmp_path):
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report/mine.png").write_text("not vctune's")
+    made(records("certified"), tmp_path / "report")
+    made(records("infeasible"), tmp_path / "report")
+    assert {path.name for path in (tmp_path / "report").iterdir()} == {"report.html", "mine.png"}
+
+
+def test_a_report_promises_nothing_outside_the_proved_band(pages):
+    html = pages("certified")
+    assert "outside it nothing is proved of the ratio" in html
+    assert "unstable at such a frequency, as far as the frequency model goes" in html
+
+
+def test_undecided_renders_too(records, tmp_path):
+    record = json.loads(json.dumps(records("certified")))
+    record["status"] = record["certificate"]["verdict"] = "undecided"
+    record["certificate"]["proved_band_hz"] = None
+    html = html_of(record, tmp_path / "report")
+    assert '<div class="verdict doubtful">' in html
+    assert "outside it" not in html
+
+
+def test_active_demands_have_their_prices(records):
+    """d log(error)/d log(demand): compare with solving again for a demand that is eased by 0.1 %."""
+    record = records("certified")
+    assert [row["demand"] for row in record["active"]] == sorted(
+        (row["demand"] for row in record["active"]),
+        key=lambda demand: -max(r["multiplier"] for r in record["active"] if r["demand"] == demand),
+    )
+    eased = recorded(DEVICE + f"[stability]\ncriterion = 'passive'\nsafety_factor = {1.05 * 0.999}\n")
+    price = sum(row["multiplier"] for row in record["active"] if row["demand"].startswith("Re Z_c"))
+    saved = np.log(record["transparency"]["error"] / eased["transparency"]["error"]) / 1e-3
+    assert price == pytest.approx(saved, rel=0.02)
+
+
+def test_curves_agree_with_the_certificate():
+    problem = parse_problem(for_passive_hands(DEVICE), "x", "x")
+    judgement = solve(problem).judgement
+    gains, coupling = judgement.gains, judgement.coupling
+    curves = llewellyn(problem, gains, coupling)
+    inside = (curves.hz >= 0.5) & (curves.hz <= 100)
+    assert np.nanmin(curves.ratio[inside]) >= judgement.min_ratio * (1 - 1e-9)
+    assert curves.ratio[inside] == pytest.approx((curves.coupling / curves.required)[inside])
+    assert unstable_poles(problem.device, gains) == 0
+    assert np.abs(1 + nyquist(problem, gains).L).min() >= 0.5 * (1 - 1e-9)
+    terms = transparency(problem, gains, coupling)
+    assert terms.error**2 == pytest.approx(terms.admittance**2 + terms.tracking**2 + terms.coupling**2)
+    hz, felt = handle_impedance(problem, gains, coupling)
+    free, rigid = felt["free"][0], felt["rigid"][0]
+    assert rigid == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert np.all(free[hz < 30] < rigid[hz < 30])
+
+
+def test_a_rigid_environment_is_felt_as_the_loop_alone():
+    """Whatever the device is made of, at its resonance too."""
+    problem = parse_problem(for_passive_hands(DEVICE + PARTS), "x", "x")
+    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 1.0)
+    terms = transparency(problem, gains, coupling)
+    hz, felt = handle_impedance(problem, gains, coupling)
+    assert felt["rigid"][0] == pytest.approx(problem.transparency.reference_impedance / terms.admittance)
+    assert np.sum((hz > 240) & (hz < 260)) > 10
+
+
+def test_a_block_for_each_part_that_there_is():
+    gains, coupling = Gains(60.0, 1000.0), Coupling(100.0, 0.3, 0.0)
+    said = {}
+    for name, text in (("ideal", DEVICE), ("real", DEVICE + PARTS)):
+        figure = loop_figure(parse_problem(text, "x", "x").device, gains, coupling)
+        said[name] = {each.get_text() for each in figure.axes[0].texts}
+    parts = {"force sensor", "actuator", "difference", "handle", "motor", "hold and delay", "400 Hz", "delay 0.3 ms"}
+    assert not parts & said["ideal"] and {"hold", "mechanism", "f_h", "v_e", "u", "v, x"} <= said["ideal"]
+    assert parts <= said["real"] and "mechanism" not in said["real"]
+
+
+def test_the_phases_of_the_parts_are_on_the_page(pages):
+    text = pages("every-part-fixed")
+    for part in ("force sensor", "velocity estimate", "hold", "delay", "actuator", "mechanism", "together"):
+        assert f"<tr><th>{part}</th>" in text
+    assert "|1 - F_s|" in text
+    assert "|1 - F_s|" not in pages("certified")
+    assert "How late each part is" not in pages("no-loop")
+
+
+def test_report_command(tmp_path):
+    assert run("solve", ROOT / "problems/fixed-gains.toml", "--quiet", cwd=tmp_path, report=True).returncode == 0
+    folder = tmp_path / "results/fixed-gains"
+    before = (folder / "report.html").read_bytes()
+    assert run("report", folder / "design.json", "--out", "again", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "again/report.html").read_bytes() == before
+    faults = {"none.json": "cannot be read", "bad.json": "is not JSON", "other.json": "is not vctune/design/1"}
+    for bad, text in faults.items():
+        (tmp_path / "bad.json").write_text("{")
+        (tmp_path / "other.json").write_text("{}")
+        done = run("report", bad, cwd=tmp_path)
+        assert done.returncode == 2 and text in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [
+        (lambda record: record["gains"].update(velocity="x"), "gains.velocity: "),
+        (lambda record: record["gains"].update(velocity=-1.0), "gains.velocity: "),
+        (lambda record: record.update(gains=[]), "gains: "),
+        (lambda record: record["coupling"].pop("mass"), "coupling.mass: "),
+        (lambda record: record["certificate"].update(min_ratio=float("nan")), "NaN is no finite number"),
+        (lambda record: record["certificate"].pop("proved_band_hz"), "certificate.proved_band_hz: "),
+        (lambda record: record.update(certificate=None), "must be there, or null, together"),
+        (lambda record: record["problem"].update(text=3), "problem.text: "),
+        (lambda record: record["problem"].update(text="[["), "not valid TOML"),
+        (lambda record: record.pop("status"), "status: "),
+    ],
+)
+def test_a_damaged_design_is_refused_with_its_keys(records, tmp_path, damage, said):
+    record = json.loads(json.dumps(records("certified")))
+    damage(record)
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    with pytest.raises(InputError, match=re.escape(said)):
+        write_report(read_design(tmp_path / "design.json"), tmp_path / "report")
+
+
+@pytest.mark.parametrize("text", ["[" * 200_000, '{"a": 1e400}', '{"a": "\xff"}'])
+def test_what_is_no_json_is_refused(tmp_path, text):
+    (tmp_path / "design.json").write_bytes(text.encode("latin1"))
+    with pytest.raises(InputError, match="is not JSON"):
+        read_design(tmp_path / "design.json")
+
+
+def test_an_endless_design_is_refused():
+    with pytest.raises(InputError, match="is longer than"):
+        read_design(Path("/dev/zero"))
+
+
+@pytest.mark.parametrize("name", mostly_slow(CASES, FEW))
+def test_every_design_is_read_back(records, tmp_path, name):
+    for mark in ("", "\ufeff"):
+        (tmp_path / "design.json").write_text(mark + json.dumps(records(name)))
+        assert read_design(tmp_path / "design.json").to_json() == records(name)
+
+
+def test_keys_of_other_versions_are_kept_and_none_is_added(records, tmp_path):
+    record = json.loads(json.dumps(records("certified")))
+    record["certificate"]["later"] = record["later"] = {"number": 1.0}
+    del record["repairs"], record["idle"]
+    (tmp_path / "design.json").write_text(json.dumps(record))
+    assert read_design(tmp_path / "design.json").to_json() == record
+
+
+@pytest.mark.parametrize("name", mostly_slow(CASES, FEW))
+def test_the_table_and_the_page_show_the_rows_of_the_record(records, pages, tmp_path, capsys, name):
+    record, html = design_of(records(name), "x"), pages(name)
+    print_design(record, tmp_path)
+    table = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for title, rows in record.groups().items():
+        for number, row in enumerate(rows):
+            cells = "</th><th>".join(("<tr><th>" + (title if number == 0 else ""), escape(row.label)))
+            shown = f'{cells}</th><td class="number">{escape(row.value)}</td><td>{escape(row.unit)}</td></tr>'
+            assert shown.replace("&#x27;", "&#39;") in html
+            words = f"{title if number == 0 else ''} {row.label} {row.value} {row.unit}".split()
+            assert (words in table) == (not row.detail)

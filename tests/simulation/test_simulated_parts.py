@@ -1,0 +1,540 @@
+"""The simulation of devices as they are: velocity estimate, actuator, force sensor and a handle on a spring.
+
+Against loops whose matrices, pulses and impedances are worked out elsewhere (`in_time`, `sampled_device_oracle`),
+against events that scipy integrates between (`parts_in_time`), against the certificate, and in the limits where a part
+is none.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import device_oracle
+import in_time
+import numpy as np
+import parts_in_time
+import pytest
+from command import run as vctune
+from command import strict
+from conftest import for_passive_hands, mostly_slow
+from device_arithmetic import DOUBLES
+from integrators import midpoint
+from sampled_device_oracle import coupling_at, seen_at
+from scipy.integrate import trapezoid
+from test_coupled import Certified, growing, outside, scenes
+
+from vctune.bench.problems import posed
+from vctune.design.verdict.judge import Status, judge
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS as FLOATS_OF_THE_MODEL
+from vctune.proof.claims.sampled_poles import prove_sampled_poles, spectral_radius
+from vctune.proof.engine.interval import Verdict
+from vctune.simulation.firmware.controller import Measurement, State, control
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.mechanics.assembly import GIVEN, Assembly, assembly
+from vctune.simulation.mechanics.assembly_friction import AssemblyState, assembly_step, assembly_steps, friction_step
+from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, least_virtual, loop_matrix
+from vctune.simulation.mechanics.step import CHUNK, COLUMNS, INPUTS, build
+from vctune.simulation.mechanics.stretches import fixed_steps
+from vctune.simulation.metrics import metrics
+from vctune.simulation.run import run
+from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+
+IDEAL = Device(0.4, 2.0, 1e-3)
+EVERYTHING = Device(
+    0.4,
+    2.0,
+    1e-3,
+    0.3e-3,
+    "zoh",
+    None,
+    VelocityEstimate("difference", 150.0, 2),
+    Actuator(300.0, 2),
+    ForceSensor(300.0, 2, 0.4e-3),
+    Structure(0.1, 200.0, 0.05),
+)
+GAINS, COUPLING = Gains(60.0, 1500.0), Coupling(60.0, 0.3, 8.0)
+NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
+SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
+PERFECT = Sensors(0.0, 0.0, 0)
+HAND = Operator("reciprocate", 0.0, 0.01, 0.05, 1, 0.05, 2.0, 1000.0)
+AWAY = replace(HAND, mass=0.0, damping=0.0, stiffness=0.0)
+PID = Baseline(2000.0, 0.0, 20.0, 1.0, 20.0)
+LUGRE = Friction(0.3, 0.4, 0.005, 2e4, (2e4 * 0.4) ** 0.5)
+DEVICES = {
+    "velocity": replace(IDEAL, velocity=EVERYTHING.velocity),
+    "actuator": replace(IDEAL, actuator=Actuator(300.0)),
+    "second order": replace(IDEAL, actuator=EVERYTHING.actuator, delay=1e-3),
+    "filtered force": replace(IDEAL, force_sensor=ForceSensor(300.0)),
+    "force late by samples": replace(IDEAL, force_sensor=ForceSensor(delay=2e-3)),
+    "late force": replace(IDEAL, delay=1.4e-3, force_sensor=ForceSensor(delay=1.3e-3)),
+    "force sensed as a command arrives": replace(IDEAL, delay=0.3e-3, force_sensor=ForceSensor(delay=0.7e-3)),
+    "flexible": replace(IDEAL, structure=EVERYTHING.structure),
+    "everything": EVERYTHING,
+    "everything later": replace(EVERYTHING, delay=2.7e-3, force_sensor=ForceSensor(400.0, 1, 3.8e-3)),
+}
+
+
+def experiment(environment=SPRING, operator=HAND, friction=None, sensors=PERFECT, limit=None, baseline=PID):
+    return Experiment("test", environment, operator, friction, sensors, limit, baseline)
+
+
+def scene_of(device, environment=SPRING, operator=HAND, friction=None, **changes) -> Scene:
+    return designed_scene(device, GAINS, COUPLING, experiment(environment, operator, friction, **changes))
+
+
+def assembled(device, operator=HAND) -> Assembly:
+    moving = assembly(scene_of(device, operator=operator))
+    assert moving is not None
+    return moving
+
+
+# the loop
+
+
+def random_real(rng: np.random.Generator) -> device_oracle.Real:
+    """Return a device in which each part is there or not, with delays of whole samples, of parts, and none."""
+    mass, T = 10 ** rng.uniform(-1, 0.3), round(10 ** rng.uniform(-3.6, -2.7), 7)
+
+    def late() -> float:
+        return round(float(rng.choice([0.0, rng.integers(1, 3), rng.uniform(0, 2.5)])) * T, 7)
+
+    def hertz() -> float | None:
+        return 10 ** rng.uniform(1.5, 3.3) if rng.random() < 0.5 else None
+
+    def order() -> int:
+        return int(rng.integers(1, 3))
+
+    structure = device_oracle.Structure(
+        mass * rng.uniform(0.1, 0.9), 10 ** rng.uniform(1.5, 3), 10 ** rng.uniform(-3, 0)
+    )
+    return device_oracle.Real(
+        mass=mass,
+        damping=10 ** rng.uniform(-1, 1),
+        sample_time=T,
+        delay=late(),
+        velocity=device_oracle.Velocity(str(rng.choice(["measured", "difference"])), hertz(), order()),
+        actuator=device_oracle.LowPass(hertz(), order()),
+        force_sensor=device_oracle.LowPass(hertz(), order(), late()),
+        structure=structure if rng.random() < 0.5 else None,
+    )
+
+
+def device_of(real: device_oracle.Real) -> Device:
+    """Return the same device as vctune has it; what has no bandwidth is left out."""
+    velocity, actuator, sensor, structure = real.velocity, real.actuator, real.force_sensor, real.structure
+    return Device(
+        mass=real.mass,
+        damping=real.damping,
+        sample_time=real.sample_time,
+        delay=real.delay,
+        velocity=VelocityEstimate(velocity.source, velocity.filter_hz, velocity.filter_order),
+        actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator.bandwidth_hz else None,
+        force_sensor=ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay),
+        structure=structure and Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio),
+    )
+
+
+def random_gains(rng: np.random.Generator, real: device_oracle.Real) -> Gains:
+    """Return gains on both sides of what is stable, without a position gain at times."""
+    lag = 1.5 * real.sample_time + real.delay
+    velocity = real.mass / lag * 10 ** rng.uniform(-1.5, 0.3)
+    return Gains(velocity, velocity / lag * 10 ** rng.uniform(-3, -0.5) * int(rng.integers(2)))
+
+
+def random_loop(rng: np.random.Generator) -> tuple[in_time.Loop, Scene]:
+    """Return a loop as the oracle and as the simulation have it."""
+    real, hand = random_real(rng), in_time.random_hand(rng)
+    damping, stiffness = 10 ** rng.uniform([-2, 1], [2, 5]) * rng.integers(2, size=2)
+    gains, coupling = random_gains(rng, real), Coupling(*map(float, 10 ** rng.uniform([0, -2, -1], [3, 1, 2])))
+    theirs = in_time.Environment(0.0, float(damping), float(stiffness), "backward")
+    loop = in_time.Loop(
+        real,
+        device_oracle.Gains(gains.velocity, gains.position),
+        device_oracle.Coupling(coupling.damping, coupling.mass, coupling.drag),
+        hand,
+        theirs,
+    )
+    operator = replace(HAND, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
+    rendered = Environment(0.0, theirs.damping, theirs.stiffness, 0.0, False)
+    return loop, designed_scene(device_of(real), gains, coupling, experiment(rendered, operator))
+
+
+def radius(matrix: np.ndarray) -> float:
+    values = np.linalg.eigvals(matrix)
+    return float(np.abs(values[np.abs(values - 1) > STANDING]).max())
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_loop_grows_as_the_oracle_says(seed):
+    loop, scene = random_loop(np.random.default_rng(seed))
+    expected = radius(loop.matrix())
+    assert fastest_mode(scene).radius == pytest.approx(expected, abs=1e-9 * max(1.0, expected))
+
+
+def test_both_kinds_of_loops_were_there():
+    grow = [fastest_mode(random_loop(np.random.default_rng(seed))[1]).radius > 1 for seed in range(60)]
+    assert 10 < sum(grow) < 50
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_mode_is_where_the_impedances_cancel(seed):
+    """Z_c + Z_e + Z_seen = 0 at it, with an environment's mass by backward Euler, which the oracle's loop lacks."""
+    rng = np.random.default_rng(seed)
+    loop, scene = random_loop(rng)
+    rendered = replace(scene.law.environment, mass=10 ** rng.uniform(-2, 1))
+    scene = replace(scene, law=replace(scene.law, environment=rendered))
+    values = np.linalg.eigvals(loop_matrix(scene))
+    values = values[np.abs(values - 1) > STANDING]
+    mode, T = values[np.argmax(np.abs(values))], loop.real.sample_time
+
+    def unbalance(z):
+        virtual = rendered.mass / T * (1 - 1 / z) + rendered.damping + rendered.stiffness * T * z / (z - 1)
+        seen = seen_at(loop.real, loop.gains, loop.hand, z, DOUBLES)
+        return coupling_at(loop.real, loop.coupling, z, DOUBLES) + virtual + seen
+
+    h = 1e-6 * abs(mode)
+    newton = unbalance(mode) / ((unbalance(mode + h) - unbalance(mode - h)) / (2 * h))
+    assert abs(newton) < 1e-8
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_let_go_with_the_environment_at_rest_it_is_the_loop_of_the_certificate(seed):
+    """Without a hand nothing drives the environment: a regular controller's loop is what is left."""
+    rng = np.random.default_rng(seed)
+    real = random_real(rng)
+    device, gains = device_of(real), random_gains(rng, real)
+    resting = Baseline(gains.position, 0.0, gains.velocity, 0.0, 1.0)
+    mode = fastest_mode(baseline_scene(device, experiment(NOTHING, AWAY), resting))
+    expected = spectral_radius(device, gains)
+    assert mode.radius == pytest.approx(expected, abs=1e-9 * max(1.0, expected))
+    assert (prove_sampled_poles(device, gains).verdict is Verdict.PROVED) == (mode.radius < 1)
+
+
+def test_a_wall_of_any_stiffness_is_the_environment_at_rest():
+    hard = replace(NOTHING, damping=1e12)
+    for device in DEVICES.values():
+        moduli = np.abs(np.linalg.eigvals(loop_matrix(scene_of(device, hard, AWAY))))
+        assert np.abs(moduli - spectral_radius(device, GAINS)).min() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["late force", "flexible", "everything later"])
+def test_least_virtual_mass_is_the_edge_of_stability(name):
+    device, e = DEVICES[name], experiment(NOTHING)
+    share = least_virtual(device, e, PID)
+
+    def edge(factor):
+        pid = replace(PID, mass=factor * PID.mass, damping=factor * PID.damping)
+        return fastest_mode(baseline_scene(device, e, pid)).radius
+
+    assert edge(share * (1 + 1e-6)) < 1 < edge(share * (1 - 1e-6))
+
+
+# in time
+
+
+def differs(scene: Scene, samples: int, **options) -> dict[str, float]:
+    """Return by how much a run differs from the events, as a share of each trace's greatest value."""
+    expected, traces = parts_in_time.simulate(scene, samples), run(scene, **options)
+    gaps = {}
+    for name, values in expected.items():
+        found = getattr(traces, name)
+        found = getattr(traces, name.removeprefix("motor_")) if found is None else found
+        gaps[name] = float(np.abs(found[:samples] - values).max() / np.abs(values).max())
+    return gaps
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+@pytest.mark.parametrize("hand_mass", [0.0, 0.05])
+@pytest.mark.parametrize("controller", ["design", "baseline"])
+def test_linear_scene_is_the_exact_response_from_event_to_event(device, hand_mass, controller):
+    e = experiment(Environment(0.2, 3.0, 200.0, 0.0, False), replace(HAND, mass=hand_mass))
+    scene = designed_scene(device, GAINS, COUPLING, e)
+    if controller == "baseline":
+        scene = baseline_scene(device, e, replace(PID, ki=300.0))
+    assert max(differs(scene, 200).values()) < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+@pytest.mark.parametrize("hand_mass", [0.0, 0.05])
+def test_friction_is_that_of_a_stiff_solver(device, hand_mass):
+    """LSODA at 1e-10 between events; the default steps and four times as many."""
+    scene = scene_of(device, operator=replace(HAND, mass=hand_mass), friction=LUGRE)
+    few, many = differs(scene, 60), differs(scene, 60, stretch=midpoint(400))
+    assert max(few.values()) < 1e-4
+    assert max(many.values()) < 1e-6
+
+
+@pytest.mark.parametrize("name", mostly_slow(DEVICES, ["velocity", "flexible", "everything"]))
+@pytest.mark.parametrize("hand_mass", [0.0, 0.05])
+def test_order_of_friction_on_a_smooth_case(name, hand_mass):
+    """Sliding one way; differences of halved steps fall by 4."""
+    moving = assembly(scene_of(DEVICES[name], operator=replace(HAND, mass=hand_mass)))
+    if moving is None:
+        pytest.skip("moves as one mass: `friction.slide_step`")
+    friction, n = replace(LUGRE, stiffness=2e3, stiction=0.3, damping=5.0), moving.size
+    start = np.zeros(n + len(GIVEN))
+    for state in {"velocity", "handle_velocity"} & set(moving.states):
+        start[moving.states.index(state)] = 0.2
+    start[n:] = 1.0, 0.0, 2.0, 20.0, 30.0, -400.0
+
+    def end(count):
+        over = friction_step(moving, 0.02 / count)
+        last = assembly_steps(
+            lambda *to: assembly_step(over, friction, *to, FLOATS), AssemblyState([*start], 1e-5), count
+        )
+        return np.array([*(np.array(last.values) / moving.units)[:n], last.z])
+
+    gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(end(400 * 2**k) for k in range(4))]
+    for coarse, fine in itertools.pairwise(gaps):
+        assert np.log2(coarse / fine) == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("steps", [1, 7])
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+def test_nearly_no_friction_is_none(device, steps):
+    """The rest is exact whatever the steps; a device that moves as one mass has the step of second order."""
+    faint = replace(LUGRE, coulomb=1e-9, stiction=1e-9, stiffness=1e-9, damping=0.0)
+    with_it = run(scene_of(device, friction=faint), stretch=midpoint(steps))
+    exact = run(scene_of(device))
+    allowed = 1e-7 if assembly(scene_of(device)) is not None else 1e-2 / steps**2
+    assert np.abs(with_it.force - exact.force).max() < allowed
+
+
+@pytest.mark.parametrize("h", [1e-5, 1e-3, 0.1])
+@pytest.mark.parametrize("stiffness", [1e3, 1e6])
+def test_no_step_creates_energy_in_a_free_slide(h, stiffness):
+    """Kinetic energy and that of bristles, handle and hand never rises, without a command."""
+    friction = replace(LUGRE, stiffness=stiffness, damping=(stiffness * 0.4) ** 0.5)
+    parts_of = (EVERYTHING, replace(IDEAL, structure=EVERYTHING.structure))
+    for damped, hand_mass in itertools.product(parts_of, (0.0, 0.3)):
+        device, hand = replace(damped, damping=0.0), replace(HAND, mass=hand_mass, damping=0.0)
+        moving, parts = assembled(device, hand), mechanism(device, device.structure, FLOATS_OF_THE_MODEL)
+        over, at = friction_step(moving, h), AssemblyState([0.0] * (moving.size + len(GIVEN)), 1e-4)
+        at.values[:4] = 0.0, 0.3, 1e-3, -0.2
+
+        def energy(at, parts=parts, hand=hand):
+            x, v, bend, handle_v = at.values[:4]
+            kinetic = parts.motor * v * v + (parts.handle + hand.mass) * handle_v**2
+            return (kinetic + parts.stiffness * bend**2 + hand.stiffness * (x + bend) ** 2 + stiffness * at.z**2) / 2
+
+        first = before = energy(at)
+        foreseen = at.v
+        for _ in range(300):
+            at, w = assembly_step(over, friction, at, foreseen, FLOATS)
+            foreseen, after = 2 * at.v - w, energy(at)
+            assert after <= before + 1e-11 * first
+            before = after
+
+
+# what is nearly nothing
+
+
+def force_of(device: Device, **changes) -> np.ndarray:
+    return run(scene_of(device, **changes)).force
+
+
+FAST = {
+    "actuator": (lambda f: replace(IDEAL, actuator=Actuator(f)), lambda lag: replace(IDEAL, delay=lag), 1),
+    "its second order": (
+        lambda f: replace(IDEAL, actuator=Actuator(f, 2)),
+        lambda lag: replace(IDEAL, delay=lag),
+        2,
+    ),
+    "force sensor": (
+        lambda f: replace(IDEAL, force_sensor=ForceSensor(f)),
+        lambda lag: replace(IDEAL, force_sensor=ForceSensor(delay=lag)),
+        1,
+    ),
+    "its second order too": (
+        lambda f: replace(IDEAL, force_sensor=ForceSensor(f, 2)),
+        lambda lag: replace(IDEAL, force_sensor=ForceSensor(delay=lag)),
+        2,
+    ),
+    "structure": (lambda f: replace(IDEAL, structure=Structure(0.1, f, 0.1)), lambda lag: IDEAL, 1),
+}
+"""A part by its frequency, what it is nearly by the lag, and its order."""
+
+
+@pytest.mark.parametrize("friction", [None, LUGRE], ids=["no friction", "friction"])
+@pytest.mark.parametrize("part", FAST)
+def test_a_fast_part_is_its_lag_and_a_stiff_handle_is_rigid(part, friction):
+    """To the square of its time; a filter of order 2, whose square is that of its lag, to the cube."""
+    fast, late, order = FAST[part]
+    changes = {"operator": replace(HAND, mass=0.0), "friction": friction}
+    gaps = [
+        np.abs(force_of(fast(f), **changes) - force_of(late(order**0.5 / (2 * np.pi * f)), **changes)).max()
+        for f in (1e4, 1e5)
+    ]
+    assert gaps[1] < 1e-4
+    if friction is None:
+        assert gaps[0] / gaps[1] == pytest.approx(10 ** (1 + order), rel=0.3)
+
+
+def test_what_is_too_fast_to_matter_does_not():
+    """A million times the sampling rate. With friction, a hand's mass feels the friction's mean over the last step."""
+    fast = Device(
+        0.4, 2.0, 1e-3, 0.3e-3, "zoh", None, None, Actuator(1e9, 2), ForceSensor(1e9, 2), Structure(0.1, 1e6, 0.5)
+    )
+    ideal, light = replace(IDEAL, delay=0.3e-3), replace(HAND, mass=0.0)
+
+    def gap(**changes):
+        stretch = changes.pop("stretch", fixed_steps)
+        one, other = (run(scene_of(device, **changes), stretch=stretch).force for device in (fast, ideal))
+        return np.abs(one - other).max()
+
+    assert gap() < 1e-7
+    assert gap(friction=LUGRE, operator=light) < 1e-4
+    assert gap(friction=LUGRE) < 2e-3
+    assert gap(friction=LUGRE, stretch=midpoint(256)) < 2e-4
+
+
+def test_a_fast_low_pass_in_the_firmware_is_none():
+    plain = replace(IDEAL, velocity=VelocityEstimate("difference"))
+    filtered = replace(IDEAL, velocity=VelocityEstimate("difference", 1e7, 2))
+    assert np.abs(force_of(filtered) - force_of(plain)).max() < 1e-12
+
+
+def test_a_handle_that_is_all_but_the_motor_is_the_motor():
+    """Frequency and ratio kept, a handle of no mass hangs on a spring of no stiffness: what counts is the other end."""
+    heavy = replace(IDEAL, structure=Structure(0.2, 1e5, 0.1))
+    light = replace(IDEAL, structure=Structure(1e-3, 1e5, 0.1))
+    assert np.abs(force_of(heavy) - force_of(light)).max() < 1e-3
+
+
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+def test_units_do_not_matter(device):
+    impedance, time = 7.0, 3e-3
+    mass, stiffness = impedance * time, impedance / time
+    hand = replace(HAND, mass=HAND.mass / mass, damping=HAND.damping / impedance, stiffness=HAND.stiffness / stiffness)
+    gains = Gains(GAINS.velocity / impedance, GAINS.position / stiffness)
+    coupling = Coupling(COUPLING.damping / impedance, COUPLING.mass / mass, COUPLING.drag / impedance)
+    rendered = Environment(0.2 / mass, 3.0 / impedance, 200.0 / stiffness, 0.0, False)
+    scaled = designed_scene(device.in_units(impedance, time), gains, coupling, experiment(rendered, hand))
+    scene = scene_of(device, Environment(0.2, 3.0, 200.0, 0.0, False))
+    assert fastest_mode(scaled).radius == pytest.approx(fastest_mode(scene).radius, abs=1e-9)
+
+
+# runs
+
+
+@pytest.mark.parametrize("friction", [None, LUGRE], ids=["no friction", "friction"])
+@pytest.mark.parametrize("device", DEVICES.values(), ids=DEVICES)
+def test_a_run_starts_in_equilibrium(device, friction):
+    """All springs in a row: nothing happens while the hand does not move."""
+    step = build(scene_of(device, replace(SPRING, zero=0.02), friction=friction))
+    states, records = (np.asarray(made) for made in step.chunk()(step.start, np.zeros((INPUTS, CHUNK))))
+    compliance = 1 / 1000 + 1 / 200 + 1 / GAINS.position
+    if device.structure is not None:
+        compliance += 1 / mechanism(device, device.structure, FLOATS_OF_THE_MODEL).stiffness
+    assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / compliance)
+    assert np.abs(states - step.start[:, None]).max() < 1e-10
+
+
+def test_the_encoder_has_not_moved_when_a_run_starts():
+    """The first difference is 0 wherever between two marks the motor stands."""
+    still = {"environment": replace(SPRING, zero=0.02), "sensors": Sensors(3.7e-4, 0.0, 0)}
+    measured, differenced = (
+        run(scene_of(replace(IDEAL, velocity=VelocityEstimate(source)), **still)).motor[0]
+        for source in ("measured", "difference")
+    )
+    assert measured == differenced
+
+
+def test_the_firmware_sees_the_motor_and_the_hand_the_handle():
+    """What is recorded of the motor, given to the firmware, is the run's command; position is the handle's."""
+    device = replace(EVERYTHING, force_sensor=ForceSensor(delay=2e-3))
+    scene = scene_of(device, friction=LUGRE, sensors=Sensors(1e-5, 0.0, 0))
+    traces = run(scene)
+    assert traces.motor_position is not None and traces.motor_velocity is not None
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for k, motor in enumerate(traces.motor):
+        felt = traces.force[k - 2] if k >= 2 else 0.0
+        seen = Measurement(traces.motor_position[k], traces.motor_velocity[k], felt)
+        state, command = control(scene.law, state, seen, FLOATS)
+        assert command.force == pytest.approx(motor, rel=1e-9, abs=1e-9)
+    bend = traces.position - traces.motor_position
+    assert 1e-5 < np.abs(bend).max() < 1e-3
+    given = trapezoid(traces.motor * traces.motor_velocity, traces.time)
+    assert metrics(traces, SPRING, HAND, None).motor_energy == pytest.approx(given, rel=1e-3)
+
+
+def test_a_rigid_device_has_no_motor_of_its_own():
+    assert run(scene_of(replace(EVERYTHING, structure=None))).motor_position is None
+
+
+def test_noise_is_of_what_is_read():
+    """White at each sample, behind the sensor's filter, and from its seed."""
+    noisy, same = (run(scene_of(EVERYTHING, sensors=Sensors(0.0, 0.1, 1))).motor for _ in range(2))
+    assert np.array_equal(noisy, same)
+    assert not np.array_equal(noisy, run(scene_of(EVERYTHING, sensors=Sensors(0.0, 0.1, 2))).motor)
+
+
+def test_growing_modes_of_a_real_device_lie_outside_the_proved_band():
+    """A certified design with every part in 60 passive hands and environments: some grow, none within the band."""
+    document = {
+        "device": {
+            "mass": 0.4, "damping": 2.0, "sample_time": 0.00025, "delay": 0.0001,
+            "actuator": {"bandwidth_hz": 800.0},
+            "velocity": {"from": "difference", "filter_hz": 300.0},
+            "force_sensor": {"bandwidth_hz": 500.0, "order": 2},
+        },
+        "operator": {"damping": 0.5},
+        "stability": {"criterion": "passive", "band_hz": [0.5, 100.0], "max_sensitivity": 2.0},
+    }  # fmt: skip
+    problem = posed("real", document)
+    gains, coupling = Gains(399.81642, 3000.0), Coupling(87.063041, 0.1434354, 0.9335363)
+    judgement = judge(problem, gains, coupling)
+    assert judgement.status is Status.CERTIFIED
+    low, high = (omega / (2 * np.pi) for omega in judgement.certificate.proved_band)
+    design = Certified(problem, gains, coupling, (low, high))
+    modes = growing(scenes(design, 60))
+    assert len(modes) > 3
+    assert outside(design, modes)
+
+
+def test_the_command_runs_the_device_of_the_file(tmp_path):
+    device = "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+    parts = """
+[device.velocity]
+from = "difference"
+filter_hz = 200.0
+[device.actuator]
+bandwidth_hz = 500.0
+[device.force_sensor]
+bandwidth_hz = 500.0
+delay = 4e-4
+[device.structure]
+handle_mass = 0.1
+frequency_hz = 200.0
+damping_ratio = 0.02
+"""
+    rest = """
+[gains]
+velocity = 60.0
+position = 1500.0
+[coupling]
+damping = 60.0
+mass = 0.3
+drag = 8.0
+[[experiment]]
+name = "spring"
+environment = { stiffness = 200.0 }
+operator = { to = 0.005, cycles = 1 }
+friction = { coulomb = 0.3, stiction = 0.4 }
+sensors = { position_resolution = 1e-6 }
+"""
+    (tmp_path / "real.toml").write_text(for_passive_hands(device + parts + rest))
+    done = vctune("simulate", "real.toml", "--json", cwd=tmp_path)
+    assert done.stderr == ""
+    run_of = strict(done.stdout)["experiments"][0]["design"]
+    assert run_of["loop"]["stable"] and run_of["diverged_s"] is None
+    with np.load(tmp_path / "results/real/traces.npz") as traces:
+        bend = traces["spring/design/position"] - traces["spring/design/motor_position"]
+        assert np.abs(bend).max() > 1e-6

@@ -1,0 +1,318 @@
+"""The simulation against matrix exponentials, closed forms and conservation laws."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+from conftest import ROOT
+from hypothesis import given
+from hypothesis import strategies as st
+from integrators import euler, midpoint, sundials
+from sampled_oracle import Linear
+from sampled_oracle import simulate as oracle
+
+from vctune.document.reading import read_gains, read_problem
+from vctune.model.device import Device, VelocityEstimate
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
+from vctune.simulation.firmware.controller import Measurement, State, control
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.mechanics.friction import Carriage, Slide, friction_force, slide, slide_step
+from vctune.simulation.mechanics.intended_motion import intended_motion, sample_count, stroke_time
+from vctune.simulation.mechanics.plant import exponential
+from vctune.simulation.mechanics.scene_stability import fastest_mode, least_virtual
+from vctune.simulation.mechanics.step import CHUNK, COLUMNS, INPUTS, build
+from vctune.simulation.run import run
+from vctune.simulation.scene import baseline_scene, designed_scene
+
+DEVICE = Device(0.4, 2.0, 1e-3, 0.0, "zoh")
+GAINS = Gains(150.0, 6000.0)
+COUPLING = Coupling(160.0, 0.35, 0.0)
+NOTHING = Environment(0.0, 0.0, 0.0, 0.0, False)
+SPRING = Environment(0.0, 0.0, 200.0, 0.0, False)
+PERFECT = Sensors(0.0, 0.0, 0)
+HAND = Operator("reciprocate", 0.0, 0.01, 0.05, 1, 0.0, 2.0, 1000.0)
+PID = Baseline(2000.0, 0.0, 20.0, 1.0, 20.0)
+
+
+def lugre(stiffness=1e5, mass=0.4, **changes):
+    return Friction(**{"coulomb": 0.3, "stiction": 0.4, "stribeck_velocity": 0.005, "stiffness": stiffness,
+                       "damping": (stiffness * mass) ** 0.5, **changes})  # fmt: skip
+
+
+def experiment(environment=SPRING, operator=HAND, friction=None, sensors=PERFECT, limit=None, baseline=PID):
+    return Experiment("test", environment, operator, friction, sensors, limit, baseline)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0.0, 0.3e-3, 1e-3, 2.7e-3])
+@pytest.mark.parametrize("hand_mass", [0.0, 0.2])
+@pytest.mark.parametrize(
+    "environment",
+    [NOTHING, SPRING, Environment(0.0, 14.0, 0.0, 0.0, False), Environment(0.3, 4.0, 500.0, 0.002, False)],
+    ids=["free", "spring", "damper", "all"],
+)
+def test_linear_scene_is_the_exact_sampled_data_response(delay, hand_mass, environment):
+    """To 1e-9 of each trace's greatest value, with any delay; both controllers, integral gain and drag included."""
+    device = replace(DEVICE, delay=delay)
+    hand = replace(HAND, mass=hand_mass, start=0.001)
+    soft = replace(environment, zero=0.001)  # so that everything is at rest without a force
+    coupling = Coupling(160.0, 0.35, 0.7)
+    e = experiment(soft, hand)
+    cases = [
+        (
+            designed_scene(device, GAINS, coupling, e),
+            (GAINS.velocity, GAINS.position, 0.0),
+            (160.0, 0.35, 0.7),
+            (0.0, 0.0),
+        ),
+        (baseline_scene(device, e, replace(PID, ki=300.0)), (20.0, 2000.0, 300.0), None, (1.0, 20.0)),
+    ]
+    count = sample_count(hand, device.sample_time)
+    motion = intended_motion(hand, device.sample_time, 0, count)
+    for scene, law, couple, virtual in cases:
+        rendered = (soft.mass, soft.damping, soft.stiffness, soft.zero)
+        held = (hand.mass, hand.damping, hand.stiffness)
+        case = Linear(device.mass, device.damping, device.sample_time, delay, held, law, couple, virtual, rendered)
+        expected, traces = oracle(case, motion.position, motion.velocity), run(scene)
+        for name, values in expected.items():
+            assert np.abs(getattr(traces, name) - values).max() <= 1e-9 * np.abs(values).max(), name
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-9, 9))
+def test_matrix_exponential(seed, decades):
+    matrix = np.random.default_rng(seed).normal(size=(4, 4)) * np.exp(decades / 3)
+    expected = scipy.linalg.expm(matrix)
+    assert np.abs(exponential(matrix) - expected).max() <= 1e-11 * max(1.0, np.abs(expected).max())
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_firmware_in_floats_is_the_compiled_one(order):
+    """The function that a person would port gives the trace of the run: quantiser, filters, wall and limit included."""
+    wall = Environment(0.05, 3.0, 20000.0, 0.006, True)
+    e = experiment(wall, HAND, lugre(), Sensors(1e-5, 0.0, 0), limit=2.0)
+    device = replace(DEVICE, velocity=VelocityEstimate("difference", 100.0, order))
+    scene = designed_scene(device, GAINS, COUPLING, e)
+    traces = run(scene)
+    state = State(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for k, motor in enumerate(traces.motor):
+        seen = Measurement(traces.position[k], traces.velocity[k], traces.force[k])
+        state, command = control(scene.law, state, seen, FLOATS)
+        assert command.force == pytest.approx(motor, rel=1e-9, abs=1e-9)
+        assert command.environment == pytest.approx(traces.environment_force[k], rel=1e-9, abs=1e-9)
+    assert np.abs(traces.motor).max() == 2.0
+    assert traces.environment_force.max() > 1
+
+
+@pytest.mark.parametrize("motion", ["reciprocate", "sine"])
+def test_intended_motion(motion):
+    hand = replace(HAND, motion=motion, start=0.02, end=-0.03, speed=0.1, cycles=2)
+    T = 1e-4
+    count = sample_count(hand, T)
+    path = intended_motion(hand, T, 0, count)
+    assert (path.position.max(), path.position.min()) == pytest.approx((0.02, -0.03), abs=1e-6)
+    assert np.abs(path.velocity).max() == pytest.approx(0.1, rel=1e-4)
+    assert count * T == pytest.approx(4 * stroke_time(hand), abs=T)
+    middle = (path.position[2:] - path.position[:-2]) / (2 * T)
+    assert np.abs(middle - path.velocity[1:-1]).max() < 1e-4
+    part = intended_motion(hand, T, 777, 800)
+    assert np.array_equal(part.position, path.position[777:801])
+
+
+# friction
+
+
+def slid(friction, carriage, at, push, time, count, theta):
+    h = time / count
+    end = slide(lambda *to: slide_step(carriage, friction, *to, h, theta, FLOATS), at, push, h, count, theta)
+    return np.array([end.x, end.v, end.z * friction.stiffness])
+
+
+def test_steady_sliding_follows_stribeck():
+    friction, v = lugre(), 0.004
+    g = 0.3 + 0.1 * np.exp(-((v / 0.005) ** 2))
+    force, creep = friction_force(friction, -v, -g / friction.stiffness, FLOATS)
+    assert (force, creep) == (pytest.approx(-g), pytest.approx(0.0, abs=1e-15))
+
+
+def test_bristles_are_springs_at_rest():
+    """Under less than the stiction a handle comes to rest where the bristles carry the push."""
+    friction = lugre(1e4)
+    _, v, force = slid(friction, Carriage(0.4, 0.0, 0.0), Slide(0.0, 0.0, 0.0), lambda t: 0.1, 3.0, 30_000, 0.5)
+    assert force == pytest.approx(0.1, rel=1e-3)
+    assert abs(v) < 1e-5
+
+
+@pytest.mark.parametrize(("theta", "order"), [(0.5, 2), (1.0, 1)])
+def test_order_on_a_smooth_case(theta, order):
+    """Sliding one way under a smooth push; differences of halved steps fall by 2^order."""
+    friction, carriage = lugre(2e3, coulomb=0.3, stiction=0.3, damping=5.0), Carriage(0.4, 2.0, 50.0)
+    start = Slide(0.0, 0.2, 1e-5)
+    ends = [slid(friction, carriage, start, lambda t: 2.0 + np.sin(20 * t), 0.1, 200 * 2**k, theta) for k in range(5)]
+    gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(ends)]
+    for coarse, fine in itertools.pairwise(gaps):
+        assert np.log2(coarse / fine) == pytest.approx(order, abs=0.1)
+
+
+@given(
+    st.floats(3, 8),
+    st.floats(-5, 1),
+    st.floats(-6, -1),
+    st.floats(-1, 1),
+    st.floats(0, 1000),
+    st.sampled_from([0.5, 1.0]),
+)
+def test_no_step_creates_energy_in_a_free_slide(stiffness, speed, h, bristle, k, theta):
+    """Kinetic, bristle and spring energy never rise, however stiff, fast and coarse."""
+    friction, carriage = lugre(10.0**stiffness), Carriage(0.4, 0.0, k)
+    at = Slide(0.0, 10.0**speed, bristle * 0.4 / 10.0**stiffness)
+
+    def energy(at):
+        return (carriage.mass * at.v**2 + friction.stiffness * at.z**2 + carriage.stiffness * at.x**2) / 2
+
+    first = before = energy(at)
+    foreseen = at.v
+    for _ in range(300):
+        at, w = slide_step(carriage, friction, at, foreseen, 0.0, 10.0**h, theta, FLOATS)
+        foreseen = 2 * at.v - w
+        after = energy(at)
+        assert after <= before + 1e-13 * first
+        before = after
+
+
+def test_friction_takes_its_work_out_of_a_slide():
+    """Coulomb friction alone stops m = 0.4 kg at v = 1 m/s after m v^2/(2 F); the bristles' stretch is 3e-6 m."""
+    friction = lugre(1e5, stiction=0.3)
+    x, v, _ = slid(friction, Carriage(0.4, 0.0, 0.0), Slide(0.0, 1.0, 0.0), lambda t: 0.0, 2.0, 40_000, 0.5)
+    assert x == pytest.approx(0.4 / (2 * 0.3), rel=1e-4)
+    assert abs(v) < 1e-3
+
+
+@pytest.mark.parametrize("controller", ["design", "baseline"])
+def test_default_step_is_within_a_tenth_of_a_millinewton_of_cvodes(controller):
+    hand = replace(HAND, end=0.02, speed=0.02)
+    e = experiment(replace(SPRING, zero=0.01), hand, lugre())
+    scene = designed_scene(DEVICE, GAINS, COUPLING, e)
+    if controller == "baseline":
+        scene = baseline_scene(DEVICE, e, PID)
+    reference = run(scene, stretch=sundials("cvodes"))
+    assert np.abs(run(scene).force - reference.force).max() < 1e-4
+    assert np.abs(run(scene, stretch=sundials("idas")).force - reference.force).max() < 1e-6
+
+
+@pytest.mark.slow
+def test_default_step_in_the_papers_experiments():
+    """The friction wheel's own experiments, both controllers; quantisers apart, which turn any error into a quantum."""
+    file = read_problem(ROOT / "problems/friction-wheel.toml").problem
+    design = read_gains(ROOT / "results/friction-wheel/gains.toml")
+    for one in file.experiments:
+        e = replace(one, sensors=PERFECT, operator=replace(one.operator, cycles=2))
+        for scene in (
+            designed_scene(file.device, design.gains, design.coupling, e),
+            baseline_scene(file.device, e, e.baseline),
+        ):
+            assert np.abs(run(scene).force - run(scene, stretch=sundials("cvodes")).force).max() < 1e-4
+
+
+@pytest.mark.parametrize("delay", [0.0, 1.4e-3])
+@pytest.mark.parametrize(("scheme", "order"), [(midpoint, 2), (euler, 1)])
+def test_order_in_the_loop(scheme, order, delay):
+    """Soft bristles, the mean of four halvings; delays split a sample into two stretches."""
+    e = experiment(NOTHING, replace(HAND, mass=0.1), lugre(1e3))
+    scene = designed_scene(replace(DEVICE, delay=delay), GAINS, COUPLING, e)
+    forces = [run(scene, stretch=scheme(10 * 2**k)).force for k in range(6)]
+    gaps = [np.abs(b - a).max() for a, b in itertools.pairwise(forces)]
+    assert np.log2(gaps[0] / gaps[4]) / 4 == pytest.approx(order, abs=0.15)
+
+
+def test_nearly_no_friction_is_none():
+    """As coulomb and stiffness go to 0 the friction's path meets the exact linear one, to its own second order."""
+    faint = lugre(1e-9, coulomb=1e-9, stiction=1e-9, damping=0.0)
+    e = experiment(SPRING)
+    exact = run(designed_scene(DEVICE, GAINS, COUPLING, e))
+    gaps = [
+        np.abs(
+            run(designed_scene(DEVICE, GAINS, COUPLING, replace(e, friction=faint)), stretch=midpoint(n)).force
+            - exact.force
+        ).max()
+        for n in (8, 16)
+    ]
+    assert gaps[1] < 1e-6
+    assert gaps[0] / gaps[1] == pytest.approx(4, rel=0.1)
+
+
+# runs
+
+
+def test_noise_comes_from_its_seed():
+    def made(seed, noise=0.1):
+        return run(designed_scene(DEVICE, GAINS, COUPLING, experiment(sensors=Sensors(0.0, noise, seed)))).motor
+
+    assert np.array_equal(made(1), made(1))
+    assert not np.array_equal(made(1), made(2))
+    assert np.array_equal(made(1, 0.0), made(2, 0.0))
+
+
+def test_what_the_scene_lacks_is_not_in_the_step():
+    def operations(device=DEVICE, **changes):
+        e = experiment(**changes)
+        return build(designed_scene(device, GAINS, COUPLING, e)).one.n_instructions()
+
+    plain = operations()
+    assert operations(limit=5.0) > plain
+    assert operations(sensors=Sensors(1e-6, 0.0, 0)) > plain
+    assert operations(replace(DEVICE, velocity=VelocityEstimate("difference"))) > plain
+    assert operations(sensors=Sensors(0.0, 0.1, 0)) > plain
+    assert operations(environment=NOTHING) < plain < operations(environment=replace(SPRING, wall=True))
+
+
+def test_divergence_is_said_with_its_time():
+    """A hand of 0.5 kg on a light coupling oscillates at the Nyquist frequency: finite until it goes astray."""
+    scene = designed_scene(DEVICE, GAINS, Coupling(16.0, 0.02, 0.0), experiment(operator=replace(HAND, mass=0.5)))
+    mode, traces = fastest_mode(scene), run(scene)
+    assert mode.radius > 1
+    assert traces.diverged == pytest.approx(len(traces.time) * 1e-3)
+    assert np.abs(traces.position - traces.intended).max() < 1e3 * 0.01
+    assert len(traces.time) < 50
+    assert all(np.isfinite(getattr(traces, name)).all() for name in ("position", "force", "motor"))
+
+
+def test_a_run_starts_in_equilibrium():
+    """At rest under the spring's force nothing happens while the hand does not move."""
+    step = build(designed_scene(DEVICE, GAINS, COUPLING, experiment(replace(SPRING, zero=0.02), HAND, lugre())))
+    states, records = (np.asarray(made) for made in step.chunk()(step.start, np.zeros((INPUTS, CHUNK))))
+    assert records[COLUMNS.index("force")] == pytest.approx(-0.02 / (1 / 1000 + 1 / 200 + 1 / 6000))
+    assert np.abs(states - step.start[:, None]).max() < 1e-10
+
+
+def test_length_of_a_run_does_not_depend_on_the_chunk():
+    hand = replace(HAND, end=0.02, speed=0.011)
+    assert len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time) > CHUNK
+    assert sample_count(hand, 1e-3) == len(run(designed_scene(DEVICE, GAINS, COUPLING, experiment(operator=hand))).time)
+
+
+def test_least_virtual_mass_is_the_edge_of_stability():
+    e = experiment(operator=replace(HAND, mass=0.1))
+    share = least_virtual(DEVICE, e, PID)
+
+    def radius(factor):
+        lighter = replace(PID, mass=factor * PID.mass, damping=factor * PID.damping)
+        return fastest_mode(baseline_scene(DEVICE, e, lighter)).radius
+
+    assert radius(share * (1 + 1e-6)) < 1 < radius(share * (1 - 1e-6))
+
+
+def test_sampled_loop_without_a_hand_is_the_designs():
+    """With a hand that hardly holds, the fastest mode is the larger of the loop's and the free coupling's."""
+    from vctune.proof.claims.sampled_poles import spectral_radius
+
+    ghost = replace(HAND, mass=0.0, damping=1e-9, stiffness=1e-9)
+    scene = designed_scene(DEVICE, GAINS, Coupling(1e6, 1e-6, 1e3), experiment(NOTHING, ghost))
+    from vctune.simulation.mechanics.scene_stability import loop_matrix
+
+    moduli = np.abs(np.linalg.eigvals(loop_matrix(scene)))
+    assert np.min(np.abs(moduli - spectral_radius(DEVICE, GAINS))) < 1e-9

@@ -1,0 +1,440 @@
+"""Studies of problems whose demands are met in hands: regions, bounds, sweeps, fronts, checks, repairs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import astuple, replace
+from functools import cache
+from math import sqrt
+
+import numpy as np
+import pytest
+from command import run
+from conftest import DEVICE, ROOT
+from flint import arb, ctx
+from random_devices import ordinary_gains, with_parts
+
+import vctune
+from vctune.analysis.in_hands import loops_in_hands
+from vctune.design.bound.design_boxes import DesignBoxes
+from vctune.design.bound.hands_bound import conditions_in_hands
+from vctune.design.bound.lower_bounds import lower_bounds
+from vctune.design.bound.quadratics import Quadratic
+from vctune.design.bound.relaxation import Places, relaxation
+from vctune.design.prepared import pose
+from vctune.design.search.theorems import impossible
+from vctune.design.solve import solve
+from vctune.design.variables import ranges
+from vctune.design.verdict import repair as repairing
+from vctune.document.reading import parse_problem, read_problem
+from vctune.exit_codes import ExitCode
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand, Hands
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.certificate import Claim, certify
+from vctune.proof.claims.array_claims import Demands, claims_of
+from vctune.proof.claims.damping import admissible_damping
+from vctune.proof.claims.many_designs import lower_bound_at, prove
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
+from vctune.proof.engine.boxes import Cells
+from vctune.proof.engine.interval import Verdict
+from vctune.study import front as fronts
+from vctune.study.plane import plane
+from vctune.study.region import Kind, easiest, free_damping, region
+
+FOLDER = ROOT / "tests/reference/hands"
+NAMES = ("hands-friction-wheel", "hands-light-grip", "hands-everything")
+GAINS = "[gains]\nvelocity = { min = 20.0, max = 500.0 }\nposition = { min = 3000.0, max = 1e5 }\n"
+COUPLING = "[coupling]\ndamping = { min = 1.0, max = 1e4 }\nmass = { min = 1e-3, max = 10.0 }\n"
+HANDS = '[stability]\ncriterion = "hands"\n[operator]\ndamping = { min = 0.5, max = 30.0 }\n'
+HANDS_OF_ALL = '[stability]\ncriterion = "hands"\n'
+WHEEL = DEVICE + GAINS + COUPLING + HANDS
+FIXED = DEVICE + (
+    "[gains]\nvelocity = 230.0\nposition = 1e5\n[coupling]\ndamping = 157.0\nmass = 0.055\ndrag = {}\n"
+    '[stability]\ncriterion = "hands"\n'
+)
+"""A design that is certified with a drag of 1.5 and violated with 1."""
+PLANES = {
+    "wheel": (WHEEL, "gains.velocity", "gains.position"),
+    "both": (WHEEL.replace('"hands"', '"both"'), "gains.velocity", "gains.position"),
+    "no drag": (WHEEL.replace("[stab", "drag = 0.0\n[stab"), "gains.velocity", "gains.position"),
+    "coupling": (
+        FIXED.format(1.5)
+        .replace("= 157.0", "= { min = 20.0, max = 2e3 }")
+        .replace("0.055", "{ min = 0.01, max = 1.0 }"),
+        "coupling.damping",
+        "coupling.mass",
+    ),
+    "drag": (
+        FIXED.format("{ min = 0.0, max = 5.0 }").replace("0.055", "{ min = 0.01, max = 1.0 }"),
+        "coupling.drag",
+        "coupling.mass",
+    ),
+    "K_p from 0": (WHEEL.replace("min = 3000.0", "min = 0.0"), "gains.position", "gains.velocity"),
+    "late": (DEVICE + "delay = 3e-4\n" + GAINS + COUPLING + HANDS, "gains.velocity", "gains.position"),
+    "two samples late": (DEVICE + "delay = 2e-3\n" + COUPLING + HANDS, "gains.velocity", "gains.position"),
+    "late coupling": (
+        FIXED.format(3.0)
+        .replace("[gains]", "delay = 3e-4\n[gains]")
+        .replace("= 230.0", "= 150.0")
+        .replace("= 1e5", "= 3e4")
+        .replace("= 157.0", "= { min = 20.0, max = 2e3 }")
+        .replace("0.055", "{ min = 0.01, max = 1.0 }"),
+        "coupling.damping",
+        "coupling.mass",
+    ),
+    "light grip": ((FOLDER / "hands-light-grip.toml").read_text(), "gains.velocity", "gains.position"),
+}
+
+
+def posed(text):
+    return parse_problem(text, "x", "x")
+
+
+@cache
+def found(name, levels):
+    text, x, y = PLANES[name]
+    problem = posed(text)
+    across = plane(problem, x, y, levels)
+    return problem, region(problem, across, across.coarsest_squares())
+
+
+def with_best_damping(problem, design):
+    """A b_c with which the design meets the demands in the hands of a grid, if any does."""
+    K_v, K_p, _, m_c, b_0 = design
+    at, bounds = loops_in_hands(problem.device, problem.hands), problem.bounds.damping
+    needed = problem.stability.safety_factor * np.nan_to_num(at.required(Gains(K_v, K_p))).max(axis=0) - b_0
+    low, high = admissible_damping(needed, m_c * np.tan(at.theta / 2) * 2 / problem.device.sample_time)
+    least, most = max(low.max(), bounds.min), min(high.min(), bounds.max)
+    return sqrt(least) * sqrt(most) if least < most else bounds.min
+
+
+def disproofs(name, levels, count):
+    """The designs, at corners and inside of cells, whose certificates do not say what is proved of their cells."""
+    problem, region_ = found(name, levels)
+    across, rng = region_.plane, np.random.default_rng(1)
+    cells, wrong = easiest(across.cells(region_.squares), across), []
+    for kind, verdict in ((Kind.FEASIBLE, Verdict.PROVED), (Kind.INFEASIBLE, Verdict.REFUTED)):
+        among = np.flatnonzero(region_.kinds == kind)
+        for cell in rng.choice(among, count) if among.size else ():
+            low, high = cells.low[:, cell], cells.high[:, cell]
+            design = [float(x) for x in low + (high - low) * rng.choice([0.0, 1.0, rng.random()], 5)]
+            if free_damping(across):
+                given = float(region_.damping[cell])
+                design[2] = given if kind is Kind.FEASIBLE else with_best_damping(problem, design)
+            demands = pose(problem).demands
+            certificate = certify(Design(problem.device, Gains(*design[:2]), Coupling(*design[2:])), demands)
+            if certificate.verdict is not verdict:
+                wrong.append((kind, design, certificate.verdict))
+    return wrong
+
+
+@pytest.mark.parametrize("name", ["wheel", "no drag", "drag"])
+def test_no_design_refutes_its_cell(name):
+    assert disproofs(name, 3, 2) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PLANES)
+def test_no_design_of_many_refutes_its_cell(name):
+    assert disproofs(name, 5, 40) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "share"), [("wheel", 0.05), ("light grip", 0.05)])
+def test_the_region_has_both_kinds_of_cells(name, share):
+    areas = {kind: found(name, 5)[1].area(kind) for kind in Kind}
+    assert areas[Kind.FEASIBLE] > share and areas[Kind.INFEASIBLE] > 0.3 and areas[Kind.UNDECIDED] < 0.4
+
+
+@pytest.mark.slow
+def test_the_region_of_the_friction_wheel_is_nearly_decided():
+    text = (ROOT / "problems/friction-wheel.toml").read_text()
+    problem = posed(text.replace('criterion = "passive"', 'criterion = "hands"'))
+    across = plane(problem, "gains.velocity", "gains.position", 8)
+    region_ = region(problem, across, across.coarsest_squares())
+    assert region_.area(Kind.UNDECIDED) < 0.05 and region_.area(Kind.FEASIBLE) > 0.2
+
+
+def test_a_cell_of_a_late_device_with_room_is_proved():
+    # its slopes in K_v are lost next to angle 0, in boxes of hands that have yet to be given up for their faces
+    problem = posed("[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\ndelay = 3e-4\n" + HANDS_OF_ALL)
+    low = np.array([[264.2], [506.9], [32830.0], [4e5], [6.08]])
+    high = np.array([[319.7], [606.2], [32830.0], [4e5], [6.08]])
+    assert prove(pose(problem).demands, Cells(low, high)).proved.all()
+
+
+@pytest.mark.slow
+def test_no_cell_of_a_late_device_with_room_is_undecided():
+    """Where the drag is great enough, and next to no K_p = 0, what is undecided is next to the border."""
+    text = (ROOT / "problems/friction-wheel-hands.toml").read_text()
+    problem = posed(text.replace("sample_time = 1e-3", "sample_time = 1e-3\ndelay = 3e-4"))
+    plane_ = plane(problem, "gains.velocity", "gains.position", 6)
+    found_ = region(problem, plane_, plane_.coarsest_squares())
+    assert found_.area(Kind.UNDECIDED) < 0.045 and found_.area(Kind.FEASIBLE) > 0.25
+    decided = np.full((64, 64), int(Kind.UNDECIDED))
+    for (a, b, c, d), kind in zip(found_.squares.T, found_.kinds, strict=True):
+        decided[a:b, c:d] = kind
+    inside = np.pad(decided != Kind.INFEASIBLE, 2, mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(inside, (5, 5)).all(axis=(2, 3))
+    assert not (around & (decided == Kind.UNDECIDED)).any(), "two cells from all that is infeasible"
+
+
+def test_only_the_demands_of_the_criterion_count():
+    problem = posed(PLANES["light grip"][0])
+    best = Cells(*[np.array([[200.0], [9e4], [9.0], [0.0095], [2.0]])] * 2)
+    hands = pose(problem).demands
+    assert prove(hands, best).proved.all()
+    for criterion in ("passive", "both"):
+        demands = pose(replace(problem, stability=replace(problem.stability, criterion=criterion))).demands
+        assert not prove(demands, best).proved.any()
+
+
+def test_next_to_no_integrator_nothing_is_proved_in_a_hand_without_stiffness():
+    problem = posed(WHEEL)
+    cell = Cells(
+        np.array([[100.0], [0.0], [157.0], [0.06], [5.0]]), np.array([[101.0], [10.0], [157.0], [0.06], [5.0]])
+    )
+    assert not prove(pose(problem).demands, cell).proved.any()
+
+
+def test_what_a_cell_asks_for_in_a_hand_is_no_more_than_its_designs_ask_for():
+    rng, device = np.random.default_rng(2), posed(WHEEL).device
+    count = 60
+    low = np.array([rng.uniform(*ends, count) for ends in ((20, 400), (3e3, 9e4), (1, 2), (1, 2), (1, 2))])
+    high = low * (1 + 10.0 ** rng.uniform(-6, -1, (5, count)))
+    at = np.array(
+        [np.append(0.0, rng.uniform(0, np.pi, count - 1)), rng.uniform(0, 0.5, count), rng.uniform(0, 30, count)]
+    )
+    at = np.vstack((at, rng.uniform(0, 3000, count)))
+    claims = claims_of(Demands(device, (1.0, 2.0), 1.05, 2.0, hands=posed(WHEEL).hands))
+    bound = lower_bound_at(claims.required_in_hands, Cells(low, high), at)
+    plant = plant_in_hand(device, Hand(*at[1:]), delays_of(device), FLOATS)
+    for share in rng.random((20, 5, 1)):
+        K_v, K_p, *_ = low + share * (high - low)
+        required = required_in_hand(loop_in_hand(plant, at[0], FLOATS), Gains(K_v, K_p))
+        R = required.lost / required.size
+        assert (np.isnan(bound) | (bound <= R + 1e-9 * np.abs(R))).all()
+    assert np.isfinite(bound).mean() > 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_least_of_a_quadratic_with_a_cross_term_is_met(seed):
+    rng = np.random.default_rng(seed)
+    points, count = 40, 25
+    square = rng.normal(size=(2, points)), rng.normal(size=points)
+    quadratic = Quadratic(rng.normal(size=points), tuple(rng.normal(size=(2, points))), tuple(square[0]), square[1])
+    low = rng.uniform(0, 2, (4, count))
+    boxes = DesignBoxes(low, low + rng.uniform(0, 2, (4, count)))
+    least = quadratic.least(boxes)
+    shares = np.linspace(0, 1, 60)
+    K_v, K_p = (
+        (boxes.low[row] + (boxes.high[row] - boxes.low[row]) * shares[:, None]).reshape(60, count) for row in (0, 1)
+    )
+    a, b = K_v[:, None, :, None], K_p[None, :, :, None]
+    (v, p), (vv, pp) = quadratic.linear, quadratic.square
+    values = quadratic.constant + v * a + p * b + vv * a * a + pp * b * b + quadratic.cross * a * b
+    dense = values.min(axis=(0, 1))
+    assert (least <= dense + 1e-12).all()
+    assert (least >= dense - 0.05).all()
+
+
+@pytest.mark.parametrize("number", range(0, 108, 9))
+def test_what_a_box_asks_for_in_hands_is_no_more_than_its_designs_ask_for(number):
+    rng = np.random.default_rng(number)
+    device = with_parts(rng, number)
+    gains, count, spread = ordinary_gains(device, rng)[0], 30, 10.0 ** rng.uniform(-4, 0, (4, 30))
+    middle = np.array([[gains.velocity], [gains.position], [1.0], [1.0]])
+    boxes = DesignBoxes(middle / (1 + spread), middle * (1 + spread))
+    places = np.array([*rng.uniform(0, np.pi / device.sample_time, (1, 12)), *rng.uniform(0, 1, (3, 12))])
+    places[1:] *= np.array([[device.mass], [30 * device.mass], [3000 * device.mass]])
+    places[0, 0], places[0, 1] = 0.0, np.pi / device.sample_time
+    with np.errstate(all="ignore"):
+        least, never = conditions_in_hands([device], places).least_required(boxes)
+        assert not never.any()
+    hand = Hand(*(x[None, :] for x in places[1:]))
+    loop = loop_in_hand(plant_in_hand(device, hand, delays_of(device), FLOATS), places[:1] * device.sample_time, FLOATS)
+    for share in rng.random((30, 4, 1)):
+        K_v, K_p, *_ = boxes.low + share * (boxes.high - boxes.low)
+        required = required_in_hand(loop, Gains(K_v[:, None], K_p[:, None]))
+        R = required.lost / required.size
+        assert (least <= np.maximum(R, 0) * (1 + 1e-6) + 1e-7 * np.abs(R).max()).all()
+    assert count == len(least)
+
+
+@cache
+def reference(name):
+    file = read_problem(FOLDER / f"{name}.toml")
+    return file, solve(file.problem)
+
+
+def test_a_box_around_a_certified_design_costs_no_more_than_it():
+    file, solved = reference(NAMES[0])
+    best, problem = solved.judgement, file.problem
+    K_v, K_p, b_c, m_c, b_0 = astuple(best.gains) + astuple(best.coupling)
+    at = np.array([[K_v], [K_p], [m_c / b_c], [b_0]])
+    some = loops_in_hands(problem.device, problem.hands, (0.0, 1.0), 6)
+    h, t = (x.ravel() for x in np.meshgrid(*map(np.arange, some.loop.open.even.shape), indexing="ij"))
+    places = np.stack((some.theta[t] / problem.device.sample_time, *(number[h] for number in astuple(some.hands))))
+    relaxed = relaxation(
+        problem, [problem.device], [problem.device], Places(np.zeros(0), np.array([500.0]), places), 24
+    )
+    for size in (0.0, 1e-3, 0.1, 1.0):
+        with np.errstate(all="ignore"):
+            lower = lower_bounds(relaxed, DesignBoxes(at / (1 + size), at * (1 + size)))
+        assert lower.error[0] <= best.error and lower.infeasibility[0] <= 1 + 1e-9
+    assert lower_bounds(relaxed, DesignBoxes(at, at)).error[0] > 0.95 * best.error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_bounds_are_proved(name):
+    file, solved = reference(name)
+    bounded = vctune.bound(file, solved, gap=0.03, time_limit=60)
+    assert bounded.proved and bounded.optimality.bound <= solved.judgement.error
+
+
+@pytest.mark.slow
+def test_a_bound_for_both_criteria_is_proved():
+    text = (FOLDER / f"{NAMES[0]}.toml").read_text().replace('"hands"', '"both"')
+    file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text))
+    solved = solve(file.problem)
+    bounded = vctune.bound(file, solved, gap=0.03, time_limit=120)
+    assert bounded.proved and bounded.optimality.bound > 2 * reference(NAMES[0])[1].judgement.error
+
+
+NO_DRAG = WHEEL.replace("[stab", "drag = 0.0\n[stab").replace("min = 0.5", "min = 0.0")
+
+
+@pytest.mark.slow
+def test_without_drag_there_is_no_design_in_hands_without_damping(monkeypatch):
+    changes = repairing.parameter_changes
+
+    def of_stiffness(*given):  # all numbers: test_repairs_in_hands.py
+        return [change for change in changes(*given) if change.key == "operator.stiffness.min"]
+
+    monkeypatch.setattr(repairing, "parameter_changes", of_stiffness)
+    file = read_problem(FOLDER / f"{NAMES[0]}.toml")
+    file = replace(file, problem=posed(NO_DRAG), text=NO_DRAG)
+    solved = vctune.solve(file)
+    (repair,) = solved.repairs
+    assert solved.status == "infeasible" and repair.key == "operator.stiffness.min" and 0 < repair.new < 3000
+    assert "coupling.drag" in solved.infeasibility.reason and "operator.damping.min" in solved.infeasibility.reason
+
+
+def test_without_drag_some_hands_leave_nothing_to_prove():
+    without = impossible(posed(NO_DRAG.replace("min = 3000.0", "min = 0.0")))
+    assert not without.proved and "with K_p = 0" in without.reason and "with K_p > 0" in without.reason
+    never = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")
+    assert "with K_p > 0" not in impossible(posed(never)).reason
+    for kinder in ("min = 0.1, max = 30.0 }", "min = 0.0, max = 30.0 }\nstiffness = { min = 5.0, max = 10.0 }"):
+        for text in (NO_DRAG, never):
+            assert impossible(posed(text.replace("min = 0.0, max = 30.0 }", kinder))) is None
+    held = "min = 0.0, max = 30.0 }\nstiffness = { min = 0.0, max = 0.0 }"
+    some = never.replace("drag = 0.0", "drag = 1.0").replace("min = 0.0, max = 30.0 }", held)
+    assert "a pole at 1" in impossible(posed(some)).reason
+    paddle = (ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0")
+    assert "a pole at 1" in impossible(posed(paddle)).reason
+
+
+def test_hands_without_stiffness_are_told_how_stiff_some_must_be(tmp_path):
+    file = tmp_path / "limp.toml"
+    file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", "max = 0.0"))
+    (repair,) = vctune.solve(file).repairs
+    assert repair.key == "operator.stiffness.max" and 0 < repair.new < 1000
+    file.write_text((ROOT / "problems/paddle.toml").read_text().replace("max = 1000.0", f"max = {repair.new!r}"))
+    assert vctune.solve(file).status == "certified"
+
+
+@pytest.mark.slow
+def test_where_any_damping_would_do_a_little_is_proposed():
+    text = NO_DRAG.replace("{ min = 3000.0, max = 1e5 }", "0.0")
+    file = replace(read_problem(FOLDER / f"{NAMES[0]}.toml"), problem=posed(text), text=text)
+    repairs = {repair.key: repair for repair in vctune.solve(file).repairs}
+    assert {"operator.damping.min", "operator.stiffness.min", "coupling.drag"} <= set(repairs)
+    assert 0 < repairs["operator.damping.min"].new < 1e-3
+
+
+def test_no_demand_of_passive_hands_makes_a_problem_in_hands_impossible():
+    text = DEVICE + "[gains]\nvelocity = { min = 1.0, max = 2.0 }\nposition = { min = 2e4, max = 3e4 }\n"
+    text += "[stability]\nband_hz = [0.0, 100.0]\n"
+    assert impossible(posed(text)) is not None
+    assert impossible(posed(text + 'criterion = "hands"\n[coupling]\ndrag = { min = 0.0, max = 9.0 }\n')) is None
+
+
+@pytest.mark.parametrize("number", range(1, 109, 4))
+def test_in_limp_hands_some_resistance_is_required(number):
+    rng = np.random.default_rng(number)
+    device = replace(with_parts(rng, number), structure=None)
+    K_v = ordinary_gains(device, rng)[0].velocity
+    K_p = rng.uniform(0.1, 10) * (device.damping + K_v) / device.sample_time
+    with ctx.workprec(400):
+        sensor = arb(lags(device, FLOATS).sensor)
+        K = arb(1e-20) * K_p
+        plant = plant_in_hand(device_ball(device), Hand(arb(0), arb(0), K), delays_of(device), BALLS)
+        required = required_in_hand(loop_in_hand(plant, arb(0), BALLS), Gains(ball(K_v), ball(K_p)))
+        R = float(required.lost / required.size / K)
+    expected = device.damping / K_p + float(sensor)
+    assert abs(R - expected) <= 1e-9 * expected + 1e-15 * device.sample_time
+
+
+@pytest.mark.slow
+def test_a_check_says_in_which_hands(tmp_path):
+    for drag, name in ((1.5, "good"), (1.0, "poor")):
+        (tmp_path / f"{name}.toml").write_text(FIXED.format(drag))
+    good, poor = run("check", "good.toml", cwd=tmp_path), run("check", "poor.toml", cwd=tmp_path)
+    assert good.returncode == ExitCode.OK
+    assert "in every hand of 0 to 0.5 kg, 0 to 30 N s/m, 0 to 3000 N/m up to Nyquist" in good.stdout
+    assert "Hz, safety" not in good.stdout  # the band of passive hands is none of its own
+    assert poor.returncode == ExitCode.FAILED and "in the hand of 0 kg, 0 N s/m, 3000 N/m" in poor.stdout
+    for repair in ("coupling.mass = ", "operator.damping.min = ", "operator.stiffness.max = "):
+        assert repair in poor.stdout
+    assert "band_hz" not in poor.stdout
+
+
+@pytest.mark.parametrize("format_", ["text", "json", "github", "junit", "sarif"])
+def test_every_format_knows_hands(tmp_path, format_):
+    (tmp_path / "good.toml").write_text(FIXED.format(1.5))
+    done = run("check", "good.toml", "--format", format_, cwd=tmp_path)
+    assert done.returncode == ExitCode.OK and done.stderr == ""
+    if format_ in ("text", "github"):
+        assert "in every hand of 0 to 0.5 kg, 0 to 30 N s/m, 0 to 3000 N/m up to Nyquist" in done.stdout
+    if format_ == "json":
+        assert json.loads(done.stdout)[0]["certificate"]["hands"]["verdict"] == "proved"
+
+
+@pytest.mark.slow
+def test_a_region_is_a_baseline_for_other_hands(tmp_path):
+    (tmp_path / "grip.toml").write_text(PLANES["light grip"][0])
+    (tmp_path / "stiffer.toml").write_text(PLANES["light grip"][0].replace("max = 1000.0", "max = 1e5"))
+    assert run("region", "grip.toml", "--resolution", "0.125", "--out", ".", cwd=tmp_path).returncode == ExitCode.OK
+    record = json.loads((tmp_path / "grip/region.json").read_text())
+    assert record["demands"]["criterion"] == "hands" and record["demands"]["hands"]["stiffness"] == [0.0, 1000.0]
+    kept = run("check", "grip.toml", "--region", "grip/region.json", cwd=tmp_path)
+    lost = run("check", "stiffer.toml", "--region", "grip/region.json", cwd=tmp_path)
+    assert (kept.returncode, lost.returncode) == (ExitCode.OK, ExitCode.FAILED)
+
+
+def test_a_range_of_hands_is_an_axis():
+    swept = vctune.sweep(posed(FIXED.format(1.5)), {"operator.stiffness.max": [3000.0, 9000.0], "operator.mass": [0.0]})
+    assert swept.table.status == ["certified", "violated"]
+
+
+def test_the_front_in_hands_has_no_band(monkeypatch, tmp_path):
+    monkeypatch.setattr(fronts, "EXPONENTS", np.array([0.0]))
+    (tmp_path / "wheel.toml").write_text(WHEEL.replace("{ min = 3000.0, max = 1e5 }", "1e5"))
+    found_ = vctune.front(tmp_path / "wheel.toml", folder=tmp_path / "front")
+    assert found_.band is None and len(found_.terms.status) == 1
+    assert {path.name for path in (tmp_path / "front").glob("*.csv")} == {"terms.csv"}
+
+
+def test_hands_count_in_no_claim_that_was_not_made():
+    problem = posed(FIXED.format(1.5))
+    certificate = certify(Design(problem.device, *problem.fixed_design), pose(problem).demands)
+    assert set(certificate.outcomes) == {Claim.SENSITIVITY, Claim.SAMPLED_POLES, Claim.HANDS}
+    assert problem.hands == Hands(Hand(0.0, 0.0, 0.0), Hand(0.5, 30.0, 3000.0))
+    assert all(bounds.fixed for bounds in ranges(problem))

@@ -1,0 +1,543 @@
+"""Sweeps: rows that outlive any death, the same from every kind of worker."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from dataclasses import astuple, replace
+from math import isnan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command import run, started, wait_until
+from conftest import ROOT, for_passive_hands
+from hypothesis import given
+from hypothesis import strategies as st
+from jsonschema import Draft202012Validator
+
+from vctune.design.solve import solve
+from vctune.document.reading import parse_problem, read_problem
+from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.study_file import read_study
+from vctune.document.text.errors import InputError
+from vctune.exit_codes import ExitCode
+from vctune.model.transparency import Terms
+from vctune.study import sweep as sweeping
+from vctune.study.executors import worker_pool
+from vctune.study.front import nondominated
+from vctune.study.row import solve_point
+from vctune.study.rows import key_of, open_rows
+from vctune.study.study_summary import summary
+from vctune.study.study_table import csv_text, parquet_bytes, table_of
+from vctune.study.sweep import sweep
+
+FREE = (
+    "[device]\nmass = 0.4\ndamping = 2.0\nsample_time = 1e-3\n"
+    "[stability]\ncriterion = 'passive'\nband_hz = [0.5, 100.0]\n"
+)
+DAMPING = "device.damping [N s/m]"
+"""The heading of its column."""
+TERMS = ("admittance", "tracking", "coupling")
+FIXED = FREE + ("[gains]\nvelocity = 300.0\nposition = 3000.0\n[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 0.1\n")
+"""Judged, not solved: a few milliseconds a point."""
+FEW = '"device.damping" = [1.0, 2.0, 4.0]\n"stability.band_hz[1]" = [50.0, 600.0]\n'
+MANY = '"device.damping" = {{ log = [0.1, 10.0], n = {0} }}\n"device.mass" = {{ log = [0.1, 1.0], n = {0} }}\n'
+
+
+def write_study(folder, axes, problem=FREE, name="study"):
+    folder.mkdir(exist_ok=True)
+    (folder / "device.toml").write_text(problem)
+    path = folder / f"{name}.toml"
+    path.write_text(f'problem = "device.toml"\n[axes]\n{axes}')
+    return path
+
+
+def rows_in(path):
+    """Return the rows of a file by key, without the seconds they took; every line must be whole, no key twice."""
+    header, *lines = path.read_text().splitlines()
+    assert json.loads(header)["schema"] == "vctune/rows/3"
+    rows = {}
+    for line in lines:
+        row = json.loads(line)
+        assert row["key"] not in rows
+        assert list(row)[-1] == "seconds" and row.pop("seconds") >= 0
+        rows[row["key"]] = json.dumps(row)
+    return rows
+
+
+def swept(path, folder, *, jobs=1, executor="processes", restart=False):
+    plan = read_study(path)
+    with worker_pool(executor, jobs) as pool, open_rows(folder / "rows.jsonl", plan, restart=restart) as rows:
+        return table_of(plan, rows, sweep(plan, rows, pool))
+
+
+def test_a_row_is_what_solve_says_of_the_point(tmp_path):
+    path = write_study(tmp_path, FEW)
+    done = run("sweep", path, "--format", "json", cwd=tmp_path)
+    assert done.returncode == ExitCode.OK and done.stderr == ""
+    found = json.loads(done.stdout, parse_constant=pytest.fail)
+    assert found["points"] == 6 and found["status"] == {"certified": 3, "invalid": 3}
+    folder = tmp_path / "results" / "study"
+    with (folder / "table.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row[DAMPING], row["stability.band_hz[1]"]) for row in rows[:3]] == [
+        ("1.0", "50.0"), ("1.0", "600.0"), ("2.0", "50.0"),
+    ]  # fmt: skip
+    errors = []
+    for row in rows:
+        if row["stability.band_hz[1]"] == "600.0":
+            assert row["status"] == "invalid" and row["error"] == "" and "Nyquist" in row["reason"]
+            continue
+        text = FREE.replace("2.0", row[DAMPING]).replace("100.0", "50.0")
+        judgement = solve(parse_problem(text, "x", "x")).judgement
+        assert float(row["error"]) == judgement.transparency.error and row["reason"] == ""
+        assert float(row["velocity_gain [N s/m]"]) == judgement.gains.velocity
+        assert float(row["coupling_mass [kg]"]) == judgement.coupling.mass
+        errors.append(float(row["error"]))
+    assert found["best"]["error"] == min(errors) and found["worst"]["error"] == max(errors)
+    corner = found["corner"]
+    assert corner["points"] == 3 and corner["share"] == 1.0
+    assert corner["low"] == {"device.damping": 1.0, "stability.band_hz[1]": 600.0}
+    assert {file.name for file in folder.iterdir()} == {
+        "rows.jsonl", "table.csv", "table.parquet", "error.svg",
+    }  # fmt: skip
+
+
+def test_an_infeasible_point_is_a_row_with_its_reason(tmp_path):
+    narrow = "[gains]\nvelocity = 50.0\nposition = 3000.0\n[coupling]\ndamping = { min = 1e-3, max = 5.0 }\n"
+    (tmp_path / "device.toml").write_text(FREE + narrow)
+    path = tmp_path / "study.toml"
+    path.write_text('problem = "device.toml"\n[axes]\n"stability.max_sensitivity" = [2.0]')
+    done = run("sweep", path, "--executor", "serial", cwd=tmp_path)
+    assert done.returncode == ExitCode.FAILED
+    assert "1 infeasible" in done.stdout and "most often: " in done.stdout
+    row = json.loads((tmp_path / "results/study/rows.jsonl").read_text().splitlines()[1])
+    assert row["reason"] == solve(read_problem(tmp_path / "device.toml").problem).infeasibility.reason
+    assert row["error"] is None
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """Return the study and the bytes of everything that one job made of it, with IPOPT and without a neighbour."""
+    folder = tmp_path_factory.mktemp("reference")
+    path = write_study(folder, '"device.damping" = { log = [0.5, 5.0], n = 4 }\n"device.delay" = [0.0, 3e-4, 1e-3]\n')
+    table = swept(path, folder, jobs=1)
+    return path, rows_in(folder / "rows.jsonl"), csv_text(table)
+
+
+def test_two_jobs_make_the_same_bits_as_one(tmp_path, reference):
+    path, rows, table = reference
+    assert len(rows) == 12 and all('"certified"' in row for row in rows.values())
+    assert csv_text(swept(path, tmp_path, jobs=2)) == table
+    assert rows_in(tmp_path / "rows.jsonl") == rows
+
+
+def test_order_does_not_matter(tmp_path, reference):
+    path, rows, _ = reference
+    text = path.read_text().replace("[0.0, 3e-4, 1e-3]", "[1e-3, 0.0, 3e-4]")
+    other = path.with_name("reordered.toml")
+    other.write_text(text)
+    swept(other, tmp_path, jobs=1)
+    assert rows_in(tmp_path / "rows.jsonl") == rows
+
+
+@contextmanager
+def dask_cluster(count):
+    """Start a scheduler and workers, each a process of its own on loopback; yield its address and the workers."""
+    quiet = {**os.environ, "DASK_LOGGING__DISTRIBUTED": "info", "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    processes = [subprocess.Popen([*command, "--no-dashboard"], stderr=subprocess.PIPE, text=True, env=quiet)]
+    try:
+        address = next(found[1] for line in processes[0].stderr if (found := re.search(r"at: +(tcp://\S+)", line)))
+        worker = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
+        for _ in range(count):
+            processes.append(subprocess.Popen([*worker, "--no-dashboard"], stderr=subprocess.DEVNULL, env=quiet))
+        from distributed import Client
+
+        with Client(address) as client:
+            client.wait_for_workers(count, timeout=60)
+        yield address, processes[1:]
+    finally:
+        for process in processes:
+            process.kill()
+            process.wait()
+        processes[0].stderr.close()
+
+
+@pytest.mark.slow
+def test_dask_makes_the_same_bits_though_a_worker_is_killed(tmp_path, reference):
+    path, rows, table = reference
+    with dask_cluster(2) as (address, workers):
+        running = started("sweep", path, "--executor", f"dask:{address}", cwd=tmp_path)
+        file = tmp_path / "results" / path.stem / "rows.jsonl"
+        wait_for_rows(running, file, 3)
+        workers[0].kill()
+        _, err = running.communicate(timeout=120)
+    assert running.returncode == ExitCode.OK and err == ""
+    assert rows_in(file) == rows
+    assert (file.parent / "table.csv").read_text() == table
+
+
+def test_a_local_dask_cluster(tmp_path):
+    table = swept(write_study(tmp_path, FEW, FIXED), tmp_path, jobs=1, executor="dask")
+    assert table.status.count("invalid") == 3 and len(table.status) == 6
+
+
+def wait_for_rows(process, file, count):
+    wait_until(lambda: process.poll() is not None or (file.exists() and file.read_bytes().count(b"\n") > count))
+
+
+def family(process):
+    """Return the processes that a running one has started, and theirs."""
+    parents = {}
+    for entry in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = entry.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if fields[0] != "Z":
+            parents[int(entry.parent.name)] = int(fields[1])
+    found = {process.pid}
+    while more := {child for child, parent in parents.items() if parent in found} - found:
+        found |= more
+    return found - {process.pid}
+
+
+def assert_ended(pids):
+    wait_until(lambda: all(_has_ended(pid) for pid in pids))
+
+
+def _has_ended(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
+def kill_and_resume(folder, path, stops, signals=(signal.SIGKILL,)):
+    """Run a study, ended at each of some numbers of rows, then to its end; return what the file then has."""
+    file = folder / "results" / path.stem / "rows.jsonl"
+    for number, stop in enumerate(stops):
+        process = started("sweep", path, "--jobs", "2", cwd=folder)
+        wait_for_rows(process, file, stop)
+        before, children = file.read_bytes().rpartition(b"\n")[0], family(process)
+        process.send_signal(signals[number % len(signals)])
+        _, err = process.communicate(timeout=60)
+        assert process.returncode in (0, 130, -signal.SIGKILL)
+        if process.returncode == ExitCode.INTERRUPTED:
+            assert err.strip() == "interrupted"
+        assert_ended(children)
+        assert file.read_bytes().startswith(before)
+    process = started("sweep", path, "--jobs", "2", cwd=folder)
+    _, err = process.communicate(timeout=300)
+    assert process.returncode == ExitCode.OK and err == ""
+    return rows_in(file)
+
+
+def test_an_empty_file_of_rows_is_begun(tmp_path):
+    path = write_study(tmp_path, FEW, FIXED)
+    for options in ([], ["--restart"]):
+        rows = tmp_path / "results/study/rows.jsonl"
+        rows.parent.mkdir(parents=True, exist_ok=True)
+        rows.write_text("")
+        done = run("sweep", path, "--jobs", "1", *options, cwd=tmp_path)
+        assert done.stderr == "" and len(rows.read_text().splitlines()) == 7
+
+
+@pytest.mark.slow
+def test_killed_again_and_again_nothing_is_lost_repeated_or_torn(tmp_path):
+    path = write_study(tmp_path, MANY.format(12), FIXED)
+    plain = tmp_path / "plain"
+    plain.mkdir()
+    table = swept(path, plain, jobs=2)
+    rows = kill_and_resume(tmp_path, path, [0, 3, 40], (signal.SIGKILL, signal.SIGINT, signal.SIGTERM))
+    assert rows == rows_in(plain / "rows.jsonl") and len(rows) == 144
+    assert (tmp_path / "results/study/table.csv").read_text() == csv_text(table)
+
+
+@pytest.mark.slow
+def test_killed_fifty_times(tmp_path):
+    rows = kill_and_resume(tmp_path, write_study(tmp_path, MANY.format(50), FIXED), range(0, 2000, 40))
+    assert len(rows) == 2500
+
+
+@pytest.mark.slow
+def test_a_worker_killed_from_outside_costs_no_row(tmp_path):
+    path = write_study(tmp_path, MANY.format(12), FIXED)
+    process = started("sweep", path, "--jobs", "2", cwd=tmp_path)
+    wait_for_rows(process, tmp_path / "results/study/rows.jsonl", 5)
+    server = [pid for pid in family(process) if b"forkserver" in Path(f"/proc/{pid}/cmdline").read_bytes()]
+    os.kill(max(server), signal.SIGKILL)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == ExitCode.OK and err == ""
+    rows = rows_in(tmp_path / "results/study/rows.jsonl")
+    assert len(rows) == 144 and not any('"failed"' in row for row in rows.values())
+
+
+def dies_at_two(problem, time_limit):
+    if problem.device.damping == 2.0:
+        os._exit(9)
+    return solve_point(problem, time_limit)
+
+
+def breaks_at_two(problem, time_limit):
+    return solve_point(None if problem.device.damping == 2.0 else problem, time_limit)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("work", "reason"), [(dies_at_two, "died"), (breaks_at_two, "internal error: AttributeError")])
+def test_a_point_that_breaks_its_worker_is_a_failed_row_until_it_is_mended(tmp_path, monkeypatch, work, reason):
+    path = write_study(tmp_path, '"device.damping" = [1.0, 1.5, 2.0, 3.0, 4.0]', FIXED)
+    monkeypatch.setattr(sweeping, "solve_point", work)
+    table = swept(path, tmp_path, jobs=2)
+    assert [status == "failed" for status in table.status] == [False, False, True, False, False]
+    assert reason in table.reason[2] and isnan(table.numbers["error"][2])
+    monkeypatch.undo()
+    mended = swept(path, tmp_path, jobs=2)
+    assert "failed" not in mended.status
+    lines = (tmp_path / "rows.jsonl").read_text().splitlines()
+    assert len(lines) == 1 + 5 + 1  # header, points, the failed one again
+
+
+def test_the_key_is_of_every_number_and_of_no_name():
+    key = key_of(parse_problem(FREE, "x", "one"))
+    other = 'name = "other"\n' + FREE + '[[experiment]]\nname = "e"\n'
+    assert key_of(parse_problem(other, "y", "two")) == key
+    for old, new in (("0.4", "0.41"), ("2.0", "2.1"), ("1e-3", "1.1e-3"), ("[0.5", "[0.6"), ("100.0", "99.0")):
+        assert key_of(parse_problem(FREE.replace(old, new), "x", "one")) != key
+    assert key_of(parse_problem(FREE + "safety_factor = 1.06\n", "x", "one")) != key
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("finished")
+    path = write_study(folder, '"device.damping" = [1.0, 2.0, 3.0]', FIXED)
+    swept(path, folder)
+    return read_study(path), (folder / "rows.jsonl").read_bytes()
+
+
+@given(st.data())
+def test_a_file_cut_anywhere_keeps_its_whole_rows(tmp_path_factory, finished, data):
+    plan, whole = finished
+    header = whole.index(b"\n") + 1
+    cut = data.draw(st.integers(header, len(whole)))
+    path = tmp_path_factory.mktemp("cut") / "rows.jsonl"
+    path.write_bytes(whole[:cut])
+    with open_rows(path, plan, restart=False) as rows:
+        assert len(rows.places) == whole[:cut].count(b"\n") - 1
+    assert path.read_bytes() == whole[: whole.rindex(b"\n", 0, cut) + 1]
+
+
+@given(st.data())
+def test_files_of_one_study_may_be_concatenated_torn_or_not(tmp_path_factory, finished, data):
+    plan, whole = finished
+    header = whole.index(b"\n") + 1
+    cut = data.draw(st.integers(header, len(whole)))
+    path = tmp_path_factory.mktemp("merged") / "rows.jsonl"
+    path.write_bytes(whole[:cut] + whole)
+    with open_rows(path, plan, restart=False) as rows:
+        assert len(rows.places) == 3
+        assert rows.dropped == (whole[cut - 1 : cut] != b"\n")
+        assert {row["point"]["device.damping"] for row in rows.read(rows.places)} == {1.0, 2.0, 3.0}
+
+
+def test_an_empty_file_is_begun(tmp_path):
+    """What a full disk leaves of a file of rows is one without any."""
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    (tmp_path / "rows.jsonl").write_bytes(b"")
+    assert len(swept(path, tmp_path).status) == 2
+    assert len(rows_in(tmp_path / "rows.jsonl")) == 2
+
+
+def test_restart_begins_anew(tmp_path):
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    swept(path, tmp_path)
+    first = (tmp_path / "rows.jsonl").read_bytes()
+    swept(path, tmp_path)
+    assert (tmp_path / "rows.jsonl").read_bytes() == first
+    path.write_text(path.read_text().replace("[1.0, 2.0]", "[2.0]"))
+    assert len(swept(path, tmp_path, restart=True).status) == 1
+    assert len(rows_in(tmp_path / "rows.jsonl")) == 1
+
+
+def test_more_points_of_a_study_go_on_with_its_rows(tmp_path):
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    swept(path, tmp_path)
+    first = (tmp_path / "rows.jsonl").read_bytes()
+    path.write_text(path.read_text().replace("[1.0, 2.0]", "[2.0, 3.0, 3.0]"))
+    table = swept(path, tmp_path)
+    assert table.axes["device.damping"].tolist() == [2.0, 3.0, 3.0]
+    assert (tmp_path / "rows.jsonl").read_bytes().startswith(first)
+    assert len(rows_in(tmp_path / "rows.jsonl")) == 3
+
+
+REFUSED = {
+    "another study": (lambda text: text.replace("device.damping", "device.mass"), [], "holds rows of another study"),
+    "another, restarted": (lambda text: text.replace("device.damping", "device.mass"), ["--restart"], "another study"),
+    "a million": (
+        lambda text: text.replace("[1.0, 2.0]", "{ log = [1, 2], n = 1000000 }"), [], "1,000,000 points",
+    ),
+    "unreachable": (lambda text: text, ["--restart", "--executor", "dask:tcp://127.0.0.1:9"], "cannot be reached"),
+    "unknown executor": (lambda text: text, ["--restart", "--executor", "ray"], "is not"),
+    "no jobs": (lambda text: text, ["--restart", "--jobs", "0"], "0 is not in the range"),
+    "unknown key": (lambda text: text.replace("damping", "dampin"), ["--restart"], "did you mean"),
+    "empty axis": (lambda text: text.replace("[1.0, 2.0]", "[]"), ["--restart"], "is empty"),
+    "text for a number": (lambda text: text.replace("[1.0, 2.0]", '["1.0"]'), ["--restart"], "is not a number"),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused_touches_nothing(tmp_path, finished, case):
+    change, arguments, message = REFUSED[case]
+    path = write_study(tmp_path, '"device.damping" = [1.0, 2.0]', FIXED)
+    folder = tmp_path / "results" / "study"
+    folder.mkdir(parents=True)
+    (folder / "rows.jsonl").write_bytes(finished[1])
+    (folder / "table.csv").write_text("as it was")
+    path.write_text(change(path.read_text()))
+    done = run("sweep", path, *arguments, cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT and done.stdout == ""
+    assert message in done.stderr and "Traceback" not in done.stderr
+    assert (folder / "rows.jsonl").read_bytes() == finished[1]
+    assert sorted(file.name for file in folder.iterdir()) == ["rows.jsonl", "table.csv"]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"a,b\n1,2\n", b'{"schema": "vctune/design/1"}\n', b'{"schema": "vctune/rows/2", "study": "x"}\n', b"\xff\xfe\n"],
+)
+def test_a_file_that_is_no_file_of_rows_is_left_alone(tmp_path, finished, content):
+    path = tmp_path / "rows.jsonl"
+    path.write_bytes(content)
+    for restart in (False, True):
+        with pytest.raises(InputError, match="not a file of rows"), open_rows(path, finished[0], restart=restart):
+            pass
+    assert path.read_bytes() == content
+
+
+def test_one_run_at_a_time(tmp_path, finished):
+    path = tmp_path / "rows.jsonl"
+    with open_rows(path, finished[0], restart=False):
+        for restart in (False, True):
+            with pytest.raises(InputError, match="by another run"), open_rows(path, finished[0], restart=restart):
+                pass
+
+
+def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
+    path = write_study(tmp_path, MANY.format(6), FIXED)
+    limited = (
+        "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (14000, 14000)); from vctune.cli import run; run()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", limited, "sweep", str(path)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == ExitCode.BAD_INPUT and "its rows are kept" in done.stderr
+    whole = (tmp_path / "results/study/rows.jsonl").read_bytes().rpartition(b"\n")[0].splitlines()
+    assert len(whole) > 10
+    assert run("sweep", path, "--executor", "serial", cwd=tmp_path).returncode == ExitCode.OK
+    assert len(rows_in(tmp_path / "results/study/rows.jsonl")) == 36
+
+
+def test_parquet_and_csv_say_the_same(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = swept(write_study(tmp_path, FEW, FIXED), tmp_path)
+    read = pq.read_table(pa.BufferReader(parquet_bytes(table))).to_pylist()
+    lines = list(csv.DictReader(csv_text(table).splitlines()))
+    texts = {None: "", True: "true", False: "false"}
+    assert [
+        {name: texts[value] if value is None or isinstance(value, bool) else str(value) for name, value in row.items()}
+        for row in read
+    ] == lines
+
+
+def test_summary_of_a_table(tmp_path):
+    path = write_study(tmp_path, FEW, FIXED)
+    found = summary(read_study(path), swept(path, tmp_path))
+    assert sum(found.status.values()) == found.points == 6
+    assert found.corner.high["stability.band_hz[1]"] == 600.0
+    json.dumps(found.to_json(), allow_nan=False)
+
+
+@given(st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=30))
+def test_nondominated_against_the_definition(costs):
+    array = np.array(costs, dtype=float).reshape(-1, 3)
+    kept = {costs[i] for i in nondominated(array)}
+
+    def beats(a, b):
+        return all(x <= y for x, y in zip(a, b, strict=True)) and a != b
+
+    assert kept == {cost for cost in costs if not any(beats(other, cost) for other in costs)}
+    assert len(kept) == len(nondominated(array))
+
+
+def test_front_of_a_problem(tmp_path):
+    problem = FREE.replace("sample_time", "delay = 0.0\nsample_time") + "[gains]\nposition = 3000.0\n"
+    (tmp_path / "device.toml").write_text(problem)
+    done = run("front", "device.toml", "--executor", "serial", cwd=tmp_path)
+    assert done.returncode == ExitCode.OK and done.stderr == ""
+    folder = tmp_path / "results/device/front"
+    assert {f"{name}.{kind}" for name in ("terms", "band") for kind in ("csv", "svg", "rows.jsonl")} <= {
+        file.name for file in folder.iterdir()
+    }
+    with (folder / "band.csv").open(newline="") as file:
+        band = list(csv.DictReader(file))
+    edges, errors = ([float(row[key]) for row in band] for key in ("stability.band_hz[1]", "error"))
+    assert edges == sorted(edges) and errors == sorted(errors) and len(edges) > 20
+    with (folder / "terms.csv").open(newline="") as file:
+        terms = [tuple(float(row[f"{key}_term"]) for key in TERMS) for row in csv.DictReader(file)]
+    assert terms and not any(a != b and all(x <= y for x, y in zip(a, b, strict=True)) for a in terms for b in terms)
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    again = run("front", "device.toml", "--jobs", 1, "--json", "--quiet", cwd=tmp_path)
+    assert (again.returncode, again.stderr) == (ExitCode.OK, "")
+    found = json.loads(again.stdout)
+    assert list(Draft202012Validator(SCHEMAS["front"]()).iter_errors(found)) == []
+    assert [row["stability.band_hz[1]"] for row in found["band"]] == edges and len(found["terms"]) == len(terms)
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+def front_of(name, folder):
+    (folder / f"{name}.toml").write_text(for_passive_hands((ROOT / f"problems/{name}.toml").read_text()))
+    done = run("front", f"{name}.toml", cwd=folder)
+    assert done.returncode == ExitCode.OK
+    with (folder / f"results/{name}/front/terms.csv").open(newline="") as file:
+        rows = csv.DictReader(file)
+        return np.array([[float(row[f"{term}_term"]) for term in TERMS] for row in rows])
+
+
+@pytest.mark.slow
+def test_front_of_a_wrist_has_no_gap(tmp_path):
+    """Along K_p the front of the loops in use is not convex: weights alone jump across it."""
+    terms = front_of("cobot-wrist", tmp_path)
+    assert not any((a <= b).all() and (a < b).any() for a in terms for b in terms)
+    coupling = terms[terms[:, 1] < 0.5, 2]
+    assert len(coupling) >= 10
+    assert max(np.diff(coupling)) < 0.5 * (max(coupling) - min(coupling))
+
+
+@pytest.mark.slow
+def test_front_of_the_friction_wheel_is_one_design(tmp_path):
+    """At the bound of K_p one design is best in each of the three terms alone."""
+    (terms,) = front_of("friction-wheel", tmp_path)
+    problem = read_problem(ROOT / "problems/friction-wheel.toml").problem
+    for weights in np.eye(3):
+        alone = replace(problem, transparency=replace(problem.transparency, weights=Terms(*weights.tolist())))
+        best = solve(alone).judgement.transparency
+        assert terms @ weights == pytest.approx(astuple(best)[1:] @ weights, rel=1e-5)
+
+
+def test_front_needs_something_to_trade(tmp_path):
+    (tmp_path / "device.toml").write_text(FIXED)
+    done = run("front", "device.toml", cwd=tmp_path)
+    assert done.returncode == ExitCode.BAD_INPUT and "nothing to trade" in done.stderr
+    assert not (tmp_path / "results").exists()

@@ -1,0 +1,234 @@
+"""One question has one yardstick: errors that are compared are over one band and with one Z_0."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from command import run
+
+from vctune.analysis.demands import transparency_error
+from vctune.api.comparing import compare
+from vctune.api.studies import sweep
+from vctune.design.solve import solve
+from vctune.design.variables import design_of
+from vctune.document.reading import parse_problem, pose
+from vctune.document.study_file import build_study, read_study
+from vctune.document.text.errors import InputError
+from vctune.exit_codes import ExitCode
+from vctune.model.problem import Problem
+
+DEVICE = "[device]\nmass = {mass!r}\ndamping = {damping!r}\nsample_time = 1e-3\ndelay = {delay!r}\n"
+PASSIVE = "[stability]\ncriterion = 'passive'\n"
+BASE = {"mass": 0.4, "damping": 2.0, "delay": 0.0}
+POINTS = [BASE, {"mass": 0.62, "damping": 0.74, "delay": 6e-5}, {"mass": 0.125, "damping": 0.21, "delay": 8e-4}]
+POINTS += [{"mass": 2.0, "damping": 0.18, "delay": 9e-4}]
+KEYS = ("mass", "damping", "delay")
+AXES = {f"device.{key}": [point[key] for point in POINTS] for key in KEYS}
+
+
+def text_of(point, more=PASSIVE):
+    return DEVICE.format(**point) + more
+
+
+def problem_of(point, more=PASSIVE) -> Problem:
+    return parse_problem(text_of(point, more), "x", "x")
+
+
+def stated(problem: Problem) -> str:
+    """Return the table that states a problem's band and Z_0."""
+    on = problem.transparency
+    return f"[transparency]\nband_hz = {list(on.band.hz)}\nreference_impedance = {on.reference_impedance!r}\n"
+
+
+@pytest.fixture(scope="module")
+def three_keys(tmp_path_factory):
+    """Return a sweep over mass, damping and delay, each point's problem and what solve makes of its default one."""
+    path = tmp_path_factory.mktemp("three") / "wheel.toml"
+    path.write_text(text_of(BASE))
+    swept = sweep(path, AXES, sample={"kind": "list"})
+    problems = [swept.study.at([point[key] for key in KEYS])[0] for point in POINTS]
+    own = [solve(problem_of(point)).judgement.error for point in POINTS]
+    return swept, problems, own
+
+
+def test_the_best_point_is_the_best_on_the_yardstick_of_the_problem(three_keys):
+    """Each point's default yardstick would name another one: that with the easiest."""
+    swept, _, own = three_keys
+    base, errors = problem_of(BASE), []
+    for i, point in enumerate(POINTS):
+        numbers = swept.table.numbers
+        names = ("velocity_gain", "position_gain", "coupling_damping", "coupling_mass", "coupling_drag")
+        design = design_of(tuple(float(numbers[name][i]) for name in names))
+        errors.append(transparency_error(replace(problem_of(point), transparency=base.transparency), *design).error)
+    assert swept.table.numbers["error"].tolist() == pytest.approx(errors, rel=1e-9)
+    best = swept.summary.best
+    assert [best[f"device.{key}"] for key in KEYS] == [POINTS[int(np.argmin(errors))][key] for key in KEYS]
+    assert np.argmin(errors) != np.argmin(own)
+
+
+def test_every_point_has_what_a_file_gives_that_states_the_yardstick(three_keys):
+    swept, _, own = three_keys
+    table = stated(problem_of(BASE))
+    for point, error, mine in zip(POINTS, swept.table.numbers["error"], own, strict=True):
+        there = solve(problem_of(point, PASSIVE + table)).judgement.error
+        assert error == pytest.approx(there, rel=2e-3)
+        assert point is BASE or error != pytest.approx(mine, rel=0.05)
+
+
+def test_the_table_shows_the_yardstick(three_keys):
+    swept, _, _ = three_keys
+    on, numbers = problem_of(BASE).transparency, swept.table.numbers
+    for name, value in (("yardstick_low_hz", 0.5), ("yardstick_high_hz", 30.0)):
+        assert numbers[name] == pytest.approx(value)
+    assert numbers["reference_impedance"] == pytest.approx(on.reference_impedance)
+    found = swept.summary.yardstick
+    assert (found.band_hz, found.reference_impedance) == (list(on.band.hz), on.reference_impedance)
+    assert (found.norm, found.weights, found.varied) == ("rms", dict.fromkeys(found.weights, 1.0), [])
+
+
+def test_bounds_and_the_end_of_the_stability_band_are_those_of_each_points_device(three_keys):
+    swept, problems, _ = three_keys
+    for point, problem in zip(POINTS, problems, strict=True):
+        own = problem_of(point)
+        assert problem.bounds == own.bounds
+        assert problem.stability.band.max == own.stability.band.max
+        assert problem.stability.band.min == problem.transparency.band.min
+    edges = [problem.stability.band.hz[1] for problem in problems]
+    assert swept.summary.stability_high_hz == pytest.approx([min(edges), max(edges)])
+
+
+def test_a_loop_that_hardly_works_is_idle_in_rows_table_and_summary(three_keys, tmp_path):
+    swept, _, _ = three_keys
+    tracking = swept.table.numbers["tracking_term"]
+    assert swept.table.idle.tolist() == (tracking > 0.5).tolist() and swept.table.idle.tolist()[3]
+    assert set(swept.table.status) == {"certified"} and swept.summary.idle == 1
+    (tmp_path / "wheel.toml").write_text(text_of(BASE))
+    axes = "".join(f'"device.{key}" = [{POINTS[3][key]}]\n' for key in KEYS)
+    (tmp_path / "study.toml").write_text(f'problem = "wheel.toml"\n[axes]\n{axes}')
+    said = run("sweep", "study.toml", "--executor", "serial", cwd=tmp_path).stdout
+    assert "1 certified (1 idle)" in said and ", idle\n" in said and "0.5 to 30 Hz with Z_0 = 9.7339 N s/m" in said
+    row = json.loads((tmp_path / "results/study/rows.jsonl").read_text().splitlines()[1])
+    assert row["idle"] is True and row["status"] == "certified"
+    assert "certified,true," in (tmp_path / "results/study/table.csv").read_text()
+
+
+def test_an_axis_may_state_the_yardstick(tmp_path):
+    (tmp_path / "wheel.toml").write_text(text_of(BASE))
+    path = tmp_path / "study.toml"
+    keys = '"transparency.reference_impedance" = [3.0]\n"transparency.band_hz[1]" = [20.0]\n"device.delay" = [1e-3]\n'
+    path.write_text(f'problem = "wheel.toml"\n[axes]\n{keys}')
+    here = read_study(path).at((3.0, 20.0, 1e-3))[0].transparency
+    assert here.reference_impedance == 3.0 and here.band.hz == pytest.approx((0.5, 20.0))
+    said = run("sweep", "study.toml", "--executor", "serial", cwd=tmp_path).stdout
+    assert "but for transparency.reference_impedance, transparency.band_hz[1]: errors" in said
+
+
+def test_what_an_axis_alone_gives_completes_the_problem_for_the_yardstick(tmp_path):
+    path = tmp_path / "study.toml"
+    (tmp_path / "wheel.toml").write_text(text_of(BASE).replace("mass = 0.4\n", ""))
+    path.write_text('problem = "wheel.toml"\n[axes]\n"device.mass" = [0.4, 0.8]')
+    assert read_study(path).at((0.8,))[0].transparency == problem_of(BASE).transparency
+    path.write_text('problem = "wheel.toml"\n[axes]\n"device.mass" = [-1.0, 0.8]')
+    with pytest.raises(InputError, match=r"axes: .*device\.mass: -1\.0 is too small.*begin with values"):
+        read_study(path)
+
+
+def test_a_yardstick_that_a_point_does_not_reach_is_the_reason_why_there_is_none():
+    base = problem_of(BASE)
+    slow = {"device": {"mass": 0.4, "damping": 2.0, "sample_time": 0.05}}
+    problem, (fault,) = pose(slow, "x", base.transparency)
+    assert problem is None and fault.path == ("transparency", "band_hz")
+    assert "up to 30 Hz" in fault.message and "10 Hz" in fault.message
+    assert pose(slow | {"transparency": {"band_hz": [0.1, 5.0]}}, "x", base.transparency)[0] is not None
+
+
+def test_no_delay_moves_the_least_velocity_gain():
+    """It is below what held K_v up before, a hundred-thousandth of m/tau + b, at any delay that is supported."""
+    least = {problem_of(BASE | {"delay": delay}).bounds.velocity.min for delay in (0.0, 1e-3, 0.2)}
+    assert least == {1e-8 * 0.4 / 1e-3} and max(least) < 1e-5 * 0.4 / 0.2005
+    # in units of its own lag even where a motor is far slower than any delay
+    slow = problem_of(BASE | {"damping": 0.0}, PASSIVE + "[device.actuator]\nbandwidth_hz = 0.001\n").bounds.velocity
+    assert 0 < slow.min <= 5e-6 * slow.max
+
+
+def test_the_default_bound_does_not_hold_the_velocity_gain_up():
+    """Where the coupling alone counts the loop is best left alone: the error then falls with the least K_v."""
+    more = PASSIVE + "[transparency]\nweights = { admittance = 0.0, tracking = 0.0, coupling = 1.0 }\n"
+    free = problem_of(BASE, more)
+    lag = 0.5e-3
+    former = replace(free.bounds.velocity, min=1e-5 * (0.4 / lag + 2.0))
+    held = solve(replace(free, bounds=replace(free.bounds, velocity=former)))
+    assert solve(free).judgement.error < 0.01 * held.judgement.error
+
+
+def lower_and_former(number):
+    """Return the problem of a random device, and the same with the least K_v that followed its lag and damping."""
+    rng = np.random.default_rng(number)
+    T, mass, more = float(10 ** rng.uniform(-4.3, -2)), float(10 ** rng.uniform(-2, 1.5)), PASSIVE
+    damping, delay = float(mass / T * 10 ** rng.uniform(-5, 0.5)), float(T * rng.choice([0, 0.3, 1, 3, 10, 60, 190]))
+    more += f"max_sensitivity = {float(rng.uniform(1.02, 1.5))!r}\n" if number % 3 == 0 else ""
+    more += f"[device.actuator]\nbandwidth_hz = {0.05 / T!r}\n" if number % 4 == 0 else ""
+    point = {"mass": mass, "damping": damping, "delay": delay}
+    problem = parse_problem(text_of(point, more).replace("1e-3", repr(T)), "x", "x")
+    former = 1e-5 * (mass / problem.device.loop_lag + damping)
+    velocity = replace(problem.bounds.velocity, min=former)
+    return problem, replace(problem, bounds=replace(problem.bounds, velocity=velocity))
+
+
+@pytest.mark.parametrize("number", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 120))])
+def test_a_lower_default_bound_loses_no_design(number):
+    lower, former = (solve(problem) for problem in lower_and_former(number))
+    assert lower.status is former.status
+    if former.judgement is not None:
+        assert lower.judgement.error <= former.judgement.error * (1 + 1e-5)
+
+
+def test_b_is_measured_as_a_unless_it_states_its_own(tmp_path):
+    for name, point, more in (
+        ("a", BASE, ""), ("b", POINTS[2], ""), ("own", POINTS[2], stated(problem_of(POINTS[2]))),
+    ):  # fmt: skip
+        (tmp_path / f"{name}.toml").write_text(text_of(point, PASSIVE + more))
+    together = compare(tmp_path / "a.toml", tmp_path / "b.toml")
+    values = {each.key: (each.a, each.b) for each in together.design}
+    there = solve(problem_of(POINTS[2], PASSIVE + stated(problem_of(BASE)))).judgement.error
+    assert values["transparency.error"][1] == pytest.approx(there, rel=2e-3)
+    assert values["transparency.band_hz"][0] == values["transparency.band_hz"][1] == pytest.approx([0.5, 30.0])
+    assert not any(each.key.startswith("transparency") for each in together.problem)
+
+    assert run("solve", "b.toml", "--no-report", "--quiet", cwd=tmp_path).returncode == ExitCode.OK
+    for other in ("own.toml", "results/b/design.json"):
+        apart = compare(tmp_path / "a.toml", tmp_path / other)
+        values = {each.key: (each.a, each.b) for each in apart.design}
+        assert "transparency.error" not in values
+        assert values["on_b.error"][1] == pytest.approx(solve(problem_of(POINTS[2])).judgement.error, rel=1e-6)
+        assert values["on_a.error"][0] == pytest.approx(solve(problem_of(BASE)).judgement.error, rel=1e-6)
+        assert values["on_a.error"][1] >= there * (1 - 2e-3)  # made for another yardstick
+        assert values["on_a.reference_impedance"] == pytest.approx(
+            [problem_of(BASE).transparency.reference_impedance] * 2
+        )
+
+
+def test_what_is_felt_stands_beside_the_error(three_keys, tmp_path):
+    swept, _, _ = three_keys
+    (tmp_path / "a.toml").write_text(text_of(BASE))
+    values = {each.key: each.a for each in compare(tmp_path / "a.toml", tmp_path / "a.toml").design}
+    for name in ("mass_1hz", "mass_10hz", "damping_1hz", "damping_10hz"):
+        assert swept.table.numbers[f"felt_{name}"][0] == pytest.approx(values[f"felt.felt_{name}"], rel=1e-3)
+    K_p = values["gains.position"]
+    assert values["felt.stiffest_wall"] == pytest.approx(K_p, rel=0.05)
+    assert swept.table.numbers["tracking_bandwidth_hz"][0] > 100.0
+    assert swept.table.numbers["tracking_bandwidth_hz"][3] == 0.0  # it is idle
+
+
+def test_a_study_of_tables_has_the_yardstick_of_the_problem():
+    from vctune.document.building import problem
+
+    file = problem({"device": {"mass": 0.4, "damping": 2.0, "sample_time": 1e-3}})
+    study = build_study(file, {"device.sample_time": [5e-4]})
+    found = study.at((5e-4,))[0]
+    assert found.transparency == file.problem.transparency
+    assert found.stability.band.max == pytest.approx(2 * pi * 200.0)

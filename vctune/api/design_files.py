@@ -1,0 +1,143 @@
+"""The files of a design: gains.toml, design.json and the report."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from vctune.api.folders import DESIGN_FILE, GAINS_FILE, claim_folder, outdated
+from vctune.design.result import Solved
+from vctune.design.verdict.design_record import record_of
+from vctune.document.building import ProblemSource
+from vctune.document.building import problem as problem_of
+from vctune.document.gains_file import gains_text, numbers_text
+from vctune.document.reading import ProblemFile
+from vctune.document.records.design_file import design_of, read_design
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.simulation_json import simulation_beside
+from vctune.document.text.date import today
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import make_folder, previous, write_together
+from vctune.report.page.contents import REPORT, report_paths
+
+
+def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> Path:
+    """Write gains.toml and design.json, and remove the report of an earlier design.
+
+    Parameters
+    ----------
+    problem : that was solved
+    solved : what came of it
+    folder : made if it is not there; what is of an earlier design in it is renamed
+
+    Returns
+    -------
+    Path
+        Of design.json.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written, or holds the design of another problem or file; what is there stays.
+    """
+    from vctune.design.nlp.nlp import ipopt_version
+
+    file, folder = problem_of(problem), Path(folder)
+    claim_folder(file, folder)
+    write_record(folder, file, record_of(file, solved, ipopt_version(), today()))
+    return folder / DESIGN_FILE
+
+
+def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:
+    """Write the report of a design, report.html and its figures; nothing is solved.
+
+    Parameters
+    ----------
+    design : path of a design.json, its object, or its record
+    folder : made if it is not there; None for the design's own. A simulation.json of the design that is beside it, or
+        in the folder, is drawn too
+
+    Returns
+    -------
+    Path
+        Of report.html.
+
+    Raises
+    ------
+    InputError
+        If there is no such design, or its object is none, or the folder cannot be written.
+    """
+    from vctune.report.design_report import write_report as write
+
+    if isinstance(design, str | Path):
+        record, beside = read_design(Path(design)), Path(design).parent
+    elif folder is None:
+        raise InputError.of("folder", "bad-option", "is missing; name the folder of the report")
+    else:
+        record, beside = design if isinstance(design, DesignRecord) else design_of(dict(design), "design"), Path(folder)
+    folder = beside if folder is None else Path(folder)
+    make_folder(folder)
+    write(record, folder, simulation_beside(beside, record))
+    return folder / REPORT
+
+
+def known_record(source: Any) -> DesignRecord | None:
+    """Return the record of a design, from its file or its object; None for what states a problem.
+
+    Parameters
+    ----------
+    source : path of a design.json or of a problem file, the object of either, a problem, or a record
+
+    Raises
+    ------
+    InputError
+        If the file or the object of a design is damaged.
+    """
+    if isinstance(source, DesignRecord):
+        return source
+    if isinstance(source, str | Path) and Path(source).suffix == ".json":
+        return read_design(Path(source))
+    if isinstance(source, Mapping) and "schema" in source:
+        return design_of(dict(source), "design")
+    return None
+
+
+def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[Path, Path]:
+    """Write design.json, and gains.toml with it, and remove the report of an earlier design.
+
+    What else is of the earlier design, such as its firmware, is renamed where the design is another one now; so is
+    gains.toml where there is no design now.
+
+    Parameters
+    ----------
+    folder : one that is there
+    file : the problem
+    record : of its design, or of why there is none
+
+    Returns
+    -------
+    dict
+        What was renamed, and to what.
+    """
+    files = {folder / DESIGN_FILE: json_text(record)}
+    gains = folder / GAINS_FILE
+    if record.design is not None and record.certificate is not None:
+        origin = {
+            "problem": file.problem.name,
+            "sha256": file.sha256,
+            "vctune": str(record.versions["vctune"]),
+            "verdict": record.certificate.verdict,
+            "numbers": numbers_text(*record.design),
+        }
+        files[gains] = gains_text(*record.design, origin, record.problem.units)
+    earlier = [gains] if record.design is None and gains.exists() else []
+    earlier += outdated(folder, record)
+    write_together(files, report_paths(folder), earlier)
+    return {place: previous(place) for place in earlier}
+
+
+def json_text(record: DesignRecord) -> str:
+    """Return the text of a design.json."""
+    return json.dumps(record.to_json(), indent=2, allow_nan=False) + "\n"

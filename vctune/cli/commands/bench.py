@@ -1,0 +1,63 @@
+"""`vctune bench`."""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import click
+
+from vctune.cli.printing.options import out_option, output_options
+
+ABOUT = {
+    "solvers": "vctune against other solvers and fixed grids: error against run time.",
+    "stress": "Thousands of devices over ten decades, every verdict checked.",
+}
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@click.group(short_help="Measure what answers cost and what they are worth.")
+def bench() -> None:
+    """Measure vctune against its peers and at the extremes; results go to OUT/, as CSV, picture and page.
+
+    The peers need SciPy and mpmath: pip install scipy mpmath.
+    """
+
+
+def _command(name: str) -> Any:
+    @click.command(name, short_help=ABOUT[name], help=ABOUT[name])
+    @click.option("--quick/--full", default=True, help="Under a minute, or everything.  [default: quick]")
+    @click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Of what is random.")
+    @out_option("", "results/bench")
+    @output_options()
+    def command(quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
+        return _run(name, quick, seed, out, style, quiet)
+
+    return command
+
+
+for _name in ABOUT:
+    bench.add_command(_command(_name))
+
+
+def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
+    for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
+        os.environ[variable] = "1"
+    from vctune.bench.benchmark import record_of, write_measured
+    from vctune.bench.timing import machine
+    from vctune.cli.printing.output import answer
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.document.text.output_files import make_folder
+    from vctune.exit_codes import ExitCode
+
+    make_folder(out)
+    where, size = machine(), "quick" if quick else "full"
+    command = f"vctune bench {name} --{size} --seed {seed}"
+    with progress_on_stderr(command, shown=not quiet) as progress:
+        measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
+        write_measured(out, name, measured, command, where)
+    lines = [measured.title, where, *measured.facts, f"written to {out}"]
+    answer(style, quiet, record_of(name, measured, where).to_json, lambda: click.echo("\n".join(lines)))
+    return ExitCode.OK

@@ -1,0 +1,74 @@
+"""`vctune bound`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vctune.api.argument_ranges import GAPS
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
+from vctune.running import OutOfTimeError, check_time
+
+
+@click.command(short_help="Prove how much better any design could be.")
+@problem_argument
+@click.argument("design", type=click.Path(path_type=Path), required=False)
+@click.option("--gap", type=click.FloatRange(*GAPS), default=0.03, show_default=True, help="What to prove, a share.")
+@click.option("--jobs", type=click.IntRange(1, 64), default=1, show_default=True, help="Threads.")
+@out_option()
+@output_options()
+@time_limited
+def bound(
+    problem: Path,
+    design: Path | None,
+    gap: float,
+    jobs: int,
+    out: Path,
+    style: str,
+    quiet: bool,
+) -> int:
+    """Prove a lower bound on the error of every admissible design of PROBLEM.
+
+    DESIGN is a design.json of it; without one the problem is solved first. What is proved is added to design.json and
+    to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on. A
+    second Ctrl-C ends at once.
+    """
+    from vctune.api.bounding import bound as search
+    from vctune.api.bounding import known_design, require_free, write_bounded
+    from vctune.api.design_files import write_report
+    from vctune.api.folders import DESIGN_FILE, design_folder
+    from vctune.api.solving import solve
+    from vctune.cli.printing.output import answer, warn, warn_of_doubts
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.design.verdict.judge import Status
+    from vctune.document.reading import read_problem
+    from vctune.exit_codes import ExitCode
+    from vctune.interrupt import interrupt_noted
+
+    file = require_free(read_problem(problem))
+    path = design or design_folder(file, out) / DESIGN_FILE
+    warn_of_doubts(file.problem, quiet=quiet)
+    with progress_on_stderr(f"vctune bound {problem.name}", shown=not quiet) as progress:
+        known = known_design(file, path, given=design is not None) or solve(file, progress=progress)
+        with interrupt_noted() as stopped:  # from here on something would be lost
+            bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
+            write_bounded(bounded, path)
+        progress("drawing the report")
+        try:
+            check_time()
+            write_report(path)
+        except OutOfTimeError:
+            warn("time-limit", f"no report was drawn in time; `vctune report {path}` draws it")
+    if bounded.improved:
+        click.echo("found a better design than the one known, whose basin the scan had missed", err=True)
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_design
+
+        print_design(bounded.record, path.parent)
+
+    answer(style, quiet, bounded.record.to_json, table)
+    if bounded.status is Status.INFEASIBLE:
+        return ExitCode.FAILED
+    return ExitCode.OK if bounded.proved else ExitCode.UNDECIDED

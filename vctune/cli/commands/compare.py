@@ -1,0 +1,36 @@
+"""`vctune compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vctune.cli.printing.options import output_options
+
+
+@click.command(short_help="Set two designs or problems side by side.")
+@click.argument("a", type=click.Path(path_type=Path))
+@click.argument("b", type=click.Path(path_type=Path))
+@output_options()
+def compare(a: Path, b: Path, style: str, quiet: bool) -> int:
+    """Show what differs between A and B, each a design.json or a problem file, which is solved first.
+
+    First the keys of the problems that differ, every default written out; then gains, error and its terms, verdicts and
+    margins of both designs. Nothing is written.
+    """
+    from vctune.api.comparing import compare as set_side_by_side
+    from vctune.cli.printing.output import answer
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.exit_codes import ExitCode
+
+    with progress_on_stderr(f"vctune compare {a.name} {b.name}", shown=not quiet) as progress:
+        found = set_side_by_side(a, b, progress=progress)
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_comparison
+
+        print_comparison(found)
+
+    answer(style, quiet, found.to_json, table)
+    return ExitCode.OK

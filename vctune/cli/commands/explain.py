@@ -1,0 +1,81 @@
+"""`vctune explain`."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import textwrap
+from typing import TYPE_CHECKING
+
+import click
+
+from vctune.cli.printing.options import output_options
+
+if TYPE_CHECKING:
+    from vctune.document.records.printed_json import EntryRecord
+
+WIDEST = 100
+"""Of the lines of a page."""
+
+
+def _names(context: click.Context, parameter: click.Parameter, incomplete: str) -> list[str]:
+    """Return the names that begin as what is there."""
+    from vctune.api.explaining import entries
+
+    return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
+
+
+@click.command(short_help="Say what a code, a key of a file or a word means.")
+@click.argument("name", required=False, metavar="[CODE|KEY|TERM]", shell_complete=_names)
+@output_options()
+def explain(name: str | None, style: str, quiet: bool) -> int:
+    """Say what NAME means, from the guides of the project; without it, list what can be explained.
+
+    NAME is a code, as it stands in brackets behind an error, a warning or what was left out; a key of a problem or log
+    file; or a word or symbol of the glossary.
+    """
+    from vctune.api.explaining import entries
+    from vctune.api.explaining import explain as found_in_guides
+    from vctune.cli.printing.output import answer
+    from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
+    from vctune.exit_codes import ExitCode
+
+    if name is None:
+        every = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
+        found = ExplanationRecord(name=None, entries=every)
+        answer(style, quiet, found.to_json, lambda: click.echo(_contents(every)))
+    else:
+        found = found_in_guides(name)
+        answer(style, quiet, found.to_json, lambda: click.echo("\n\n".join(map(_page, found.entries))))
+    return ExitCode.OK
+
+
+def _contents(every: list[EntryRecord]) -> str:
+    """Return what can be explained, by its kind."""
+    titles = {"code": "Codes", "key": "Keys of files", "term": "Words"}
+    lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
+    return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
+
+
+def _page(entry: EntryRecord) -> str:
+    """Return an entry as plain text: its name, what the guide says, where it stands."""
+    blocks = re.split(r"(```.*?```)", entry.text, flags=re.DOTALL)
+    parts = [_verbatim(block) if block.startswith("```") else _paragraphs(block) for block in blocks]
+    return "\n\n".join([f"{entry.name} ({entry.kind})", *filter(None, parts), f"from {entry.guide}"])
+
+
+def _verbatim(block: str) -> str:
+    return textwrap.indent("\n".join(block.splitlines()[1:-1]), "    ")
+
+
+def _paragraphs(text: str) -> str:
+    said = re.sub(r"\[([^\]]+)\]\([^)]*\)", r"\1", text)
+    said = re.sub(r"\*\*|[`$]", "", said).replace("\\|", "|").replace(r"\lvert ", "|").replace(r" \rvert", "|")
+    said = re.sub(r"_\{(\w+)\}", r"_\1", said)
+    items = re.split(r"\n\s*\n|\n(?=- )", said.strip())
+    return "\n".join(_filled(item, "  " if item.startswith("- ") else "") for item in items)
+
+
+def _filled(text: str, indent: str) -> str:
+    width = min(WIDEST, shutil.get_terminal_size().columns)
+    return textwrap.fill(text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)

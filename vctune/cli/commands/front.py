@@ -1,0 +1,49 @@
+"""`vctune front`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+
+import click
+
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option, worker_options
+
+
+@click.command(short_help="Draw the two trade-offs that a designer asks about.")
+@problem_argument
+@out_option("NAME/front/")
+@worker_options
+@time_limit_option(" each point")
+@output_options()
+def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit: float, style: str, quiet: bool) -> int:
+    """Find the Pareto fronts of PROBLEM: between the three terms of the error, and of error against band.
+
+    Two sweeps with a name: K_p over its range with the coupling's weight over six decades, and the stability band's
+    upper edge up to the Nyquist frequency. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures; an
+    interrupted run goes on. Where hands are to be met, and no others, there is no band to trade.
+    """
+    from vctune.api.bounding import require_free
+    from vctune.api.folders import design_folder
+    from vctune.api.studies import front as find
+    from vctune.cli.printing.output import answer
+    from vctune.cli.printing.progress import bar_on_stderr
+    from vctune.document.reading import read_problem
+    from vctune.document.text.errors import printable
+    from vctune.exit_codes import ExitCode
+
+    file = require_free(read_problem(problem), "trade")
+    folder = design_folder(file, out) / "front"
+
+    def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
+        return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
+
+    fronts = find(file, folder=folder, jobs=jobs, executor=executor, time_limit=time_limit, bar=bar)
+    counts = [len(table.status) for table in (fronts.terms, fronts.band) if table is not None]
+    against = "none of error against band, for hands are met at every frequency"
+    if fronts.band is not None:
+        against = f"{counts[1]} on the front of error against band"
+    said = f"{printable(file.problem.name)}: {counts[0]} designs on the front of the three terms,\n{against}"
+    answer(style, quiet, fronts.record(file.problem.name).to_json, lambda: click.echo(f"{said}; written to {folder}"))
+    return ExitCode.OK if all(counts) else ExitCode.FAILED

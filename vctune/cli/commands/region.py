@@ -1,0 +1,78 @@
+"""`vctune region`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vctune.api.argument_ranges import RESOLUTIONS
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.running import unlimited
+
+NAMED = (*KEYS, *SPRING_KEYS[3:])
+SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
+
+
+@click.command(short_help="Find the whole set of admissible gains, cell by cell.")
+@problem_argument
+@click.option("--x", type=click.Choice(NAMED), show_default=SHOWN[0], help="Across.")
+@click.option("--y", type=click.Choice(NAMED), show_default=SHOWN[1], help="Up.")
+@click.option(
+    "--resolution",
+    type=click.FloatRange(*RESOLUTIONS),
+    default=1 / 256,
+    show_default="1/256",
+    help="Side of the smallest cell as a share of the plane's.",
+)
+@out_option()
+@output_options()
+@time_limited
+def region(problem: Path, x: str | None, y: str | None, resolution: float, out: Path, style: str, quiet: bool) -> int:
+    """Find the gains of PROBLEM for which its demands hold.
+
+    The plane of two variables is divided into cells that are proved feasible throughout, proved infeasible throughout,
+    or undecided at the resolution. Where the coupling is free, feasible means that some coupling within its bounds will
+    do. Writes OUT/NAME/region.json, a baseline for `vctune check --region`, and region.svg.
+
+    Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved. Ctrl-C and the time limit
+    leave what was decided before it, exit code 3; a second Ctrl-C ends at once.
+    """
+    from vctune.api.folders import design_folder
+    from vctune.api.regions import REGION_FILE, axes_of, best_design, require_plane, write_region
+    from vctune.api.regions import region as find
+    from vctune.cli.printing.exits import of_status
+    from vctune.cli.printing.output import answer, warn, warn_of_doubts
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.document.reading import read_problem
+    from vctune.exit_codes import ExitCode
+    from vctune.interrupt import interrupt_noted
+
+    read = read_problem(problem)
+    x, y = axes_of(read.problem, x, y)
+    file = require_plane(read, x, y)
+    folder = design_folder(file, out)
+    warn_of_doubts(file.problem, quiet=quiet)
+    with progress_on_stderr(f"vctune region {problem.name}", shown=not quiet) as progress:
+        solved = best_design(file.problem, progress)
+        with interrupt_noted() as stopped:  # from here on something would be lost
+            found = find(file, x, y, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
+            late = found.region.interrupted and not stopped()
+            progress("drawing")
+            with unlimited():
+                kept = write_region(found, folder)
+    interrupted = found.region.interrupted
+    if interrupted:
+        earlier = f"; the earlier one is {kept.name} now" if kept else ""
+        holds = f"{folder / REGION_FILE}: holds what was decided before"
+        if late:
+            warn("time-limit", f"{holds} the time limit{earlier}")
+        else:
+            warn("interrupted", f"{holds} the interrupt{earlier}")
+    lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
+    if interrupted:
+        lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"
+    lines.append(f"of the plane {x} by {y}; written to {folder}")
+    answer(style, quiet, found.record, lambda: click.echo("\n".join(lines)))
+    return ExitCode.UNDECIDED if interrupted else of_status(found.status)

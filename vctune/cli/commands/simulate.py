@@ -1,0 +1,118 @@
+"""`vctune simulate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from vctune.cli.printing.options import out_option, output_options, problem_argument
+
+if TYPE_CHECKING:
+    from vctune.cli.printing.progress import Progress
+    from vctune.document.reading import ProblemFile
+    from vctune.model.gains import AnyCoupling, Gains
+
+IN_THE_LOOP = "in-the-loop"
+"""The folder of what a compiled controller came to, in that of the design."""
+
+
+@click.command(short_help="Simulate a design in the problem's experiments.")
+@problem_argument
+@click.argument("gains", type=click.Path(path_type=Path), required=False)
+@click.option("--experiment", "name", help="Name of the only experiment to simulate.  [default: all]")
+@out_option()
+@click.option(
+    "--controller",
+    type=click.Path(path_type=Path),
+    help="A compiled controller of `vctune export`, or its folder, to run in the place of the design's own.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0.0),
+    metavar="FORCE",
+    help="Greatest difference, N or N m, of its commands from the design's.  [default: what rounding explains]",
+)
+@output_options()
+def simulate(
+    problem: Path,
+    gains: Path | None,
+    name: str | None,
+    controller: Path | None,
+    tolerance: float | None,
+    out: Path,
+    style: str,
+    quiet: bool,
+) -> int:
+    """Simulate the design in GAINS, or else the one that solving finds, in the [[experiment]] tables of PROBLEM.
+
+    Writes simulation.json, traces.npz and the figure `simulation`, which becomes part of the design's report. Exit
+    code 1 if the design diverges or is unstable with an experiment's hand and environment, or if there is none.
+
+    With --controller a compiled firmware runs in the place of the design's own, and its commands are compared with the
+    design's on the same measurements: exit code 1 if they differ by more than the tolerance. The files then are in the
+    folder `in-the-loop` beside the design's.
+    """
+    if tolerance is not None and controller is None:
+        raise click.UsageError("--tolerance is of a firmware; name it by --controller")
+    from vctune.api.experiments import chosen_experiments, write_simulation
+    from vctune.api.experiments import simulate as run
+    from vctune.api.folders import design_folder
+    from vctune.cli.printing.output import answer, warn
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.document.building import design_for
+    from vctune.document.reading import read_problem
+    from vctune.document.text.output_files import make_folder
+    from vctune.exit_codes import ExitCode
+    from vctune.simulation.firmware.library import CompiledController
+
+    compiled = None if controller is None else CompiledController(controller)
+    file = read_problem(problem)
+    chosen_experiments(file, name)
+    given = design_for(file, gains) if gains else None
+    if given and given.sha256 not in (None, file.sha256):
+        warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
+    folder = design_folder(file, out)
+
+    with progress_on_stderr(f"vctune simulate {problem.name}", shown=not quiet) as progress:
+        design = (given.gains, given.coupling) if given else _solved(file, folder, progress)
+        if design is None:
+            return ExitCode.FAILED
+        simulation = run(file, *design, name, controller=compiled, tolerance=tolerance, progress=progress)
+        if simulation.made_for not in (None, file.sha256):
+            warn("other-version", f"{controller}: made for another version of the problem (sha256 differs)")
+        progress("writing and drawing")
+        if controller is not None:
+            folder = folder / IN_THE_LOOP
+            make_folder(folder)
+        record = write_simulation(simulation, folder)
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_simulation
+        from vctune.document.records.simulation_json import simulation_of
+
+        print_simulation(simulation_of(record), folder)
+
+    answer(style, quiet, lambda: record, table)
+    return ExitCode.OK if simulation.stable and simulation.agrees else ExitCode.FAILED
+
+
+def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
+    """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
+    from vctune.api.design_files import write_record
+    from vctune.cli.commands.solve import say_renamed
+    from vctune.cli.printing.output import warn
+    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.solve import solve
+    from vctune.design.verdict.design_record import record_of
+    from vctune.design.verdict.prices import with_prices
+    from vctune.document.text.date import today
+
+    solved = with_prices(solve(file.problem, progress))
+    judgement = solved.judgement
+    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version(), today())))
+    if judgement is None:
+        warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
+        return None
+    return judgement.gains, judgement.coupling

@@ -1,0 +1,113 @@
+"""`vctune solve`."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+import click
+
+from vctune.api.argument_ranges import GAPS
+from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
+from vctune.running import OutOfTimeError, check_time
+from vctune.running import time_limit as limited
+
+
+@click.command(short_help="Find the most transparent gains and prove them stable.")
+@problem_argument
+@out_option()
+@click.option("--no-report", is_flag=True, help="Write only gains.toml and design.json; an earlier report is removed.")
+@click.option("--strict", is_flag=True, help="Exit code 1 if there is a warning.")
+@click.option("--watch", is_flag=True, help="Solve again each time that PROBLEM is saved, until Ctrl-C.")
+@click.option(
+    "--prove-gap",
+    "gap",
+    type=click.FloatRange(*GAPS),
+    metavar="GAP",
+    help="Prove that no design has an error lower by more than this share, 0.03 for 3 %.",
+)
+@time_limit_option()
+@output_options()
+def solve(
+    problem: Path,
+    out: Path,
+    no_report: bool,
+    strict: bool,
+    watch: bool,
+    gap: float | None,
+    time_limit: float,
+    style: str,
+    quiet: bool,
+) -> int:
+    """Find the most transparent gains of PROBLEM and prove them stable.
+
+    PROBLEM is a TOML file, or - for standard input; only [device] mass, damping and sample_time are required in it.
+    """
+
+    def once() -> int:
+        with limited(time_limit):
+            return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
+
+    if watch:
+        from vctune.cli.printing.watch import on_every_save
+        from vctune.document.text.toml import STDIN
+
+        if problem == STDIN:
+            raise click.UsageError("--watch needs a file; standard input is read once")
+        on_every_save(problem, once)
+    return once()
+
+
+def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
+    from vctune.api.design_files import write_record, write_report
+    from vctune.api.folders import DESIGN_FILE, design_folder
+    from vctune.cli.printing.output import answer, warn, warn_of_doubts
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.document.reading import read_problem
+
+    file = read_problem(problem)
+    folder = design_folder(file, out)
+
+    from vctune.api.solving import solve as solve_problem
+    from vctune.cli.printing.exits import of_status
+    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.verdict.design_record import record_of
+    from vctune.design.verdict.judge import Status
+    from vctune.document.text.codes import has_code
+    from vctune.document.text.date import today
+    from vctune.exit_codes import ExitCode
+
+    warn_of_doubts(file.problem, quiet=quiet)
+    with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
+        solved = solve_problem(file, gap=gap, prices=report, progress=progress)
+        record = record_of(file, solved, ipopt_version(), today())
+        say_renamed(write_record(folder, file, record))
+        drawn = not report
+        with suppress(OutOfTimeError):
+            if report:
+                progress("drawing the report")
+                check_time()
+                write_report(record, folder)
+                drawn = True
+    if not drawn:
+        said = f"no report was drawn in time; `vctune report {folder / DESIGN_FILE}` draws it"
+        warn("time-limit", said)
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_design
+
+        print_design(record, folder)
+
+    answer(style, quiet, record.to_json, table)
+    cut = any(has_code(warning, "time-limit") for warning in record.warnings)
+    if strict and record.warnings and not cut:
+        return ExitCode.FAILED
+    open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
+    left = open_ or cut or not drawn
+    return ExitCode.UNDECIDED if left and solved.status is Status.CERTIFIED else of_status(solved.status)
+
+
+def say_renamed(renamed: dict[Path, Path]) -> None:
+    """Say what of an earlier design was renamed."""
+    for place, kept in renamed.items():
+        click.echo(f"{place}: of an earlier design, renamed to {kept.name}", err=True)

@@ -1,0 +1,79 @@
+"""`vctune sweep`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from vctune.cli.printing.options import out_option, output_options, time_limit_option, worker_options
+
+MANY = 100_000
+"""So many points are solved only when asked for with --yes."""
+
+
+@click.command(short_help="Solve a problem at many points.")
+@click.argument("study", type=click.Path(path_type=Path))
+@out_option("STUDY/")
+@worker_options
+@click.option("--resume/--restart", default=True, help="Go on with the rows that are there, or begin anew.")
+@time_limit_option(" each point")
+@click.option("--yes", is_flag=True, help=f"Solve {MANY:,} points or more.")
+@output_options()
+def sweep(
+    study: Path,
+    out: Path,
+    jobs: int | None,
+    executor: str,
+    resume: bool,
+    time_limit: float,
+    yes: bool,
+    style: str,
+    quiet: bool,
+) -> int:
+    """Solve a problem at every point of STUDY, a TOML file with a grid, a Latin hypercube or a list of points.
+
+    Each finished point is a line of OUT/STUDY/rows.jsonl; an interrupted sweep goes on where it was. At the end
+    table.csv (and table.parquet where pyarrow is installed) and, for one or two axes, error.svg.
+
+    Exit code 0 if there is a certified design and no point was left without an answer, 3 if the time limit cut a point
+    short, else 1.
+    """
+    from vctune.cli.printing.output import answer, warn
+    from vctune.cli.printing.progress import bar_on_stderr
+    from vctune.document.study_file import read_study
+    from vctune.document.text.errors import InputError
+    from vctune.document.text.output_files import folder_name
+    from vctune.exit_codes import ExitCode
+
+    plan = read_study(study)
+    if plan.count >= MANY and not yes:
+        message = f"has {plan.count:,} points, more than {MANY - 1:,}; confirm them with --yes"
+        raise InputError.of(str(study), "many-points", message)
+    folder = out / folder_name(plan.name)
+
+    from vctune.api.studies import sweep as run
+
+    with bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
+        swept = run(
+            plan,
+            folder=folder,
+            jobs=jobs,
+            executor=executor,
+            restart=not resume,
+            time_limit=time_limit,
+            on_done=on_done,
+        )
+    if swept.dropped:
+        warn("rows-torn", f"{folder / 'rows.jsonl'}: {swept.dropped} torn lines dropped")
+    found = swept.summary
+
+    def table() -> None:
+        from vctune.cli.printing.design_table import print_sweep
+
+        print_sweep(found, folder)
+
+    answer(style, quiet, found.to_json, table)
+    if found.status.get("failed") or not (found.best or swept.cut):
+        return ExitCode.FAILED
+    return ExitCode.UNDECIDED if swept.cut else ExitCode.OK

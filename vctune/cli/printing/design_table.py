@@ -1,0 +1,258 @@
+"""A design as a table for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from vctune.document.records.comparison import ComparisonRecord
+from vctune.document.records.design_json import DesignRecord, RepairRecord
+from vctune.document.records.gains_json import SpringRecord
+from vctune.document.records.part import text
+from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
+from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+from vctune.document.text.errors import printable
+from vctune.model.numbers.units import Units
+
+LEAST_WIDTH = 80
+WIDE = 120
+WIDEST = 1000
+"""For what is not wrapped."""
+COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undecided": "yellow"}
+
+
+@contextmanager
+def _page(least_width: int, folder: Path) -> Iterator[Console]:
+    """Print in this block; in one piece, whole or not at all, with where the files are at the end."""
+    console = Console(highlight=False)
+    console.width = max(console.width, least_width)
+    with console.capture() as page:
+        yield console
+        console.print(f"written to {escape(str(folder))}", soft_wrap=True)
+    _write(console, page.get())
+
+
+def _write(console: Console, text: str) -> None:
+    """Write a text without the blanks that a table leaves at the ends of lines."""
+    console.file.write("".join(f"{line.rstrip()}\n" for line in text.splitlines()))
+
+
+def print_design(record: DesignRecord, folder: Path) -> None:
+    """Print a design and where its files are.
+
+    Parameters
+    ----------
+    record : of the design, or of why there is none
+    folder : named at the end
+    """
+    with _page(WIDE, folder) as console:
+        idle = ", but it hardly uses its velocity loop" if record.idle else ""
+        colour = COLOURS["undecided" if idle else record.status]
+        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
+        if record.promise:
+            console.print(escape(record.promise), soft_wrap=True)
+        for line in record.compared:
+            console.print(escape(line), soft_wrap=True)
+        if record.reason:
+            console.print(escape(record.reason), soft_wrap=True)
+        if record.gains is not None:
+            console.print(_table(record))
+        if record.repairs:
+            console.print("any one of these alone would do:")
+            console.print(_repairs(record.repairs), soft_wrap=True)
+        elif record.repairs is not None:
+            console.print("no change of one number was found that would do")
+        for warning in record.warnings:
+            console.print(f"[yellow]warning:[/yellow] {escape(warning)}", soft_wrap=True)
+        for line in record.left_out:
+            console.print(f"[dim]left out: {escape(line)}[/dim]", soft_wrap=True)
+
+
+def print_simulation(record: SimulationRecord, folder: Path) -> None:
+    """Print what was measured and where the files are.
+
+    Parameters
+    ----------
+    record : of the simulation
+    folder : named at the end
+    """
+    from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+
+    with _page(WIDE, folder) as console:
+        console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
+        table = Table(box=None, pad_edge=False)
+        for heading in HEADINGS:
+            table.add_column(heading, no_wrap=True, header_style="dim")
+        for row in measured_rows(record):
+            table.add_row(*(escape(printable(cell)) for cell in row))
+        console.print(table)
+        for one in record.experiments:
+            if one.difference is not None:
+                console.print(f"{escape(printable(one.name))}: {_apart(one.difference, record.units)}", soft_wrap=True)
+            if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
+                console.print(
+                    f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",
+                    soft_wrap=True,
+                )
+            if one.least_virtual is not None:
+                console.print(
+                    f"{escape(printable(one.name))}: {_least(one.least_virtual, record.units)}", soft_wrap=True
+                )
+
+
+def _apart(difference: DifferenceRecord, units: Units) -> str:
+    own = f"the design's own in {difference.precision} precision on the same measurements"
+    if difference.force is None or difference.tolerance is None:
+        return "[red]FAILED[/red], the firmware's commands are not finite"
+    if difference.force == 0:
+        return f"the firmware's commands are {own} to the last bit"
+    apart = f"{difference.force:.3g} {units.force} of {own}, farthest at {difference.time_s:.4g} s"
+    allowed = f"the tolerance is {difference.tolerance:.3g} {units.force}"
+    if difference.passes:
+        return f"the firmware's commands are within {apart}; {allowed}"
+    return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
+
+
+def _quiet(stiffness: float, coupling: SpringRecord, units: Units) -> str:
+    return (
+        f"the encoder's quanta keep no stiffness up to {stiffness:.4g} {units.stiffness} in motion (Abbott and "
+        f"Okamura), the coupling has {coupling.stiffness:.4g} {units.stiffness}"
+    )
+
+
+def _least(least: LeastVirtualRecord, units: Units) -> str:
+    if least.share == 0:
+        return f"the regular PID is stable without a virtual {units.mass_name} and damping"
+    return (
+        f"the regular PID is stable from a virtual {units.mass_name} of {least.mass:.4g} {units.mass} and a damping of "
+        f"{least.damping:.4g} {units.damping} on"
+    )
+
+
+def _repairs(repairs: list[RepairRecord]) -> str:
+    """Return a line a repair: what the file needs, instead of what, what that means, and the error that it buys."""
+    width = max(len(repair.needs) for repair in repairs)
+    lines = []
+    for repair in repairs:
+        old = "inf" if repair.old is None else text(repair.old, 12)
+        lines.append(
+            f"  [bold]{escape(repair.needs.ljust(width))}[/bold]  instead of {old}: {escape(repair.change)}, "
+            f"error {text(repair.error, 4)}"
+        )
+    return "\n".join(lines)
+
+
+def _table(record: DesignRecord) -> Table:
+    rows = [
+        (group if number == 0 else "", row.label, row.value, row.unit)
+        for group, found in record.groups().items()
+        for number, row in enumerate(row for row in found if not row.detail)
+    ]
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for column, style in enumerate(("dim", "", "bold")):  # numbers are never cut: what comes behind them wraps
+        width = max((len(row[column]) for row in rows), default=0)
+        table.add_column(style=style, no_wrap=True, min_width=width, justify="right" if style == "bold" else "left")
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(*map(escape, row))
+    return table
+
+
+def print_sweep(found: SweepRecord, folder: Path) -> None:
+    """Print what a sweep found and where the files are.
+
+    Parameters
+    ----------
+    found : in a few numbers
+    folder : named at the end
+    """
+    with _page(LEAST_WIDTH, folder) as console:
+        idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
+        counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
+        console.print(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")
+        for label, row in (("best", found.best), ("worst", found.worst)):
+            if row:
+                console.print(f"{label:<5}  {_design_line(row)}", soft_wrap=True)
+        console.print(f"over   {_yardstick_line(found)}", soft_wrap=True)
+        if found.stability_high_hz is not None:
+            console.print(f"held   {_demand_line(found.stability_high_hz)}", soft_wrap=True)
+        if found.corner:
+            console.print(_corner_line(found.corner), soft_wrap=True)
+
+
+def _design_line(row: Cells) -> str:
+    axes = ", ".join(f"{key} = {text(value, 6)}" for key, value in row.items() if "." in key)
+    return escape(f"error {text(row['error'])} at {axes}{', idle' if row['idle'] else ''}")
+
+
+def _yardstick_line(found: SweepRecord) -> str:
+    """Return what the errors of a sweep are measured on."""
+    on, unit = found.yardstick, found.units["reference_impedance"]
+    shared = f"{text(on.band_hz)} Hz with Z_0 = {text(on.reference_impedance)} {unit}"
+    if not on.varied:
+        return escape(f"{shared}, at every point")
+    return escape(f"{shared}, but for {', '.join(on.varied)}: errors at different values of it do not compare")
+
+
+def _demand_line(edges: list[float | None]) -> str:
+    low, high = (text(edge) for edge in edges)
+    return (
+        f"to a stability band that ends between {low} and {high} Hz, by the device of each point; state "
+        "stability.band_hz to ask the same of all"
+    )
+
+
+def _corner_line(corner: CornerRecord) -> str:
+    spans = ", ".join(
+        f"{key} from {text(low, 6)} to {text(high, 6)}"
+        for (key, low), high in zip(corner.low.items(), corner.high.values(), strict=True)
+    )
+    where = f"none   at {corner.points} points, {corner.share:.0%} of those with {spans}"
+    return escape(f"{where}\n       most often: {printable(corner.reason)}")
+
+
+def print_comparison(found: ComparisonRecord) -> None:
+    """Print two designs side by side: the keys of the problems that differ, then what came of either.
+
+    Parameters
+    ----------
+    found : of both
+    """
+    console = Console(highlight=False, width=WIDEST)
+    table = Table(box=None, pad_edge=False)
+    for heading in ("", "", "A", "B", ""):
+        table.add_column(heading, no_wrap=True, justify="right" if heading in ("A", "B") else "left")
+    sides = (found.a, found.b)
+    for label, values in (
+        ("file", [side.source for side in sides]),
+        ("problem", [side.name for side in sides]),
+        ("status", [f"{side.status}, idle" if side.idle else side.status for side in sides]),
+    ):
+        table.add_row("", label, *(escape(printable(value)) for value in values), "")
+    for number, differs in enumerate(found.problem):
+        table.add_row("[dim]differs[/dim]" if number == 0 else "", differs.key, *map(_cell, (differs.a, differs.b)), "")
+    group = ""
+    for value in found.design:
+        shown = f"[dim]{value.group}[/dim]" if value.group != group else ""
+        table.add_row(
+            shown, escape(value.label), *(_cell(each, value.digits) for each in (value.a, value.b)), value.unit
+        )
+        group = value.group
+    with console.capture() as page:
+        console.print(table)
+    _write(console, page.get())
+    for name, side in zip("AB", sides, strict=True):
+        if side.reason:
+            console.print(escape(f"{name}: {printable(side.reason)}"), soft_wrap=True)
+
+
+def _cell(value: Any, digits: int = 8) -> str:
+    if isinstance(value, list) and len(value) != 2:
+        return escape(printable(str(value)))
+    return "-" if value is None else escape(printable(text(value, digits)))

@@ -1,0 +1,22 @@
+"""Verdicts as exit codes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from vctune.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from vctune.design.verdict.gains_check import CheckVerdict
+    from vctune.design.verdict.judge import Status
+
+
+def of_status(status: Status) -> ExitCode:
+    """Return what is told of a problem or a design."""
+    return {"certified": ExitCode.OK, "undecided": ExitCode.UNDECIDED}.get(status, ExitCode.FAILED)
+
+
+def of_check(result: CheckVerdict) -> ExitCode:
+    """Return what is told of a check."""
+    codes = {"passed": ExitCode.OK, "undecided": ExitCode.UNDECIDED, "bad input": ExitCode.BAD_INPUT}
+    return codes.get(result, ExitCode.FAILED)

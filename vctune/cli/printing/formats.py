@@ -1,0 +1,203 @@
+"""Checks as text, JSON, GitHub annotations, JUnit XML and SARIF 2.1.0."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+from xml.etree import ElementTree
+
+from vctune.design.verdict.gains_check import Checked, CheckVerdict
+from vctune.document.records.printed_json import NamedRecord, RefusalRecord
+from vctune.document.text.errors import printable
+from vctune.version import __version__
+
+WORDS = {
+    CheckVerdict.PASSED: "passed",
+    CheckVerdict.FAILED: "FAILED",
+    CheckVerdict.UNDECIDED: "undecided",
+    CheckVerdict.BAD_INPUT: "bad input",
+}
+
+
+def text(checks: list[Checked]) -> str:
+    """Return a line a check, and a summary when there are several."""
+    lines = []
+    for checked in checks:
+        message = checked.message if checked.finding is None else printable(checked.message)
+        where = "" if checked.finding is None else f"{printable(str(checked.source))}: "
+        why = "; fails for its warnings" if checked.failed_by_warnings else ""
+        lines.append(f"{WORDS[checked.result]:9}  {where}{message}{why}")
+        lines += [f"           warning: {warning}" for warning in checked.warnings]
+    if len(checks) > 1:
+        counts = {word: sum(WORDS[c.result] == word for c in checks) for word in WORDS.values()}
+        lines.append(", ".join(f"{count} {word}" for word, count in counts.items() if count))
+    return "\n".join(lines)
+
+
+def as_json(checks: list[Checked]) -> str:
+    """Return a list of the objects of design.json, or of what became of a region, or of why there is none."""
+    objects = [checked.finding.record() if checked.finding else _refused(checked) for checked in checks]
+    return json.dumps(objects, indent=2, allow_nan=False)
+
+
+def _refused(checked: Checked) -> dict[str, Any]:
+    return RefusalRecord(
+        problem=NamedRecord(name=printable(checked.name)),
+        source=printable(str(checked.source)),
+        line=checked.line,
+        status=None,
+        reason=checked.message,
+        warnings=[],
+    ).to_json()
+
+
+def github(checks: list[Checked]) -> str:
+    """Return workflow commands that annotate the lines of the files: the verdict of each check, then its warnings."""
+    levels = {CheckVerdict.PASSED: "notice", CheckVerdict.UNDECIDED: "warning"}
+    lines = []
+    for checked in checks:
+        place = (
+            f"file={_property(str(checked.source))},line={checked.line},title={_property('vctune: ' + checked.name)}"
+        )
+        lines.append(f"::{levels.get(checked.verdict, 'error')} {place}::{_data(checked.message)}")
+        lines += [f"::{_warning_level(checked)} {place}::{_data(warning)}" for warning in checked.warnings]
+    return "\n".join(lines)
+
+
+def _warning_level(checked: Checked) -> str:
+    return "error" if checked.strict else "warning"
+
+
+def _data(message: str) -> str:
+    return message.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+
+
+def _property(value: str) -> str:
+    return _data(value).replace(":", "%3A").replace(",", "%2C")
+
+
+def junit(checks: list[Checked]) -> str:
+    """Return JUnit XML, in the elements and attributes that Jenkins' schema knows: a test case a check."""
+    failed = [checked.result in (CheckVerdict.FAILED, CheckVerdict.UNDECIDED) for checked in checks]
+    broken = [checked.result is CheckVerdict.BAD_INPUT for checked in checks]
+    counts = {"tests": str(len(checks)), "failures": str(sum(failed)), "errors": str(sum(broken))}
+    root = ElementTree.Element("testsuites", counts)
+    suite = ElementTree.SubElement(root, "testsuite", {"name": "vctune check", **counts})
+    for checked, fails, breaks in zip(checks, failed, broken, strict=True):
+        source = printable(str(checked.source))
+        seconds = checked.finding.seconds if checked.finding else 0.0
+        case = {"classname": printable(checked.name), "name": source, "time": f"{seconds:.6f}"}
+        element = ElementTree.SubElement(suite, "testcase", case)
+        if fails or breaks:
+            said = _warning_lines(checked) if checked.failed_by_warnings else checked.message.splitlines()
+            message = "\n".join(printable(line) for line in said)
+            attributes = {"message": message, "type": WORDS[checked.result]}
+            problem = ElementTree.SubElement(element, "failure" if fails else "error", attributes)
+            problem.text = f"{source}:{checked.line}: {message}" if fails else message
+        if checked.warnings:
+            ElementTree.SubElement(element, "system-out").text = "\n".join(_warning_lines(checked))
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="us-ascii", xml_declaration=True).decode()
+
+
+def _warning_lines(checked: Checked) -> list[str]:
+    return [f"warning: {printable(warning)}" for warning in checked.warnings]
+
+
+WARNING = (
+    "warning",
+    "warning",
+    "The gains deserve a second look.",
+    "Whatever is proved, there is something that the designer should know: what limits the design, that it hardly uses "
+    "its velocity loop, or that it was made for another problem.",
+    "Read the message; `vctune check --strict` fails until there is none.",
+)
+RULES = {
+    CheckVerdict.FAILED: (
+        "violated",
+        "error",
+        "The gains violate a demand.",
+        "A demand fails at the frequency that the message names: in some passive hand or environment the device can "
+        "oscillate, or its loop is less robust than the problem asks.",
+        "Change the gain that the message names to the value it names, or solve the problem again.",
+    ),
+    CheckVerdict.UNDECIDED: (
+        "undecided",
+        "warning",
+        "The proof is undecided.",
+        "A demand is met or missed by so little that ball arithmetic cannot tell, or an axis was not looked at.",
+        "Move the gains away from the limit, lower the demand a little, or check the axis with a problem of its own.",
+    ),
+    CheckVerdict.BAD_INPUT: (
+        "bad-input",
+        "error",
+        "The file cannot be used.",
+        "The file cannot be read, or what it says is no problem and no gains that can be checked.",
+        "Correct the key on the line that the message names.",
+    ),
+}
+"""Of a warning and of a check that does not pass: rule id, level, short description, full description, help."""
+
+
+_RULES = [*RULES.values(), WARNING]
+
+
+def sarif(checks: list[Checked]) -> str:
+    """Return a SARIF 2.1.0 log with what GitHub code scanning requires: a result for each refusal and each warning."""
+    results = []
+    for checked in checks:
+        if rule := RULES.get(checked.verdict):
+            results.append(_result(checked, rule[0], rule[1], checked.message))
+        results += [_result(checked, WARNING[0], _warning_level(checked), warning) for warning in checked.warnings]
+    driver = {
+        "name": "vctune",
+        "version": __version__,
+        "rules": [
+            {
+                "id": rule,
+                "shortDescription": {"text": short},
+                "fullDescription": {"text": full},
+                "help": {"text": remedy},
+                "defaultConfiguration": {"level": level},
+            }
+            for rule, level, short, full, remedy in _RULES
+        ],
+    }
+    log = {
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "version": "2.1.0",
+        "runs": [{"tool": {"driver": driver}, "columnKind": "utf16CodeUnits", "results": results}],
+    }
+    return json.dumps(log, indent=2, allow_nan=False)
+
+
+def _result(checked: Checked, rule: str, level: str, message: str) -> dict[str, Any]:
+    place = {"artifactLocation": {"uri": _uri(checked.source)}, "region": {"startLine": checked.line}}
+    return {
+        "ruleId": rule,
+        "ruleIndex": [known for known, *_ in _RULES].index(rule),
+        "level": level,
+        "message": {"text": message},
+        "locations": [{"physicalLocation": place}],
+    }
+
+
+def _uri(path: Path) -> str:
+    """Return a URI reference (RFC 3986): relative for a file below the working folder, absolute for any other."""
+    here, absolute = Path.cwd(), Path(os.path.abspath(path))
+    if absolute.is_relative_to(here):
+        return quote(os.fsencode(absolute.relative_to(here).as_posix()))
+    return absolute.as_uri()
+
+
+FORMATS: dict[str, Callable[[list[Checked]], str]] = {
+    "text": text,
+    "json": as_json,
+    "github": github,
+    "junit": junit,
+    "sarif": sarif,
+}

@@ -1,0 +1,77 @@
+"""Data for stdout. A reader that has gone away is no failure of the command."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from vctune.document.text.codes import Code, coded
+from vctune.document.text.errors import printable
+
+if TYPE_CHECKING:
+    from vctune.model.problem import Problem
+
+
+@contextmanager
+def reader_may_leave() -> Iterator[None]:
+    """Print in this block; when the pipe is closed from the other end the rest is dropped."""
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def emit(text: str) -> None:
+    """Print a text to stdout."""
+    with reader_may_leave():
+        sys.stdout.write(text + "\n")
+
+
+def warn(code: Code, text: str) -> None:
+    """Say on stderr what the user should know beside the answer.
+
+    Parameters
+    ----------
+    code : what it is an instance of
+    text : what is said
+    """
+    click.echo(coded(printable(text), code), err=True)
+
+
+def warn_of_doubts(problem: Problem, *, quiet: bool) -> None:
+    """Say before the work what in a problem is probably not meant: what is meant otherwise need not be solved.
+
+    Parameters
+    ----------
+    problem : a valid one
+    quiet : whether people are told nothing
+    """
+    from vctune.document.schema.plausibility import doubts
+
+    for doubt in () if quiet else doubts(problem):
+        warn(doubt.code, doubt.text)
+
+
+def answer(style: str, quiet: bool, data: Callable[[], Any], people: Callable[[], object]) -> None:
+    """Print what came of a command.
+
+    Parameters
+    ----------
+    style : "json" for the object, "text" for people
+    quiet : whether people are told nothing
+    data : makes the object
+    people : prints it for them
+    """
+    if style == "json":
+        import json
+
+        emit(json.dumps(data(), indent=2, allow_nan=False))
+    elif not quiet:
+        with reader_may_leave():
+            people()

@@ -1,0 +1,43 @@
+"""A command that is run again whenever a file is saved."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NoReturn
+
+import click
+
+PAUSE = 0.2
+"""Between two looks at the file, s."""
+
+
+def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
+    """Run at once, and again each time that a file is saved, until Ctrl-C; what is wrong with the file is shown.
+
+    Parameters
+    ----------
+    path : of the file
+    run : is called
+    """
+    from vctune.document.text.errors import InputError
+
+    while True:
+        before = _stamp(path)
+        try:
+            run()
+        except InputError as error:
+            click.echo(str(error), err=True)
+        click.echo(f"waiting for {path} to be saved; Ctrl-C ends", err=True)
+        while _stamp(path) == before:
+            time.sleep(PAUSE)
+
+
+def _stamp(path: Path) -> tuple[int, int] | None:
+    """Return what changes when a file is saved; None while an editor has it away."""
+    try:
+        found = path.stat()
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size

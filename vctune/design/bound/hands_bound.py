@@ -1,0 +1,131 @@
+"""What hands ask of the coupling in the sampled loop, bounded over boxes of gains (design/bound/README.md, section 1).
+
+In a hand F and P are affine in the gains with constants of the angle and the hand (`vctune.model.sampled.hand_loop`), so that
+both sides of |F|^2 Re Z_c >= factor (-o/2) are quadratic in them; in any passive hand on an impedance display both
+sides are so of K_v (`vctune.model.sampled.any_hand`). Any set of places will do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vctune.design.bound.couplings import Offer, SeriesOffer, spring_offer
+from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
+from vctune.design.bound.quadratic_coefficients import Coefficients, joined, mapped, quadratic
+from vctune.design.bound.quadratics import LeastQuotient, lower, upper
+from vctune.model.device import Device
+from vctune.model.hands import Hand
+from vctune.model.loop.affine import Affine
+from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
+
+
+@dataclass(frozen=True, slots=True)
+class SampledConditions:
+    """The demand on the coupling in the sampled loop at some places, those of one device after another.
+
+    Attributes
+    ----------
+    offer : of the couplings there
+    required : R, of an impedance display R/s^2
+    """
+
+    offer: Offer
+    required: LeastQuotient
+
+    def least_required(self, boxes: DesignBoxes) -> tuple[Floats, Flags]:
+        """Return a lower bound of R where it is positive, shape (boxes, places), and the boxes that have none.
+
+        Those are the boxes in which at some place what R is over is negative throughout: some passive hand makes the
+        loop of K_v alone unstable.
+        """
+        middle = 0.5 * (boxes.low + boxes.high)
+        K_v, K_p = middle[K_V][:, None], middle[K_P][:, None]
+        guess = self.required.above.at(K_v, K_p) / self.required.below.at(K_v, K_p)
+        none = (self.required.below.greatest(boxes) < 0).any(axis=1)
+        return self.required.least(boxes, guess), np.asarray(none)
+
+
+def conditions_in_hands(devices: Sequence[Device], places: Floats) -> SampledConditions:
+    """Return the demand in hands at some places, on each of several devices.
+
+    Parameters
+    ----------
+    devices : known exactly
+    places : omega [rad/s] in [0, pi/T] and the numbers of a hand, shape (4, places)
+    """
+    angles = [_angles(device, places[0]) for device in devices]
+    each = [_in_hands(device, theta, places[1:]) for device, theta in zip(devices, angles, strict=True)]
+    return _conditions(devices, angles, each)
+
+
+def conditions_in_any_hand(devices: Sequence[Device], omega: Floats) -> SampledConditions:
+    """Return the demand in any passive hand on impedance displays, on each of several devices.
+
+    Parameters
+    ----------
+    devices : known exactly
+    omega : rad/s, in [0, pi/T]
+    """
+    angles = [_angles(device, omega) for device in devices]
+    each = [_in_any_hand(device, theta) for device, theta in zip(devices, angles, strict=True)]
+    return _conditions(devices, angles, each)
+
+
+def _angles(device: Device, omega: Floats) -> Floats:
+    return np.minimum(omega * device.sample_time, np.pi)
+
+
+def _conditions(
+    devices: Sequence[Device], angles: list[Floats], each: list[tuple[Coefficients, Coefficients]]
+) -> SampledConditions:
+    """Return the demand from what is lost and its size, of each device."""
+    lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
+    offer: Offer
+    if devices[0].renders_force:
+        offer = spring_offer(devices, angles)
+    else:
+        pairs = zip(devices, angles, strict=True)
+        offer = SeriesOffer(np.concatenate([np.tan(theta / 2) * (2 / device.sample_time) for device, theta in pairs]))
+    return SampledConditions(offer, LeastQuotient(lower(lost), upper(size), lower(size)))
+
+
+def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficients, Coefficients]:
+    """Return the coefficients of -o/2 and |F|^2."""
+    plant = plant_in_hand(device.bare.converted(decimal), Hand(*map(decimal, numbers)), delays_of(device), ENCLOSURES)
+    at, sin = loop_in_hand(plant, Enclosure(theta), ENCLOSURES), ENCLOSURES.sin(Enclosure(theta) / 2)
+
+    def parts(number: EvenOdd) -> Pair:
+        return Pair(number.even, number.odd)
+
+    def true(number: EvenOdd) -> Pair:
+        return Pair(number.even, sin * number.odd)
+
+    def loop(form: Callable[[EvenOdd], Pair]) -> Affine:
+        position = form(at.position) if isinstance(at, LoopInHand) else None
+        return Affine(form(at.open), form(at.velocity), position)
+
+    split, whole = loop(parts), loop(true)
+    if isinstance(at, LoopInHand):
+        P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
+    else:
+        P = Affine(parts(at.met), None, None)
+    lost = mapped(quadratic(im_conj_product, P, split, crossed=True), lambda x: -0.5 * x)
+    return lost, quadratic(re_conj_product, whole, whole, crossed=True)
+
+
+def _in_any_hand(device: Device, theta: Floats) -> tuple[Coefficients, Coefficients]:
+    """Return the coefficients of R/s^2's numerator and denominator."""
+    delays, at = delays_of(device), Enclosure(theta)
+    fractional = delays.loop_fractional
+    of = any_hand(device.converted(decimal), delays.loop, at, ENCLOSURES, fractional=fractional).of_velocity
+    zero = 0 * at
+    lost, slope, size_slope, size_square = (zero + x for x in of)
+    return (lost, (slope, zero), None, None), (1 + zero, (size_slope, zero), (size_square, zero), None)

@@ -1,0 +1,165 @@
+"""Coefficients of quadratics in the gains, from the constants of a loop that is affine in them.
+
+See design/bound/README.md, section 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from vctune.model.device import Device, stacked
+from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.transparency import Quotient
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
+
+Coefficients = tuple[
+    Enclosure, tuple[Enclosure, Enclosure] | None, tuple[Enclosure, Enclosure] | None, Enclosure | None
+]
+"""Of a quadratic: constant, linear, square, cross."""
+
+
+class Term(NamedTuple):
+    """A term |X|^2/|Y|^2 of the squared error, which is at least |along|^2/size.
+
+    Attributes
+    ----------
+    along : X conj X_0, with X_0 what X is with both gains 0
+    size : |X_0|^2 |Y|^2
+    """
+
+    along: Affine
+    size: Coefficients
+
+
+def quadratic(of: Callable[[Pair, Pair], Number], a: Affine, b: Affine, *, crossed: bool) -> Coefficients:
+    """Return the coefficients of a real product of two numbers that are affine in the gains.
+
+    Parameters
+    ----------
+    of : Re or Im of the first times the conjugate of the second
+    a, b : at the same frequencies; a coefficient is not there where both its factors are not
+    crossed : whether K_v and K_p contribute together, which they do not where their shares are at right angles
+    """
+
+    def product(*pairs: tuple[Pair | None, Pair | None]) -> Number:
+        found = [of(x, y) for x, y in pairs if x is not None and y is not None]
+        return sum(found[1:], start=found[0]) if found else None
+
+    def both(one: Number, two: Number) -> tuple[Number, Number] | None:
+        if one is None and two is None:
+            return None
+        return 0 * two if one is None else one, 0 * one if two is None else two
+
+    linear = both(
+        product((a.constant, b.velocity), (a.velocity, b.constant)),
+        product((a.constant, b.position), (a.position, b.constant)),
+    )
+    square = both(product((a.velocity, b.velocity)), product((a.position, b.position)))
+    cross = product((a.velocity, b.position), (a.position, b.velocity)) if crossed else None
+    constant = product((a.constant, b.constant))
+    if constant is None:
+        constant = 0 * (linear or square or (0.0,))[0]
+    return constant, linear, square, cross
+
+
+def error_term(of: Quotient, *, crossed: bool) -> Term:
+    """Return a term |X|^2/|Y|^2 at frequencies, of X that is X_0 with both gains 0.
+
+    Parameters
+    ----------
+    of : X and Y there
+    crossed : as in `quadratic`, of Y
+    """
+    X, Y = of.above, of.below
+    assert X.constant is not None
+    idle, weight = X.constant, X.constant.abs2()
+
+    def along(part: Pair | None) -> Pair | None:
+        return None if part is None else Pair(re_conj_product(part, idle), im_conj_product(part, idle))
+
+    Y2 = mapped(quadratic(re_conj_product, Y, Y, crossed=crossed), lambda x: weight * x)
+    return Term(Affine(Pair(weight, 0), along(X.velocity), along(X.position)), Y2)
+
+
+def mapped(coefficients: Coefficients, f: Callable[[Number], Number]) -> Coefficients:
+    """Return coefficients, each of those that are there mapped.
+
+    Parameters
+    ----------
+    coefficients : of a quadratic
+    f : of one of them; called in the order constant, linear, square, cross
+    """
+    constant, linear, square, cross = coefficients
+    return (
+        f(constant),
+        None if linear is None else (f(linear[0]), f(linear[1])),
+        None if square is None else (f(square[0]), f(square[1])),
+        None if cross is None else f(cross),
+    )
+
+
+def listed(term: Term) -> list[Number]:
+    """Return the numbers of a term that are there."""
+    found: list[Number] = []
+    for part in _pairs(term.along):
+        found += [] if part is None else [part.re, part.im]
+    mapped(term.size, found.append)
+    return found
+
+
+def replaced(term: Term, numbers: Iterable[Number]) -> Term:
+    """Return a term with other numbers in the place of those that are there.
+
+    Parameters
+    ----------
+    term : whose numbers that are not there are not there either
+    numbers : in the order of `listed`
+    """
+    found = iter(numbers)
+    along = (None if part is None else Pair(next(found), next(found)) for part in _pairs(term.along))
+    return Term(Affine(*along), mapped(term.size, lambda _: next(found)))
+
+
+def _pairs(affine: Affine) -> tuple[Pair | None, Pair | None, Pair | None]:
+    return affine.constant, affine.velocity, affine.position
+
+
+def concatenated(parts: Sequence[Sequence[Number]]) -> list[Number]:
+    """Return the same numbers of several devices, one after another; None where there is none.
+
+    Parameters
+    ----------
+    parts : for each device its numbers, enclosed, in the same order
+    """
+    return [
+        Enclosure(np.concatenate([x.mid for x in row]), np.concatenate([x.rad for x in row]))
+        for row in zip(*parts, strict=True)
+    ]
+
+
+def joined(parts: Sequence[Coefficients]) -> Coefficients:
+    """Return the same quadratic of several devices, one after another."""
+    rows: list[list[Number]] = [[] for _ in parts]
+    for row, part in zip(rows, parts, strict=True):
+        mapped(part, row.append)
+    found = iter(concatenated(rows))
+    return mapped(parts[0], lambda _: next(found))
+
+
+def repeated(devices: Sequence[Device], count: int) -> Device:
+    """Return devices as one whose numbers are arrays, each repeated so often; a single one as it is."""
+    if len(devices) == 1:
+        return devices[0]
+    return stacked([device for device in devices for _ in range(count)])
+
+
+def loop_at(device: Device, omega: Floats) -> LoopConstants:
+    """Return the constants of a device's loop, let go, at frequencies omega > 0, rad/s, enclosed."""
+    return loop_constants(device_response(device.bare.converted(decimal), Enclosure(omega), ENCLOSURES))

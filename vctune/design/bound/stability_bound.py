@@ -1,0 +1,82 @@
+"""Which boxes of designs have only stable loops, and which have none: proved, many at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vctune.design.bound.design_boxes import K_P, DesignBoxes
+from vctune.design.prepared import Posed
+from vctune.proof.claims.array_claims import Demands
+from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.boxes import Cells
+
+
+@dataclass(frozen=True, slots=True)
+class Stability:
+    """What is proved of the loops in each of n boxes of designs.
+
+    Attributes
+    ----------
+    stable : whether all of them are stable, shape (n,)
+    unstable : whether none is; neither where nothing is proved
+    boxes : how many boxes of frequency and gains that took
+    """
+
+    stable: Flags
+    unstable: Flags
+    boxes: int
+
+
+def proved_stability(posed: Posed, boxes: DesignBoxes) -> Stability:
+    """Return the boxes all of whose loops are proved stable, and those none of whose loops is.
+
+    A box whose K_p starts at 0 contains K_p = 0, which takes the position out of the loop, and is looked at twice.
+
+    Parameters
+    ----------
+    posed : the problem, whose devices' sampled loops, let go and in a hand, and frequency models are looked at as far
+        as they count
+    boxes : n boxes; only their gains matter
+    """
+    gains = np.concatenate((boxes.low[: K_P + 1], boxes.high[: K_P + 1]))
+    rectangles, rectangle_of = np.unique(gains, axis=1, return_inverse=True)  # boxes often share their gains
+    low, high = rectangles[:2], rectangles[2:]
+    found = _of_rectangles(posed, low, high)
+    face, count = (low[K_P] == 0) & (high[K_P] > 0), found.boxes
+    if face.any():
+        without_position = high[:, face] * np.array([[1.0], [0.0]])
+        at_face = _of_rectangles(posed, low[:, face], without_position)
+        found.stable[face] &= at_face.stable
+        found.unstable[face] &= at_face.unstable
+        count += at_face.boxes
+    rectangle_of = rectangle_of.ravel()
+    return Stability(found.stable[rectangle_of], found.unstable[rectangle_of], count)
+
+
+def _of_rectangles(posed: Posed, low: Floats, high: Floats) -> Stability:
+    """Return the same of rectangles of K_v and K_p, arrays of shape (2, n)."""
+    count, boxes = low.shape[1], 0
+    cells = Cells(*(np.concatenate((end, np.ones((3, count)))) for end in (low, high)))  # any coupling will do
+    stable, unstable = np.zeros(count, bool), np.zeros(count, bool)
+    for which in by_integrator(cells):
+        part = cells.subset(which)
+        devices = dict.fromkeys(case.device.modelled for case in posed.cases)
+        turns = [_turns(replace(posed.demands, device=device), part) for device in devices]
+        number = np.concatenate([of_device for of_device, _ in turns])
+        boxes += sum(taken for _, taken in turns)
+        stable[which] = (number == 0).all(axis=0)
+        unstable[which] = (np.isfinite(number) & (number != 0)).any(axis=0)
+    return Stability(stable, unstable, boxes)
+
+
+def _turns(demands: Demands, cells: Cells) -> tuple[Floats, int]:
+    """Return how often each curve that counts goes around 0, nan where not settled, and the boxes it took."""
+    found = encirclements(demands, cells)
+    boxes = int(found.boxes.sum() + found.throughout.sum())
+    if demands.hands is None:
+        return found.number, boxes
+    in_hand, taken = encirclements_in_hand(demands, cells)
+    return np.vstack((found.number, in_hand)), boxes + int(taken.sum())

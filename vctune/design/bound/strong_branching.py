@@ -1,0 +1,131 @@
+"""Strong branching: boxes are halved along every axis, and the halves of the axis that gains most are kept.
+
+The rule is that of Achterberg, Koch, Martin (2005), section 2: an axis is worth a weighted sum of what its worse and
+its better half gain,
+
+    score = min(gain_1, gain_2) + BETTER_HALF max(gain_1, gain_2),
+
+the worse half first, since it is what the box's bound becomes. Bounds stand for gains here: those of a box are the same
+for all of its axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.design.bound.design_boxes import K_P, Axis, DesignBoxes, halves
+from vctune.design.bound.lower_bounds import LowerBounds, lower_bounds, without_integrator
+from vctune.design.bound.nodes import OpenNodes, joined
+from vctune.design.bound.relaxation import Relaxation
+from vctune.model.problem import Problem
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+
+BETTER_HALF = 0.1
+"""What the better half counts against the worse, 0.2 in the paper's mixed-integer programs (mu = 1/6)."""
+LENGTH = 1e-2
+"""What the share of its axis that a box takes counts, against the incumbent's error: it decides where no axis gains
+anything yet, as at the root, and is less than a gain that matters. With 0 a search that gains nothing might halve one
+axis for ever."""
+DIGITS = 9
+"""Beyond which scores are the same, so that rounding, which differs between machines, does not choose an axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Halved:
+    """Boxes halved along the axis that was best for each.
+
+    Attributes
+    ----------
+    nodes : two for each box
+    along_gains : of these, which were halved along K_v or K_p, so that their loops may have become provably stable
+    worked_out : lower bounds that it took
+    """
+
+    nodes: OpenNodes
+    along_gains: Flags
+    worked_out: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """An axis along which all boxes are tried to be halved, and what its lower and upper halves come to."""
+
+    row: int
+    halves: tuple[DesignBoxes, DesignBoxes]
+    bounds: tuple[LowerBounds, LowerBounds]
+
+
+def halved(
+    relaxed: Relaxation, axes: Sequence[Axis], parents: OpenNodes, incumbent: float, pool: ThreadPoolExecutor
+) -> Halved:
+    """Halve boxes, each along the axis that raises the lower bound most; bound them again where there is none.
+
+    While no design is known that the bound could exclude, what counts is how near the boxes are to having none.
+
+    Parameters
+    ----------
+    relaxed : the problem
+    axes : of its designs, in the order of the rows of `DesignBoxes`
+    parents : the boxes
+    incumbent : error of the best design known, inf if none is
+    pool : threads
+    """
+    candidates = _candidates(relaxed, axes, parents.boxes, pool)
+    if not candidates:
+        error = np.maximum(lower_bounds(relaxed, parents.boxes).error, parents.bound)
+        return Halved(replace(parents, bound=error), np.zeros(len(parents), bool), len(parents))
+    best = _best_axis(axes, candidates, parents, incumbent)
+    children: list[OpenNodes] = []
+    along_gains: list[Flags] = []
+    for number, candidate in enumerate(candidates):
+        chosen = best == number
+        for half, bounds in zip(candidate.halves, candidate.bounds, strict=True):
+            error = np.maximum(bounds.error, parents.bound)
+            children.append(OpenNodes(half.subset(chosen), error[chosen], parents.stable[chosen]))
+            along_gains.append(np.full(len(children[-1]), candidate.row <= K_P))
+    return Halved(joined(children), np.concatenate(along_gains), 2 * len(candidates) * len(parents))
+
+
+def _candidates(
+    relaxed: Relaxation, axes: Sequence[Axis], boxes: DesignBoxes, pool: ThreadPoolExecutor
+) -> list[_Candidate]:
+    rows = [row for row, axis in enumerate(axes) if axis.low < axis.high]
+    pairs = [halves(axes[row], row, boxes) for row in rows]
+    tried = [_without_idle_position(relaxed.problem, half) for pair in pairs for half in pair]
+    bounds = list(pool.map(lambda half: lower_bounds(relaxed, half), tried))
+    return [
+        _Candidate(row, (tried[2 * k], tried[2 * k + 1]), (bounds[2 * k], bounds[2 * k + 1]))
+        for k, row in enumerate(rows)
+    ]
+
+
+def _best_axis(
+    axes: Sequence[Axis], candidates: list[_Candidate], parents: OpenNodes, incumbent: float
+) -> NDArray[np.intp]:
+    """Return which candidate is best for each box."""
+    most = 2 * incumbent if incumbent < inf else 1.0  # a half beyond is pruned, by however much
+    scores = []
+    for candidate in candidates:
+        one, two = (np.minimum(_worth(bounds, parents, incumbent), most) for bounds in candidate.bounds)
+        row = candidate.row
+        length = axes[row].share(parents.boxes.low[row], parents.boxes.high[row])
+        scores.append(np.minimum(one, two) + BETTER_HALF * np.maximum(one, two) + LENGTH * most * length)
+    best: NDArray[np.intp] = np.argmax(np.round(np.array(scores) / most, DIGITS), axis=0)
+    return best
+
+
+def _worth(bounds: LowerBounds, parents: OpenNodes, incumbent: float) -> Floats:
+    return np.maximum(bounds.error, parents.bound) if incumbent < inf else bounds.infeasibility
+
+
+def _without_idle_position(problem: Problem, boxes: DesignBoxes) -> DesignBoxes:
+    """Return the boxes without the K_p > 0 that no admissible design in them has, if they contain K_p = 0."""
+    high = boxes.high.copy()
+    high[K_P, (boxes.low[K_P] == 0) & without_integrator(problem, boxes)] = 0.0
+    return DesignBoxes(boxes.low, high)

@@ -1,0 +1,1 @@
+"""The NLP of a working set: its structure, its parameters, CasADi, IPOPT."""

@@ -1,0 +1,305 @@
+"""IPOPT on a compiled NLP: numbers for its parameters, bounds for its demands, its answer as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, inf, log, pi
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.sampled_loop import plant_of, pulse_transfer
+from vctune.design.nlp.nlp import compiled
+from vctune.design.nlp.nlp_parameters import (
+    STABILITY_CUT,
+    Layout,
+    device_numbers,
+    frequency_layout,
+    packed,
+    plant_numbers,
+    tables,
+)
+from vctune.design.nlp.nlp_structure import NlpStructure
+from vctune.design.prepared import Posed
+from vctune.design.result import Solution
+from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, WorkingSet, stacked
+from vctune.design.variables import Coordinate, Point
+from vctune.interrupt import interrupt_deferred
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import Pair
+from vctune.model.problem import Problem
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.impedance_display import Required, firmware_filter
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.transparency import TERMS, log_quadrature
+
+NEAR_SIDE = 1e-2
+"""Distance at which a point counts as on a side of a box: where the error is flat IPOPT stays off by its
+barrier. Counting as on a side costs a round; half takes some for optima that are on one, twice takes a round more."""
+TRACKING_REACH = 0.5
+"""How far the NLP may move a tracked peak of |S|, in log frequency: less than the distance of two peaks, which a delay
+puts a factor of two or so apart. Half takes more rounds, since an answer at the reach is not settled; with twice it may
+come down on another stationary point of |S|."""
+
+
+@dataclass(frozen=True, slots=True)
+class NlpNumbers:
+    """The numbers of an NLP.
+
+    Attributes
+    ----------
+    guess, low, high : where to start, and bounds of the variables
+    parameters : in the order of `nlp_parameters.tables`
+    least, most : bounds of the constraints; -inf for one that is not used
+    """
+
+    guess: Floats
+    parameters: Floats
+    low: Floats
+    high: Floats
+    least: Floats
+    most: Floats
+
+
+def numbers_of(
+    posed: Posed,
+    structure: NlpStructure,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    box: tuple[Floats, Floats],
+    working_set: WorkingSet,
+    tightening: float,
+) -> NlpNumbers:
+    """Return the numbers of the NLP of a dimensionless problem on a working set.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    structure : of the NLP
+    free : its n variables
+    start : the five numbers to start from; those that are not free stay
+    box : least and greatest coordinates, each of shape (n,)
+    working_set : where the demands are posed
+    tightening : relative amount by which the demands are sharpened, to leave room for rounding the result
+    """
+    low, high = (list(bound) for bound in box)
+    guess = [min(max(c.to_z(start[c.index]), lo), hi) for c, lo, hi in zip(free, low, high, strict=True)]
+    y = [log(point.omega) for point in working_set.tracked_peaks]
+    low += [at - TRACKING_REACH for at in y]
+    high += [min(at + TRACKING_REACH, log(pi)) for at in y]
+    guess += y
+    if structure.epigraph:
+        low, high, guess = [*low, -inf], [*high, inf], [*guess, 0.0]
+    least, most = _demands(posed.problem, structure, working_set, tightening)
+    parameters = _parameters(posed, structure, free, start, working_set, tightening)
+    return NlpNumbers(np.array(guess), parameters, np.array(low), np.array(high), least, most)
+
+
+def solve(structure: NlpStructure, given: NlpNumbers) -> Solution:
+    """Solve the NLP of a structure with the given numbers. Ctrl-C waits for IPOPT's answer.
+
+    Parameters
+    ----------
+    structure : of the NLP
+    given : its numbers, of `numbers_of` for the same structure
+
+    Returns
+    -------
+    Solution
+        Where IPOPT stopped, converged or not.
+    """
+    with interrupt_deferred():
+        solver = compiled(structure)
+        result = solver(
+            x0=given.guess, p=given.parameters, lbx=given.low, ubx=given.high, lbg=given.least, ubg=given.most
+        )
+        z, error, multipliers = (np.array(result[name]).ravel() for name in ("x", "f", "lam_g"))
+        stats = solver.stats()
+    first = len(structure.free)
+    peaks = slice(first, first + structure.tracked_peaks)
+    room = np.minimum(z[peaks] - given.low[peaks], given.high[peaks] - z[peaks])
+    return Solution(
+        z=z[:first],
+        error=float(np.exp(error[0])),
+        converged=stats["return_status"] in ("Solve_Succeeded", "Solved_To_Acceptable_Level"),
+        peak_tracked=bool(np.all(room > NEAR_SIDE)),
+        iterations=int(stats["iter_count"]),
+        others=z[first:],
+        multipliers=multipliers[given.least > -inf],
+    )
+
+
+def lagrangian(structure: NlpStructure, given: NlpNumbers, solution: Solution) -> float:
+    """Return the Lagrangian of an NLP at a guess, with the multipliers and the other unknowns of a solution.
+
+    Its derivative in whatever the numbers depend on is that of the least objective (the envelope theorem, Fiacco 1983).
+
+    Parameters
+    ----------
+    structure : of the NLP
+    given : its numbers; the free variables are those of the guess
+    solution : of an NLP of the same structure, with as many constraints in use
+
+    Returns
+    -------
+    float
+        Up to what the multipliers do to the bounds of the constraints, which is constant.
+    """
+    unknowns = np.concatenate((given.guess[: len(structure.free)], solution.others))
+    multipliers = np.zeros(given.least.shape)
+    multipliers[given.least > -inf] = solution.multipliers
+    solver = compiled(structure)
+    objective, constraints = (
+        np.array(solver.get_function(name)(unknowns, given.parameters)).ravel() for name in ("nlp_f", "nlp_g")
+    )
+    return float(objective[0] + multipliers @ constraints)
+
+
+def _parameters(
+    posed: Posed,
+    structure: NlpStructure,
+    free: tuple[Coordinate, ...],
+    start: Point,
+    working_set: WorkingSet,
+    tightening: float,
+) -> Floats:
+    band, position = posed.problem.transparency.band, structure.integrator
+    numbers = {"common": _common(posed.problem, structure, free, start)}
+    if structure.norm == "rms":
+        omega, weight = log_quadrature(band.min, band.max, structure.panels)
+        devices = [_at_frequencies(structure, case.device, omega) | {"weight": weight} for case in posed.objective]
+        numbers["node"] = {name: np.hstack([device[name] for device in devices]) for name in devices[0]}
+    if working_set.ratio:
+        numbers["ratio"] = _at_frequencies(structure, *stacked(working_set.ratio))
+    if working_set.sensitivity:
+        numbers["sensitivity"] = _pulse_transfer(working_set.sensitivity, position=position)
+    if working_set.stability:
+        numbers["stability"] = _by_name(STABILITY_CUT, working_set.stability)
+    if working_set.peak:
+        numbers["peak"] = _at_frequencies(structure, *stacked(working_set.peak))
+    if working_set.unmodelled:
+        radius = [unmodelled_radius(posed, point) for point in working_set.unmodelled]
+        found = _pulse_transfer(working_set.unmodelled, position=position)
+        numbers["unmodelled"] = found | {"log_radius": np.log(radius)}
+    if working_set.in_hand:
+        factor = posed.problem.stability.safety_factor * exp(max(tightening, TIGHTENING_IN_HANDS))
+        numbers["in_hand"] = _in_hands(working_set.in_hand) | {"factor": np.full(len(working_set.in_hand), factor)}
+    if working_set.tracked_peaks:
+        plants = [plant_numbers(plant_of(point.device)) for point in working_set.tracked_peaks]
+        numbers["tracked_peaks"] = {name: np.array([plant[name] for plant in plants]).T for name in plants[0]}
+    return packed(tables(structure), numbers)
+
+
+def unmodelled_radius(posed: Posed, point: ConstraintPoint) -> float:
+    """Return how far the device's response may be off at a dimensionless point.
+
+    Parameters
+    ----------
+    posed : dimensionless, with a disc of what is not modelled
+    point : its frequency counts, rad per sample time
+
+    Returns
+    -------
+    float
+        r, relative to the response.
+    """
+    assert posed.problem.uncertainty is not None
+    return float(FLOATS.interpolated(point.omega / (2 * pi), posed.problem.uncertainty.unmodelled))
+
+
+def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, ...], start: Point) -> dict[str, Any]:
+    device, weights, scales = problem.device, problem.transparency.weights, np.zeros(len(start))
+    for coordinate in free:
+        scales[coordinate.index] = coordinate.scale
+    common = {
+        "mass": device.motor_mass,
+        "damping": device.damping,
+        "scales": scales,
+        "fixed": start,
+        "weights": [getattr(weights, term) for term in TERMS],
+    }
+    if structure.operator_damping and device.operator is not None:
+        common |= {"operator_damping": device.operator.damping, "safety_factor": problem.stability.safety_factor}
+    return common
+
+
+def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
+    found = device_numbers(device_response(device, omega, FLOATS))
+    if structure.renders_force:
+        found |= _firmware_filter(device, omega)
+    return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
+
+
+def _pulse_transfer(points: Sequence[ConstraintPoint], *, position: bool) -> dict[str, Any]:
+    G_v, G_x = pulse_transfer(*stacked(points), position=position)
+    return {"re_G_v": G_v.real, "im_G_v": G_v.imag, "re_G_x": G_x.real, "im_G_x": G_x.imag}
+
+
+def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
+    """Return F by the names of `FIRMWARE_FILTER`; dimensionless, so that theta = omega."""
+    low_pass = firmware_filter(device, omega, FLOATS) or Pair(1.0, 0.0)
+    return {"low_pass_re": low_pass.re, "low_pass_im": low_pass.im}
+
+
+def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
+    """Return the loop in hands by the names of `LOOP_IN_HAND` or `FORCE_IN_HAND`; dimensionless: theta = omega."""
+    found = [_force_in_hand(at) if at.device.renders_force else _loop_in_hand(at) for at in points]
+    return {name: np.array([each[name] for each in found]).T for name in found[0]}
+
+
+def _loop_in_hand(at: ConstraintPoint) -> dict[str, Any]:
+    assert at.hand is not None
+    theta = min(at.omega, pi)
+    loop = loop_in_hand(plant_in_hand(at.device, at.hand, delays_of(at.device), FLOATS), theta, FLOATS)
+    parts = zip(loop._fields, loop, strict=True)
+    sides = {f"{name}_{side}": float(getattr(part, side)) for name, part in parts for side in ("even", "odd")}
+    return {"theta": theta, **sides}
+
+
+def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
+    """Return R of an impedance display from its values at K_v of 0, 1 and -1, which its polynomials follow from."""
+    theta = min(at.omega, pi)
+    without, plus, minus = (_required(at, Gains(K_v, 0.0), theta) for K_v in (0.0, 1.0, -1.0))
+    lost = without.lost, (plus.lost - minus.lost) / 2
+    size = without.size, (plus.size - minus.size) / 2, (plus.size + minus.size) / 2 - without.size
+    return {"theta": theta, **_firmware_filter(at.device, theta), "lost": lost, "size": size}
+
+
+def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:
+    delays = delays_of(at.device)
+    if at.hand is None:
+        return any_hand(at.device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional).required(gains)
+    return required_in_hand(loop_in_hand(plant_in_hand(at.device, at.hand, delays, FLOATS), theta, FLOATS), gains)
+
+
+def _by_name(layout: Layout, objects: Sequence[Any]) -> dict[str, Any]:
+    """Return the fields of objects, a column for each."""
+    return {name: np.array([getattr(each, name) for each in objects]).T for name in layout}
+
+
+def _demands(
+    problem: Problem, structure: NlpStructure, working_set: WorkingSet, tightening: float
+) -> tuple[Floats, Floats]:
+    stability = problem.stability
+    levels = (
+        log(stability.safety_factor) + tightening,
+        -log(stability.max_sensitivity) + tightening,
+        0.0,
+        0.0,
+        tightening,
+        0.0,
+    )
+    lower = [
+        np.where(np.arange(count) < used, level, -inf)
+        for count, used, level in zip(structure.capacities, working_set.sizes(), levels, strict=True)
+    ]
+    tracked = np.tile([levels[1], 0.0], structure.tracked_peaks)
+    mean_errors, peaks = structure.mean_errors, structure.tracked_peaks
+    upper = np.full(sum(structure.capacities), inf), np.tile([inf, 0.0], peaks), np.full(mean_errors, inf)
+    return np.concatenate((*lower, tracked, np.zeros(mean_errors))), np.concatenate(upper)

@@ -1,0 +1,308 @@
+"""The design problem on a finite set of frequencies as a CasADi NLP (design/README.md, section 7).
+
+Device, hold and delay enter as numbers per frequency, so that one compiled NLP serves every problem of its structure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from functools import lru_cache
+from io import StringIO
+from math import pi
+from typing import Any
+
+import casadi as ca
+
+from vctune.design.nlp.nlp_parameters import (
+    PERTURBED_LOOP,
+    PULSE_TRANSFER,
+    STABILITY_CUT,
+    Layout,
+    common_layout,
+    device_of,
+    frequency_layout,
+    plant_layout,
+    plant_of,
+    tables,
+    unpacked,
+)
+from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
+from vctune.design.variables import coupling_from
+from vctune.interrupt import interrupt_deferred
+from vctune.model.coupling import coupling_impedance, sampled_resistance
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper, series_coupling
+from vctune.model.loop.llewellyn import modulus_excess
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.sampled.hand_loop import LoopInHand, required_in_hand
+from vctune.model.sampled.impedance_display import offered_by_spring, spring_damper_admittance
+from vctune.model.sampled.velocity_loop import return_difference, sensitivity_abs2
+from vctune.model.transparency import PANEL_NODES, TERMS, loop_terms, squared_terms
+
+OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "calc_lam_p": False,
+    "expand": True,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.tol": 1e-9,
+    "ipopt.nlp_scaling_method": "none",
+    "ipopt.max_iter": 100,
+    "ipopt.mu_init": 1e-3,
+    "ipopt.mumps_pivot_order": 0,
+    "ipopt.barrier_tol_factor": 100.0,
+    "ipopt.constr_mult_init_max": 0.0,
+    "ipopt.mumps_permuting_scaling": 0,
+    "ipopt.mumps_scaling": 0,
+    "ipopt.min_refinement_steps": 0,
+    "ipopt.max_refinement_steps": 1,
+}
+"""Multipliers of the parameters are nobody's question, and CasADi warns on stderr where one is not finite. The last six
+are for speed: some thirty well scaled equations need no scaling, and no exact barrier problems."""
+
+
+class _SymbolArithmetic:
+    """CasADi symbols."""
+
+    pi = pi
+    precision = 2.0**-53
+    arrays = None
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(ca.SX(x).is_zero())
+
+    sqrt = staticmethod(ca.sqrt)
+    exp = staticmethod(ca.exp)
+    sin = staticmethod(ca.sin)
+    cos = staticmethod(ca.cos)
+
+    @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return ca.sqrt(re * re + im * im)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return ca.sin(x) / x
+
+    @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        return (1 - ca.sin(x) / x) / (x * x)
+
+    @staticmethod
+    def phi_1(x: Number) -> Number:
+        return (1 - ca.exp(-x)) / x
+
+    @staticmethod
+    def phi_2(x: Number) -> Number:
+        return (x - 1 + ca.exp(-x)) / (x * x)
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        return ca.if_else(x > 0, yes(), no())
+
+    @staticmethod
+    def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
+        raise NotImplementedError("a symbol is between no two points")
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return 0.0
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        raise NotImplementedError("a symbol has no size")
+
+
+SYMBOLS: Arithmetic = _SymbolArithmetic()
+
+
+@lru_cache(maxsize=1)
+def ipopt_version() -> str:
+    """Return the version that IPOPT's banner names; CasADi does not say it elsewhere."""
+    banner = StringIO()
+    x = ca.SX.sym("x")
+    quiet: dict[str, Any] = {"print_time": False, "ipopt.sb": "yes", "ipopt.print_level": 5, "ipopt.max_iter": 0}
+    with interrupt_deferred(), redirect_stdout(banner):
+        ca.nlpsol("banner", "ipopt", {"x": x, "f": x * x}, quiet)(x0=0)
+    found = re.search(r"Ipopt version (\d[\d.]*\d)", banner.getvalue())
+    return found[1] if found else "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class _AtOneFrequency:
+    """The NLP's building blocks as symbols: one frequency each, to be mapped over all of them.
+
+    Attributes
+    ----------
+    z, common, epigraph : free variables, parameters common to all frequencies, epigraph variable
+    inputs, values : per kind of frequency, its parameters and the objective's share or the constraint's value
+    """
+
+    z: ca.SX
+    common: ca.SX
+    epigraph: ca.SX
+    inputs: dict[str, ca.SX]
+    values: dict[str, Number]
+
+
+def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
+    z, epigraph, weight, y = ca.SX.sym("z", len(structure.free)), ca.SX.sym("t"), ca.SX.sym("weight"), ca.SX.sym("y")
+    common_column, common = _symbols("common", common_layout(structure))
+    frequency_column, frequency = _symbols("frequency", frequency_layout(structure))
+    pulse_column, pulse = _symbols("pulse", PULSE_TRANSFER)
+    perturbed_column, perturbed = _symbols("perturbed", PERTURBED_LOOP)
+    cut_column, cut = _symbols("cut", STABILITY_CUT)
+    held_column, held = _symbols("held", tables(structure)["in_hand"].layout)
+    plant_column, plant = _symbols("plant", plant_layout(structure))
+
+    gains, coupling = _design(structure, z, common)
+    operator = common["operator_damping"] if structure.operator_damping else None
+    at, renders_force = device_of(structure, common | frequency, operator), structure.renders_force
+    loop, response = loop_response(at, gains, SYMBOLS), _coupling_response(coupling, frequency)
+    of_loop = loop_terms(loop, at, renders_force=renders_force)
+    squares = squared_terms(of_loop, response, 1.0, renders_force=renders_force)
+    weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
+    error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
+    offered = 2 * loop.resistance * response.re
+    if loop.operator_relief is not None:  # R may be negative and has no logarithm then
+        offered += common["safety_factor"] * loop.operator_relief
+    L, perturbed_L = _loop_gain(structure, gains, pulse), _loop_gain(structure, gains, perturbed)
+    sampled = plant_of(structure, {name: ca.vertsplit(column) for name, column in plant.items()})
+    on_peak = return_difference(sampled, ca.exp(y), SYMBOLS, position=structure.integrator)
+    log_peak = ca.log(sensitivity_abs2(on_peak, gains)) / 2
+    return _AtOneFrequency(
+        z,
+        common_column,
+        epigraph,
+        inputs={
+            "node": ca.vertcat(frequency_column, weight),
+            "ratio": frequency_column,
+            "sensitivity": pulse_column,
+            "stability": cut_column,
+            "peak": frequency_column,
+            "unmodelled": perturbed_column,
+            "in_hand": held_column,
+            "tracked_peaks": ca.vertcat(y, plant_column),
+        },
+        values={
+            "node": weight * error2,
+            "ratio": ca.log(offered) - ca.log(modulus_excess(loop, SYMBOLS)),
+            "sensitivity": ca.log(Pair(1 + L.re, L.im).abs2()) / 2,
+            "stability": cut["open"] + gains.velocity * cut["velocity"] + gains.position * cut["position"],
+            "peak": epigraph - ca.log(error2) / 2,
+            "unmodelled": _room(perturbed_L) - perturbed["log_radius"],
+            "in_hand": _margin_in_hand(held, gains, coupling),
+            "tracked_peaks": ca.vertcat(-log_peak, ca.gradient(log_peak, y)),
+        },
+    )
+
+
+def _loop_gain(structure: NlpStructure, gains: Gains, pulse: dict[str, ca.SX]) -> Pair:
+    """Return L = K_v G_v + K_p G_x of the sampled loop, so that S = 1/(1 + L)."""
+    L = Pair(pulse["re_G_v"], pulse["im_G_v"]).scaled(gains.velocity)
+    return L + Pair(pulse["re_G_x"], pulse["im_G_x"]).scaled(gains.position) if structure.integrator else L
+
+
+def _room(L: Pair) -> Number:
+    """Return -log |1 - S|: the logarithm of how far the device's response may be off."""
+    return (ca.log(Pair(1 + L.re, L.im).abs2()) - ca.log(L.abs2())) / 2
+
+
+SCALE_IN_HAND = 0.05
+"""Re Z_c, in Z_0, above which the demand in a hand is one of logarithms, and below one of differences: R may be 0 or
+negative there. Half and twice it take as many iterations."""
+
+
+def _coupling_response(coupling: AnyCoupling, frequency: dict[str, ca.SX]) -> Pair:
+    """Return Z_c, or of an impedance display 1/Z_c; dimensionless, so that theta = omega."""
+    if isinstance(coupling, SpringDamper):
+        return spring_damper_admittance(coupling, 1.0, _low_pass(frequency), frequency["omega"], SYMBOLS)
+    return coupling_impedance(series_coupling(coupling), frequency["omega"])
+
+
+def _low_pass(numbers: dict[str, ca.SX]) -> Pair:
+    return Pair(numbers["low_pass_re"], numbers["low_pass_im"])
+
+
+def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling) -> Number:
+    """Return a function of Re Z_c that rises, less that of factor R; of an impedance display of Re(1/Z_c)/s^2."""
+    if isinstance(coupling, SpringDamper):
+        (l_0, l_1), (q_0, q_1, q_2), K_v = ca.vertsplit(held["lost"]), ca.vertsplit(held["size"]), gains.velocity
+        required = (l_0 + l_1 * K_v) / (q_0 + K_v * (q_1 + q_2 * K_v))
+        wanted = ca.fmax(held["factor"] * required, required)  # no multiple of a negative R does
+        offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
+        return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
+    sine = ca.sin(held["theta"] / 2)
+    parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
+    required = required_in_hand(LoopInHand(*parts), gains)
+    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
+    wanted = held["factor"] * required.lost / required.size
+    return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
+
+
+def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:
+    """Return a column of symbols, and its parts by name."""
+    column = ca.SX.sym(name, sum(layout.values()))
+    return column, unpacked(layout, column)
+
+
+def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tuple[Gains, AnyCoupling]:
+    values = ca.vertsplit(common["fixed"])
+    for k, (index, from_zero) in enumerate(structure.free):
+        values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
+    K_v, K_p, *of_coupling = values
+    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(of_coupling)
+
+
+@lru_cache(maxsize=16)
+def compiled(structure: NlpStructure) -> ca.Function:
+    """Return the solver of a structure."""
+    return ca.nlpsol("design", "ipopt", assembled(structure), OPTIONS)
+
+
+def assembled(structure: NlpStructure) -> dict[str, ca.MX]:
+    """Return the NLP of a structure.
+
+    Returns
+    -------
+    dict
+        x, f, g and p as `casadi.nlpsol` wants them: the free coordinates, log frequencies of tracked peaks and the
+        epigraph variable; log(error); constraints in the order of `DEMANDS`, then those of tracked peaks, then those of
+        the errors in the mean; parameters as `nlp_parameters.packed` packs them.
+    """
+    one = _at_one_frequency(structure)
+    columns = {name: ca.MX.sym(name, table.rows, table.columns) for name, table in tables(structure).items()}
+    z, common, y = ca.MX.sym("z", len(structure.free)), columns["common"], ca.MX.sym("y", structure.tracked_peaks)
+    epigraph = ca.MX.sym("t") if structure.epigraph else ca.MX(0)
+
+    def at_each(kind: str, inputs: ca.MX) -> ca.MX:
+        arguments = [one.z, one.common, one.epigraph, one.inputs[kind]]
+        value = ca.Function(kind, arguments, [one.values[kind]])
+        return value.map(inputs.columns())(z, common, epigraph, inputs)
+
+    errors = [_mean_errors(structure, at_each("node", columns["node"]).T)] if structure.norm == "rms" else []
+    demands = [at_each(kind, columns[kind]).T for kind in DEMANDS if columns[kind].columns()]
+    if structure.tracked_peaks:
+        demands.append(ca.vec(at_each("tracked_peaks", ca.vertcat(y.T, columns["tracked_peaks"]))))
+    if structure.epigraph:
+        unknowns, objective = ca.vertcat(z, y, epigraph), epigraph
+        demands += [epigraph - error for error in errors if structure.mean_errors]
+    else:
+        unknowns, objective = ca.vertcat(z, y), errors[0]
+    parameters = ca.vertcat(*(ca.vec(table) for table in columns.values()))
+    return {"x": unknowns, "f": objective, "g": ca.vertcat(*demands), "p": parameters}
+
+
+def _mean_errors(structure: NlpStructure, squares: ca.MX) -> ca.MX:
+    """Return the logarithm of the error in the mean for each device that counts, from the squares at all nodes."""
+    devices = structure.objective_devices
+    if devices > 1:
+        squares = ca.reshape(squares, PANEL_NODES * structure.panels, devices)
+    return ca.log(ca.sum1(squares)).T / 2

@@ -1,0 +1,197 @@
+"""The parameters of an NLP by name: the one layout of what CasADi's symbols are taken from and numbers are put into.
+
+The parameters are tables, one after another, each column by column: `common` with one column, and one table for each
+kind of frequency with a column for each. A layout gives the rows of a table their names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
+from vctune.design.variables import NAMES, SPRING_NAMES
+from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spring
+from vctune.model.loop.filters import FilterResponse
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.hand_loop import LoopInHand
+from vctune.model.sampled.velocity_loop import SampledPlant
+from vctune.model.transparency import PANEL_NODES, TERMS
+
+PARTS: dict[str, Any] = {"estimate": FilterResponse, "sensor": FilterResponse, "spring": Spring, "factor": Pair}
+"""What a `DeviceResponse` may have beside an ideal device, by its fields."""
+Layout = dict[str, int]
+"""How many rows each name has, in order."""
+
+PULSE_TRANSFER: Layout = {"re_G_v": 1, "im_G_v": 1, "re_G_x": 1, "im_G_x": 1}
+"""From force to velocity and to position in the sampled loop, at a frequency of |S|."""
+PERTURBED_LOOP: Layout = {**PULSE_TRANSFER, "log_radius": 1}
+"""The same, and how far the device's response may be off there."""
+LOOP_IN_HAND: Layout = {"theta": 1, "factor": 1} | {
+    f"{part}_{side}": 1 for part in LoopInHand._fields for side in ("even", "odd")
+}
+"""The loop in a hand at an angle, and the least Re Z_c / R."""
+FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
+"""F, the firmware's low-passes, which the coupling of an impedance display meets."""
+FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
+"""Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
+"""The fields of `Cut`."""
+
+
+def common_layout(structure: NlpStructure) -> Layout:
+    """Return the rows of what all frequencies have in common.
+
+    The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
+    where an operator eases the conditions, its damping and the safety factor.
+    """
+    numbers = len(SPRING_NAMES if structure.renders_force else NAMES)
+    layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
+    return layout | ({"operator_damping": 1, "safety_factor": 1} if structure.operator_damping else {})
+
+
+def frequency_layout(structure: NlpStructure) -> Layout:
+    """Return the rows of a frequency: omega, the drive, the device's parts and, where devices differ, its numbers."""
+    layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
+    layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
+    layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}
+    return layout | (FIRMWARE_FILTER if structure.renders_force else {})
+
+
+def plant_layout(structure: NlpStructure) -> Layout:
+    """Return the rows of a sampled plant, for a tracked peak of |S|, whose frequency is not known beforehand."""
+    order = structure.order
+    velocity = order + 1 if structure.differenced else order
+    taps = {"velocity_newer": velocity, "velocity_older": velocity}
+    taps |= {"position_newer": order + 1, "position_older": order + 1}
+    return {"open": order, **taps, "whole_samples": 1} | ({"low_pass": 1} if structure.low_passes else {})
+
+
+def device_numbers(at: DeviceResponse) -> dict[str, Any]:
+    """Return what a device contributes at frequencies by the names of `frequency_layout`, what is not there left out.
+
+    A handle's own damping is 0, since no device whose demands are posed has a hand as a part of it.
+    """
+    numbers = {"omega": at.omega, "drive_re": at.drive.re, "drive_lag": at.drive.lag}
+    numbers |= {"mass": at.mass, "damping": at.damping}
+    for name in PARTS:
+        part = getattr(at, name)
+        for field in fields(part) if part is not None else ():
+            number = getattr(part, field.name)
+            numbers[f"{name}_{field.name}"] = 0.0 if number is None else number
+    return numbers
+
+
+def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -> DeviceResponse:
+    """Return the device at a frequency from symbols by name, the other way round.
+
+    Parameters
+    ----------
+    structure : of the NLP
+    numbers : by the names of `common_layout` and, of more weight, of `frequency_layout`
+    operator : damping of the least operator; None without one
+    """
+    parts = {
+        name: PARTS[name](**{field.name: numbers[f"{name}_{field.name}"] for field in fields(PARTS[name])})
+        for name in structure.parts
+    }
+    drive = DriveResponse(numbers["drive_re"], numbers["drive_lag"])
+    return DeviceResponse(numbers["omega"], numbers["mass"], numbers["damping"], drive, operator=operator, **parts)
+
+
+def plant_numbers(plant: SampledPlant) -> dict[str, Any]:
+    """Return a sampled plant by the names of `plant_layout`."""
+    (v_0, v_1), (x_0, x_1) = plant.velocity, plant.position
+    taps = {"velocity_newer": v_0, "velocity_older": v_1, "position_newer": x_0, "position_older": x_1}
+    low_pass = {} if plant.low_pass is None else {"low_pass": plant.low_pass}
+    return {"open": plant.open, **taps, "whole_samples": plant.whole_samples, **low_pass}
+
+
+def plant_of(structure: NlpStructure, rows: dict[str, Sequence[Any]]) -> SampledPlant:
+    """Return a sampled plant from symbols by name, those of a name in order, the other way round.
+
+    Parameters
+    ----------
+    structure : of the NLP
+    rows : by the names of `plant_layout`
+    """
+    return SampledPlant(
+        open=tuple(rows["open"]),
+        velocity=(tuple(rows["velocity_newer"]), tuple(rows["velocity_older"])),
+        position=(tuple(rows["position_newer"]), tuple(rows["position_older"])),
+        whole_samples=rows["whole_samples"][0],
+        fractional=True,
+        low_pass=rows["low_pass"][0] if structure.low_passes else None,
+        order=structure.low_passes,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A part of the parameters.
+
+    Attributes
+    ----------
+    layout : names of its rows
+    columns : how many columns it has
+    """
+
+    layout: Layout
+    columns: int
+
+    @property
+    def rows(self) -> int:
+        """How many rows it has."""
+        return sum(self.layout.values())
+
+
+def tables(structure: NlpStructure) -> dict[str, Table]:
+    """Return the parts of an NLP's parameters by name, in their order."""
+    frequency = frequency_layout(structure)
+    in_hand = FORCE_IN_HAND if structure.renders_force else LOOP_IN_HAND
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand)
+    demands = {
+        name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
+    }
+    nodes = PANEL_NODES * structure.panels * structure.objective_devices
+    return {
+        "common": Table(common_layout(structure), 1),
+        "node": Table({**frequency, "weight": 1}, nodes),
+        **demands,
+        "tracked_peaks": Table(plant_layout(structure), structure.tracked_peaks),
+    }
+
+
+def unpacked(layout: Layout, column: Any) -> dict[str, Any]:
+    """Return the parts of a column, numbers or symbols, by name.
+
+    Parameters
+    ----------
+    layout : of the column's table
+    column : with a row for each of the layout's
+    """
+    ends = np.cumsum([*layout.values()]).tolist()
+    return {name: column[end - count : end] for (name, count), end in zip(layout.items(), ends, strict=True)}
+
+
+def packed(parts: dict[str, Table], numbers: dict[str, dict[str, Any]]) -> Floats:
+    """Return the parameters as one array.
+
+    Parameters
+    ----------
+    parts : of `tables`
+    numbers : for each table that has columns, and each of its names, an array of shape (columns,) or (rows, columns);
+        columns that are not used repeat the last one, those of a table without numbers are 0
+    """
+    return np.concatenate([_packed(table, numbers.get(name)) for name, table in parts.items()])
+
+
+def _packed(table: Table, numbers: dict[str, Any] | None) -> Floats:
+    if numbers is None:
+        return np.zeros(table.rows * table.columns)
+    known = np.vstack([np.reshape(numbers[name], (count, -1)) for name, count in table.layout.items()])
+    return known[:, np.minimum(np.arange(table.columns), known.shape[1] - 1)].ravel(order="F")

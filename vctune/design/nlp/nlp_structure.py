@@ -1,0 +1,120 @@
+"""What the NLP of a problem contains: plain data, known without CasADi."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.design.prepared import Posed
+from vctune.design.search.working_set import WorkingSet
+from vctune.design.variables import Coordinate
+from vctune.model.device import Device, VelocityEstimate
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Norm
+from vctune.model.transparency import TERMS, TermName
+
+DEMANDS = ("ratio", "sensitivity", "stability", "peak", "unmodelled", "in_hand")
+"""Kinds of constraint, in the order of `NlpStructure.capacities`."""
+CAPACITY_STEPS = (12, 12, 4, 12, 12, 12)
+"""Room for each kind of constraint comes in multiples of this, and open bounds switch off what is not used, so that a
+growing working set rarely needs another solver. Compiling one takes tens of milliseconds, an unused constraint some
+microseconds: half as many means more compiling, twice as many slower iterations; the answers are the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class NlpStructure:
+    """What an NLP contains; two problems of one structure share one compiled solver.
+
+    Attributes
+    ----------
+    renders_force : whether the device is an impedance display
+    free : (index among a design's numbers, whether it may be 0) for each variable
+    integrator : whether the law has its K_p/s term
+    terms : terms of the error with a positive weight
+    norm : "rms" or "peak" (an epigraph variable is added)
+    panels : panels of the quadrature, 0 for "peak"
+    capacities : how many constraints of each of `DEMANDS` there is room for
+    tracked_peaks : number of peaks of |S| whose frequencies are variables
+    operator_damping : whether the damping of an operator eases the conditions
+    parts : what the device has beside an ideal one, fields of `DeviceResponse`
+    order : of the sampled device, 1 if ideal
+    differenced, low_passes : whether the velocity is a difference of positions; how many low-passes it goes through
+    uncertain : whether the demands are posed at several devices, whose numbers then come with each frequency
+    objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
+    """
+
+    renders_force: bool
+    free: tuple[tuple[int, bool], ...]
+    integrator: bool
+    terms: tuple[TermName, ...]
+    norm: Norm
+    panels: int
+    capacities: tuple[int, ...]
+    tracked_peaks: int
+    operator_damping: bool
+    parts: tuple[str, ...]
+    order: int
+    differenced: bool
+    low_passes: int
+    uncertain: bool
+    objective_devices: int
+
+    @property
+    def epigraph(self) -> bool:
+        """Whether the objective is the greatest of several values."""
+        return self.norm == "peak" or self.mean_errors > 0
+
+    @property
+    def mean_errors(self) -> int:
+        """Number of constraints that keep a device's error in the mean below the epigraph."""
+        return self.objective_devices if self.objective_devices > 1 else 0
+
+    @property
+    def variables(self) -> int:
+        """Number of variables: free gains, frequencies of tracked peaks, epigraph."""
+        return len(self.free) + self.tracked_peaks + self.epigraph
+
+
+def nlp_structure(
+    posed: Posed, free: tuple[Coordinate, ...], working_set: WorkingSet, panels: int, *, integrator: bool
+) -> NlpStructure:
+    """Return what the NLP of a problem on a working set contains; what cannot act is not in it.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    free : its variables
+    working_set : where the demands are posed
+    panels : of the quadrature of the error
+    integrator : whether K_p > 0
+    """
+    problem, weights = posed.problem, posed.problem.transparency.weights
+    actuator, estimate = problem.device.actuator, problem.device.velocity or VelocityEstimate()
+    ratio, sensitivity, stability, *others = (
+        -(-used // step) * step for used, step in zip(working_set.sizes(), CAPACITY_STEPS, strict=True)
+    )
+    if sensitivity > 0:  # where |S| can bind the stability boundary is near
+        stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
+    return NlpStructure(
+        renders_force=problem.device.renders_force,
+        free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
+        integrator=integrator,
+        terms=tuple(term for term in TERMS if getattr(weights, term) > 0),
+        norm=problem.transparency.norm,
+        panels=panels if problem.transparency.norm == "rms" else 0,
+        capacities=(ratio, sensitivity, stability, *others),
+        tracked_peaks=len(working_set.tracked_peaks),
+        operator_damping=problem.device.operator is not None and problem.device.operator.damping > 0,
+        parts=_parts(problem.device),
+        order=1 + (actuator.order if actuator is not None else 0) + (2 if problem.device.structure is not None else 0),
+        differenced=estimate.source == "difference",
+        low_passes=estimate.filter_order if estimate.filter_hz is not None else 0,
+        uncertain=problem.uncertainty is not None,
+        objective_devices=len(posed.objective) if problem.transparency.norm == "rms" else 1,
+    )
+
+
+def _parts(device: Device) -> tuple[str, ...]:
+    """Return the fields of `DeviceResponse` that a device has beside an ideal one."""
+    at = device_response(device, 1.0, FLOATS)
+    return tuple(name for name in ("estimate", "sensor", "spring", "factor") if getattr(at, name) is not None)

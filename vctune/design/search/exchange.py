@@ -1,0 +1,318 @@
+"""IPOPT on a few frequencies; where its answer fails joins the few (an exchange method, design/README.md, section 6).
+
+Everything is local to a start: each NLP is confined to a box in log coordinates around the last point whose loop is
+stable, because the demands on single frequencies are also met by unstable loops that lie beyond |S| = inf.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import exp, inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import least_ratios
+from vctune.design.nlp.ipopt import NEAR_SIDE, numbers_of, solve
+from vctune.design.nlp.nlp_structure import nlp_structure
+from vctune.design.prepared import Posed, with_device
+from vctune.design.result import Polished, Round
+from vctune.design.search.scan import ScanResult
+from vctune.design.search.shapes import softened
+from vctune.design.search.stabilise import add_stability_cut, stabilised, stable
+from vctune.design.search.start import Start
+from vctune.design.search.violations import Violations, near_peak, of_own_loops, violations
+from vctune.design.search.working_set import ConstraintPoint, WorkingSet, constraint_points
+from vctune.design.variables import Coordinate, Point, coordinates, design_of, point, ranges
+from vctune.model.problem import Problem
+from vctune.running import OutOfTimeError, check_time
+
+# tests/design/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
+
+TIGHTENING = 1e-6
+"""By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The
+error grows by about as much; where it is too little the proof's witness sharpens tenfold."""
+ROUNDS = 40
+"""NLPs in an exchange at most; one to three are usual. Half cuts off creeps along a boundary, twice waits for them."""
+RADIUS = 2.0
+"""Half the width of the first and the widest trust box in log coordinates: a factor of 7 about the start, which is near
+a local minimum. Twice as wide IPOPT comes down beyond |S| = inf more often, half as wide it takes another round."""
+GROWTH = 2.0
+"""By what the box grows after an answer that is worth something; it is halved after any other."""
+NEARER = 0.8
+"""An answer that misses the demands by less than this share of what the last one did is worth something: the box then
+holds no admissible design yet, as where the scan has missed a sharp resonance. Half stops on the way to that of a
+display of hardly any damping, 0.9 finds it in as many rounds."""
+LEAST_RADIUS = 1e-3
+"""Where the box has shrunk to 0.1 % the exchange ends: basins are told apart to that. Half or twice is a round."""
+FIRST_FREQUENCIES = 9
+"""Log-spaced frequencies of each demand to begin with: enough that the first answer violates no demand grossly. What is
+missing joins; half takes a round or two more, twice makes every round slower."""
+PANELS = 4
+MAX_PANELS = 256
+"""Panels of eight nodes of the error's quadrature at first and at most: doubled until the NLP knows its error to
+`OBJECTIVE_TOLERANCE`. Half to begin with is another round, half at most is too few for an undamped resonance."""
+OBJECTIVE_TOLERANCE = {"rms": 1e-7, "peak": 1e-4}
+"""By what share the NLP's objective may miss the error of its answer. Of norm "peak" every round gains a factor of
+only three or four, since the greatest error moves with the gains: 1e-5 would cost 5 % of all time. Half or twice is
+that much of error."""
+UPHILL = 1e-4
+"""By what share an answer must be worse than a known design to count as one of another basin: beyond what the
+tightening and IPOPT's own tolerance explain, and well below 0.1 %, by which basins are worth telling apart."""
+
+
+def polish(
+    posed: Posed,
+    start: Start,
+    scanned: ScanResult,
+    *,
+    incumbent: float = inf,
+    tightening: float = TIGHTENING,
+    witnesses: WorkingSet | None = None,
+    demands: WorkingSet | None = None,
+) -> Polished | None:
+    """Improve a start to a local optimum of the semi-infinite problem; None if nothing admissible is found.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    start : from the scan
+    scanned : what the scan saw, which decides which demands the NLP begins with
+    incumbent : give up once the error cannot get below this: more frequencies only raise it
+    tightening : relative sharpening of the demands
+    witnesses : points that a proof has refuted, to begin with
+    demands : to begin with in the place of the local extrema at the start: those of an optimum that it is
+
+    Returns
+    -------
+    Polished or None
+        Dimensionless; admissible in double precision, with the demands sharpened, and not proved. At the end of the
+        time limit it is the best by then.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit has passed and there is none yet.
+    """
+    witnesses, cases = witnesses or WorkingSet(), list(posed.cases)
+    seen = (*witnesses.ratio, *witnesses.sensitivity, *witnesses.unmodelled, *witnesses.in_hand)
+    refuted = dict.fromkeys(point.device for point in seen)
+    known = {case.device for case in cases}
+    cases += [with_device(posed.problem, device) for device in refuted if device not in known]
+    reference = stabilised(posed.problem, cases, start)
+    if reference is None:
+        return None
+    working_set = demands.copy() if demands is not None else _first_working_set(posed, start, scanned)
+    _add_violated(
+        working_set,
+        Violations(witnesses.ratio, witnesses.sensitivity, unmodelled=witnesses.unmodelled, in_hand=witnesses.in_hand),
+    )
+    _track_peak(working_set, near_peak(cases, design_of(reference)[0]))
+    held = witnesses.in_hand
+    search = _Search(
+        start, cases, held, tightening, incumbent, working_set, reference, reference, reference, RADIUS, PANELS
+    )
+    while len(search.rounds) < ROUNDS and search.radius >= LEAST_RADIUS and not search.finished:
+        try:
+            check_time()
+            _step(posed, search)
+        except OutOfTimeError:
+            if search.best is None:
+                raise
+            break
+    return search.best
+
+
+@dataclass(slots=True)
+class _Search:
+    """Where a polish stands.
+
+    Attributes
+    ----------
+    cases : the devices at which the demands are posed
+    witnesses : points in hands that a proof has refuted
+    reference : the last point with sound loops, centre of the box
+    warm_start : where IPOPT starts
+    radius : half the box's width in log coordinates
+    known, known_error : the best admissible design that is known, an answer or the start
+    missed : by what the last answer missed the demands at most
+    start_examined : whether the start was looked at for that
+    unstable : whether the last answer was: one cut may do, after two in a row the box is too wide
+    """
+
+    start: Start
+    cases: list[Problem]
+    witnesses: list[ConstraintPoint]
+    tightening: float
+    incumbent: float
+    working_set: WorkingSet
+    reference: Point
+    warm_start: Point
+    known: Point
+    radius: float
+    panels: int
+    rounds: list[Round] = field(default_factory=list)
+    best: Polished | None = None
+    known_error: float = inf
+    missed: float = 0.0
+    start_examined: bool = False
+    unstable: bool = False
+    finished: bool = False
+
+
+def _step(posed: Posed, search: _Search) -> None:
+    """Solve one NLP, see what its answer is worth, and prepare the next."""
+    problem, working_set, integrator = posed.problem, search.working_set, search.start.gains.position > 0
+    tolerance = OBJECTIVE_TOLERANCE[problem.transparency.norm]
+    free = coordinates(problem, integrator=integrator)
+    structure = nlp_structure(posed, free, working_set, search.panels, integrator=integrator)
+    box = _box(free, search.reference, search.radius)
+    solution = solve(
+        structure, numbers_of(posed, structure, free, search.warm_start, box, working_set, search.tightening)
+    )
+    values = _values(free, solution.z, search.reference)
+    gains = design_of(values)[0]
+    unstable = next((case for case in of_own_loops(search.cases) if not stable(case, gains)), None)
+    settled = solution.converged and solution.peak_tracked and not _at_box(free, solution.z, box)
+    search.finished = unstable is None and settled and solution.error > (1 - tolerance) * search.incumbent
+    if search.finished:
+        return
+    demands = violations(posed, search.cases, values, search.tightening, search.witnesses)
+    search.rounds.append(Round(sum(working_set.sizes()), solution))
+    if unstable is not None:
+        cut = add_stability_cut(unstable, working_set, design_of(search.reference)[0], gains)
+        if not cut or search.unstable:
+            search.radius /= 2
+        search.unstable, search.warm_start = True, search.reference
+        return
+    search.unstable = False
+    asked = working_set.copy()
+    _track_peak(working_set, demands.near_peak)
+    joined, admissible = _add_violated(working_set, demands), demands.positive and demands.greatest == 0
+    uphill = False
+    if admissible:
+        error = posed.error(*design_of(values))
+        _examine_start(posed, search, error)
+        uphill = error > (1 + UPHILL) * search.known_error
+        _remember(search, values, error)
+        design = Polished(search.start, values, error, structure, asked, solution, search.tightening, search.rounds)
+        search.best = min(search.best or design, design, key=lambda each: each.error)
+        search.finished = settled and not uphill and not _sharper_objective(problem, search, design, joined=joined)
+    if uphill:
+        search.reference = search.known
+    elif demands.positive:
+        search.reference = values
+    search.warm_start = search.reference
+    nearer, search.missed = demands.positive and demands.greatest < NEARER * search.missed, demands.greatest
+    progress = not uphill and (joined or nearer or (admissible and solution.converged))
+    search.radius = min(search.radius * GROWTH, RADIUS) if progress else search.radius / 2
+
+
+def _examine_start(posed: Posed, search: _Search, error: float) -> None:
+    """Get to know the start, its coupling raised by what it lacks, if it may be better than an admissible answer.
+
+    IPOPT begins by moving away from bounds, and from a start on one it may come down in another basin, above the start.
+    """
+    if search.start_examined or not (1 + UPHILL) * search.start.error < error:
+        return
+    search.start_examined = True
+    gains, coupling = search.start.gains, search.start.coupling
+    demands = violations(posed, search.cases, point(gains, coupling), search.tightening, search.witnesses)
+    more = exp(demands.greatest + search.tightening) if demands.greatest > 0 else 1.0
+    raised = softened(coupling, more)
+    at_raised = point(gains, raised)
+    bounded = all(each.min <= x <= each.max for each, x in zip(ranges(posed.problem), at_raised, strict=True))
+    sound = all(stable(case, gains) for case in of_own_loops(search.cases))
+    if sound and demands.positive and not demands.sensitivity and bounded:
+        _remember(search, at_raised, posed.error(gains, raised))
+
+
+def _remember(search: _Search, values: Point, error: float) -> None:
+    if error < search.known_error:
+        search.known, search.known_error = values, error
+
+
+def _sharper_objective(problem: Problem, search: _Search, design: Polished, *, joined: bool) -> bool:
+    """Return whether the next NLP has a sharper objective, which is wanted where it misses its own answer's error.
+
+    Of norm "rms" it has more panels of its quadrature; of norm "peak" the frequencies of the greatest errors, if any
+    was new: an NLP that knows none of them understates the error, and its optimum is none.
+    """
+    norm = problem.transparency.norm
+    error = min(design.error, search.best.error) if norm == "peak" and search.best else design.error
+    if abs(design.solution.error - error) <= OBJECTIVE_TOLERANCE[norm] * error:
+        return False
+    if norm == "peak":
+        return joined
+    search.panels *= 2
+    return search.panels <= MAX_PANELS
+
+
+def _first_working_set(posed: Posed, start: Start, scanned: ScanResult) -> WorkingSet:
+    """Return a coarse set with the local extrema at the start; demands that nothing in the scan came near stay out."""
+    problem, coarse = posed.problem, np.geomspace(*posed.span, FIRST_FREQUENCIES)
+    first = WorkingSet()
+    if problem.passive and (problem.bounds.velocity.max > 0 or start.gains.position > 0):
+        first.ratio.extend(constraint_points(problem.device, coarse))
+    if scanned.peak_sensitivity > problem.stability.max_sensitivity:
+        upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
+        first.sensitivity.extend(constraint_points(problem.device, upto))
+    if problem.uncertainty is not None and problem.uncertainty.unmodelled:
+        upto = np.geomspace(problem.nyquist * 1e-2, problem.nyquist, FIRST_FREQUENCIES)
+        first.unmodelled.extend(constraint_points(problem.device, upto))
+    worst = least_ratios(problem, start.gains, start.coupling)
+    first.in_hand.extend(ConstraintPoint(at.omega, problem.device, at.hand) for at in worst)
+    if problem.transparency.norm == "peak":
+        band = problem.transparency.band
+        first.peak.extend(constraint_points(problem.device, np.geomspace(band.min, band.max, FIRST_FREQUENCIES)))
+    return first
+
+
+def _box(free: tuple[Coordinate, ...], reference: Point, radius: float) -> tuple[Floats, Floats]:
+    centre = [c.to_z(reference[c.index]) for c in free]
+    low = np.array([max(c.low, z - radius) for c, z in zip(free, centre, strict=True)])
+    high = np.array([min(c.high, z + radius) for c, z in zip(free, centre, strict=True)])
+    return np.minimum(low, high), high
+
+
+def _at_box(free: tuple[Coordinate, ...], z: Floats, box: tuple[Floats, Floats]) -> bool:
+    """Return whether the point lies on a side of the box that is not a bound of the problem."""
+    return any(
+        (z[k] - box[0][k] < NEAR_SIDE and box[0][k] > c.low) or (box[1][k] - z[k] < NEAR_SIDE and box[1][k] < c.high)
+        for k, c in enumerate(free)
+    )
+
+
+def _values(free: tuple[Coordinate, ...], z: Floats, fixed: Point) -> Point:
+    values = list(fixed)
+    for coordinate, at in zip(free, z, strict=True):
+        values[coordinate.index] = coordinate.to_x(float(at))
+    return tuple(values)
+
+
+def _track_peak(working_set: WorkingSet, peak: ConstraintPoint | None) -> None:
+    """Track the peak of |S| while it is near its limit: a fixed frequency is soon left by the peak."""
+    working_set.tracked_peaks[:] = [] if peak is None else [peak]
+
+
+def _add_violated(working_set: WorkingSet, demands: Violations) -> bool:
+    """Add violated points to the working set; return whether any was new."""
+    added = [
+        _add(working_set.ratio, demands.ratio),
+        _add(working_set.sensitivity, demands.sensitivity),
+        _add(working_set.peak, demands.peak),
+        _add(working_set.unmodelled, demands.unmodelled),
+        _add(working_set.in_hand, demands.in_hand),
+    ]
+    return any(added)
+
+
+def _add(known: list[ConstraintPoint], candidates: list[ConstraintPoint]) -> bool:
+    new = [point for point in candidates if not any(_same(point, other) for other in known)]
+    known.extend(new)
+    return bool(new)
+
+
+def _same(point: ConstraintPoint, other: ConstraintPoint) -> bool:
+    near = abs(point.omega - other.omega) <= 1e-7 * other.omega
+    return near and point.device == other.device and point.hand == other.hand

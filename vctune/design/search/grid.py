@@ -1,0 +1,330 @@
+"""The demands and the error over a grid of designs, the coupling in closed form.
+
+For given K_v, K_p, b_0 and tau_c = m_c/b_c the least admissible b_c is a maximum over frequency,
+
+    b_c >= (safety_factor R - b_0) (1 + 1/(omega tau_c)^2),
+
+and the error grows with b_c: designs are points (K_v, corner, tau_c, b_0), with corner = K_p/(b + K_v), the frequency
+below which the integral action outweighs the rest. Everything here is dimensionless (Z_0 = T = 1), on a fixed set of
+frequencies, and an estimate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf, prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.prepared import Posed
+from vctune.design.search.feasibility import Kinds, LoopFeasibility, loop_feasibility, spread
+from vctune.design.search.samples import Samples, samples_of
+from vctune.design.search.shapes import scale_limits, scale_per_resistance, time_constants, unit_response
+from vctune.design.search.start import Missed
+from vctune.model.gains import Gains
+from vctune.model.loop.impedances import LoopResponse
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem, Range
+from vctune.model.transparency import loop_terms
+from vctune.running import check_time
+
+COUNTS = {"velocity": 28, "position": 18, "time_constant": 30, "drag": 13}
+"""Least number of points of each axis.
+
+A basin has to show as a local minimum, no more: the limits of the gains and the refinement find its place. Half as many
+K_v, corners or time constants cost no reference problem and no basin of the tests more than 0.1 %, so that there is a
+factor of two in reserve; with half as many drags one of them gets twice the error. Twice as many of any find nothing
+better.
+"""
+PER_DECADE = 3.5
+"""Least number of corners, and of time constants, in a decade: what `COUNTS` are on usual bounds, kept on wide ones."""
+LOOPS_AT_ONCE = 160
+"""Loops whose arrays, a hundred frequencies each, stay in the processor's cache; of no consequence but speed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """The grid's axes: K_v, corner of the integral action, tau_c, b_0; several grids at once along leading axes."""
+
+    velocity: Floats
+    corner: Floats
+    time_constant: Floats
+    drag: Floats
+
+    def each(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return the axes in order."""
+        return self.velocity, self.corner, self.time_constant, self.drag
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """What designs are worth, in lexicographic order: what they miss, by how much, their error, their coupling.
+
+    Arrays of one shape; on a grid its axes are K_v, corner, tau_c, b_0.
+
+    Attributes
+    ----------
+    missed : gravest demand that is missed
+    violation : by how much, 0 where nothing is
+    error : transparency error where nothing is missed, else inf
+    damping : least scale within the bounds, which decides between equals where the coupling costs nothing
+    """
+
+    missed: Kinds
+    violation: Floats
+    error: Floats
+    damping: Floats
+
+    def __getitem__(self, index: Any) -> Scores:
+        """Return the scores of a part of the designs."""
+        return Scores(self.missed[index], self.violation[index], self.error[index], self.damping[index])
+
+    def rank(self, at: tuple[int, ...]) -> tuple[int, float, float]:
+        """Return what one design is compared by, except for its coupling."""
+        return int(self.missed[at]), float(self.violation[at]), float(self.error[at])
+
+    def lowest(self) -> tuple[NDArray[np.intp], ...]:
+        """Return where the best design of each entry of the first axis stands, an array of indices for each axis."""
+        shape = len(self.error), prod(self.error.shape[1:])
+        missed, *others = (v.reshape(shape) for v in (self.missed, self.violation, self.error, self.damping))
+        among = missed == missed.min(axis=1, keepdims=True)
+        for values in others:
+            left = np.where(among, values, inf)
+            among &= left == left.min(axis=1, keepdims=True)
+        return np.arange(len(missed)), *np.unravel_index(among.argmax(axis=1), self.error.shape[1:])
+
+    def ranks(self) -> Floats:
+        """Return one number for each design: its error, or where nothing is admissible its place in the order."""
+        if np.isfinite(self.error).any():
+            return self.error
+        missed, violation = self.missed.ravel(), self.violation.ravel()
+        order = np.lexsort((violation, missed))
+        rises = (np.diff(missed[order]) > 0) | (np.diff(violation[order]) > 0)
+        places = np.empty(order.size)
+        places[order] = np.concatenate(([0], np.cumsum(rises)))[: order.size]
+        return places.reshape(self.error.shape)
+
+
+@lru_cache(maxsize=4)
+def axes(posed: Posed, *, integral: bool) -> Axes:
+    """Return the coarse grid of a problem with or without an integrator.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    integral : whether K_p > 0; without it the one corner is 0
+
+    Returns
+    -------
+    Axes
+        Of one grid, each increasing.
+    """
+    problem, (low, high) = posed.problem, posed.span
+    device, bounds = problem.device, problem.bounds
+    loop_impedance = device.mass / device.loop_lag + device.damping
+    corner = np.array([0.0])
+    if integral and bounds.position.fixed:
+        corner = np.array([1 / device.loop_lag])
+    elif integral:
+        # far below the band there is no integral action in it; above 1/lag Re D < 0 at low frequency: b + K_v < lag K_p
+        slowest, fastest = 1e-2 * problem.transparency.band.min, 2 / device.loop_lag
+        corner = np.geomspace(slowest, fastest, _count("position", slowest, fastest))
+    shortest, longest = time_constants(problem, low, high)
+    tau_c = np.array([shortest])
+    if longest > shortest:
+        tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
+    if device.renders_force and bounds.damping.min == 0 < longest:
+        tau_c = np.append(0.0, tau_c)  # a spring alone
+    # below, K_v is hardly a loop and the drag no error: the next point is the least there may be, if not 0 itself
+    K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
+    return Axes(K_v, corner, tau_c, _axis(bounds.drag, COUNTS["drag"], 1e-3))
+
+
+def _count(name: str, low: float, high: float) -> int:
+    return max(COUNTS[name], int(PER_DECADE * np.log10(high / low)))
+
+
+def _axis(bounds: Range, count: int, floor: float) -> Floats:
+    """Return a logarithmic grid over the bounds; a range from 0 or far below `floor` starts with its end and `floor`.
+
+    A low end other than 0 comes on top of the count: it makes the grid above no coarser.
+    """
+    if bounds.fixed:
+        return np.array([bounds.min])
+    floor = min(floor, bounds.max / 10)
+    if bounds.min >= floor / 2:
+        return np.clip(np.geomspace(bounds.min, bounds.max, count), bounds.min, bounds.max)
+    return np.concatenate(([bounds.min], np.geomspace(floor, bounds.max, count - (bounds.min == 0))))
+
+
+def position_gain(problem: Problem, K_v: Floats, corner: Floats) -> Floats:
+    """Return K_p of a corner frequency, within its bounds; 0 where there is no integrator.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    K_v : array
+    corner : K_p/(b + K_v), an array that broadcasts against K_v
+
+    Returns
+    -------
+    array of float
+        Of the shape of both.
+    """
+    bounds = problem.bounds.position
+    K_p = np.clip((problem.device.damping + K_v) * corner, bounds.min, bounds.max)
+    return np.where(corner > 0, K_p, 0.0)
+
+
+def evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
+    """Score every design of a grid, or of several grids along leading axes, and the loops behind them.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    samples : where to look
+    at : the axes of the grids
+
+    Returns
+    -------
+    tuple of Scores and LoopFeasibility
+        Of shape (..., K_v, corner, tau_c, b_0), and (..., K_v, corner).
+    """
+    rows = max(1, LOOPS_AT_ONCE // at.corner.shape[-1])
+    if at.velocity.ndim > 1 or at.velocity.size <= rows:
+        return _evaluated(problem, samples, at)
+    starts = range(0, at.velocity.size, rows)
+    parts = [_evaluated(problem, samples, replace(at, velocity=at.velocity[i : i + rows])) for i in starts]
+    scores, loops = zip(*parts, strict=True)
+    return Scores(*_joined(scores)), LoopFeasibility(*_joined(loops))
+
+
+def _joined(parts: tuple[Any, ...]) -> list[Any]:
+    """Return the arrays of parts of a grid, each as one along the first axis."""
+    return [np.concatenate([getattr(part, name) for part in parts]) for name in parts[0].__slots__]
+
+
+def _evaluated(problem: Problem, samples: Samples, at: Axes) -> tuple[Scores, LoopFeasibility]:
+    check_time()
+    K_v, corner = at.velocity[..., :, None], at.corner[..., None, :]
+    gains = Gains(K_v, position_gain(problem, K_v, corner))
+    bands = responses(samples, gains)
+    loops = loop_feasibility(problem, samples, gains, bands)
+    return _scores(problem, samples, gains, bands, loops, at), loops
+
+
+def least_errors(posed: Posed, gains: Gains) -> Floats:
+    """Return the least error of any admissible coupling, inf where there is none.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    gains : K_v and K_p, arrays of two dimensions
+    """
+    problem, samples = posed.problem, samples_of(posed, integrator=bool(np.any(gains.position)))
+    at, bands = axes(posed, integral=samples.integrator), responses(samples, gains)
+    loops = loop_feasibility(problem, samples, gains, bands)
+    least: Floats = _scores(problem, samples, gains, bands, loops, at).error.min(axis=(2, 3))
+    return least
+
+
+def _scores(
+    problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], loops: LoopFeasibility, at: Axes
+) -> Scores:
+    damping, excess = _least_damping(problem, samples, gains, bands, at)
+    loop_missed = loops.missed[..., None, None]
+    missed = np.where((loop_missed == Missed.NOTHING) & (excess > 0), np.int8(Missed.COUPLING), loop_missed)
+    violation = np.where(loop_missed > Missed.NOTHING, loops.violation[..., None, None], excess)
+    error = np.where(missed == Missed.NOTHING, _error(problem, samples, gains, damping, at), inf)
+    return Scores(missed, violation, error, damping)
+
+
+def responses(samples: Samples, gains: Gains) -> list[LoopResponse]:
+    """Return the response of loops at the samples of the stability band, on each device.
+
+    Parameters
+    ----------
+    samples : where to look
+    gains : dimensionless arrays that fit each other
+
+    Returns
+    -------
+    list of LoopResponse
+        One for each device of `samples.everywhere`, of the gains' shape with the frequencies as last axis.
+    """
+    return [there.band.response(spread(gains)) for there in samples.everywhere]
+
+
+def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tuple[Floats, Floats]:
+    """Return the places at which a Re Z_c is required, and the greatest R there.
+
+    They are the frequencies of the coupling as it runs, or of an impedance display theta, and its R is R/s^2.
+    """
+    places = []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if samples.band.omega.size:
+            needs = [np.where(band.resistance > 0, required_resistance(band, FLOATS), 0.0) for band in bands]
+            places.append((samples.band.omega, np.maximum.reduce(needs)))
+        each = Gains(gains.velocity[..., None, None], gains.position[..., None, None])
+        at_angles: dict[bytes, tuple[Floats, list[Floats]]] = {}  # a structure is looked at where it resonates
+        for held in (hands for there in samples.everywhere for hands in there.in_hand):
+            need = np.nan_to_num(held.required(each), nan=0.0).max(axis=-2)
+            at_angles.setdefault(held.theta.tobytes(), (held.theta, []))[1].append(need)
+        for theta, needs in at_angles.values():
+            half = theta / 2
+            slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)
+            places.append((theta if samples.device.renders_force else 2 * slope, np.maximum.reduce(needs)))
+    omega, required = zip(*places, strict=True)
+    return np.concatenate(omega), np.concatenate(required, axis=-1)
+
+
+def _least_damping(
+    problem: Problem, samples: Samples, gains: Gains, bands: list[LoopResponse], at: Axes
+) -> tuple[Floats, Floats]:
+    """Return the least scale within the bounds, b_c or 1/k_c, and log(how far it exceeds the upper one)."""
+    factor = problem.stability.safety_factor
+    place, required = _required(samples, gains, bands)
+    b_c = np.empty((*required.shape[:-1], at.time_constant.shape[-1], at.drag.shape[-1]))
+    relative = scale_per_resistance(problem.device, place, at.time_constant[..., None])
+    for k in range(at.drag.shape[-1]):
+        demand = np.maximum(factor * required - at.drag[..., k, None, None, None], 0.0)
+        for i in range(at.time_constant.shape[-1]):
+            b_c[..., i, k] = (demand * relative[..., i, None, None, :]).max(axis=-1)
+    least, most = scale_limits(problem, at.time_constant[..., None, None, :, None])
+    b_c = np.maximum(b_c, least)
+    slack = 1 + 1e-9
+    return b_c, np.where(b_c > most * slack, np.log(b_c / np.maximum(most, 1e-300)), 0.0)
+
+
+def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at: Axes) -> Floats:
+    """Return the transparency error; |Z_c|^2 = (b_0 + b_c u)^2 + (b_c v)^2, or |1/Z_c|^2 without b_0."""
+    averages, weights = samples.averages, problem.transparency.weights
+    counted = samples.everywhere[: samples.objective]
+    loops = [there.nodes.response(spread(gains)) for there in counted]
+    terms = [
+        loop_terms(loop, there.nodes.device, renders_force=problem.device.renders_force)
+        for loop, there in zip(loops, counted, strict=True)
+    ]
+    error2 = [weights.admittance**2 * each.admittance + weights.tracking**2 * each.tracking for each in terms]
+    u, v = unit_response(problem.device, samples.nodes.omega, at.time_constant[..., None])
+    weight = weights.coupling**2
+    drag = at.drag[..., None, None, None, :]
+    if problem.transparency.norm == "rms":
+        mean_u, mean_2 = (_mean(of, averages)[..., None, None, :, None] for of in (u, u * u + v * v))
+        Z_c2 = drag * drag + 2 * drag * damping * mean_u + damping**2 * mean_2
+        mean = np.maximum.reduce([_mean(each, averages) for each in error2])
+        return np.sqrt(mean[..., None, None] + weight * Z_c2)
+    b_c, u, v = damping[..., None], u[..., None, None, :, None, :], v[..., None, None, :, None, :]
+    Z_c2 = (drag[..., None] + b_c * u) ** 2 + (b_c * v) ** 2
+    return np.sqrt((np.maximum.reduce(error2)[..., None, None, :] + weight * Z_c2).max(axis=-1))
+
+
+def _mean(values: Floats, averages: Floats) -> Floats:
+    """Return averages over the last axis, without BLAS, whose sums depend on its number of threads."""
+    mean: Floats = np.einsum("...k,k->...", values, averages)
+    return mean

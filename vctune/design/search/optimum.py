@@ -1,0 +1,350 @@
+"""The best proved design that the optimiser finds: starts polished, rounded, proved (design/README.md, section 8)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from vctune.analysis.in_hands import least_ratio_near
+from vctune.design.prepared import Prepared, prepare
+from vctune.design.result import Polished
+from vctune.design.search.exchange import TIGHTENING, polish
+from vctune.design.search.rounding import DIGITS, rounded
+from vctune.design.search.scan import ScanResult, better_start_near, in_same_basin, scan, start_at
+from vctune.design.search.start import Start
+from vctune.design.search.theorems import impossible
+from vctune.design.search.working_set import ConstraintPoint, WorkingSet
+from vctune.design.variables import design_of, point
+from vctune.design.verdict.judge import Judgement, Status, judge_posed
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Problem, Range
+from vctune.model.transparency import Terms
+from vctune.proof.certificate import Claim
+from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.running import OutOfTimeError, check_time, out_of_time, seconds_left, time_limit
+
+WORTH_POLISHING = 1.05
+"""A start is polished if its scanned error is at most this much above the best polished one: about what the refined
+grid may miss of a local minimum. With less a start is passed over that polishing would have made the best, with more
+starts are polished that do not win."""
+PROOF_ROUNDS, MORE_DIGITS = 4, 2
+"""How often a refuted optimum is polished again, and how many digits more are then written. With 4 rounds the demands
+are sharpened up to 1e-3, where a design costs 0.1 % more than it must. Half gives up designs that a third round proves,
+twice tries what costs more than another start."""
+LONG_SHOTS = 2
+"""How many starts are polished when none is admissible: the nearest misses may be admissible between the points of the
+grid. One would bet on the scan's order, more cost time before the search of every box begins, which finds them too."""
+NEARLY = 0.1
+"""A start that misses a demand by more than this share is not polished where only an opinion is wanted: the grid's
+refined spacing is half of that. Half misses repairs that are there, twice polishes in vain."""
+PROOF_BOXES = 300_000
+"""Boxes of proofs in vain after which a design that is undecided stays so, and none is tried sharper or from another
+start: hands that resonate far above Nyquist are never resolved. Half tries once, twice waits for a third in vain."""
+NEW_HANDS = 12
+"""How many hands that only the proof knows an optimum is polished with: a resonance above Nyquist is met in a few hands
+of the box alone. Half and twice as many: the same designs; with none a device sampled at 20 Hz has none."""
+SHARPENING, DECIDABLE = 10.0, 1e-3
+"""By what the demands are tightened again where a proof refutes a design, and at least to what where it cannot decide:
+the boxes that it takes grow with the inverse of what is left to spare. Twice costs error, at most in proportion; half
+costs proofs."""
+
+SEARCH, PROOF = "the search", "the proof"
+"""What a time limit may cut short."""
+SEARCHING = 0.6
+"""The share of a time limit within which starts are polished once one has led to an optimum: a proof takes about as
+long as a polish. Half finds worse designs, all of it proves none."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Optimum:
+    """What the optimiser finds.
+
+    Attributes
+    ----------
+    judgement : of the best design that is proved, or failing that of one that is undecided; None if there is neither
+    polished : the local optimum it was rounded from
+    optima : how many local optima were found
+    seconds : of polishing and of proving
+    cut : what the time limit cut short
+    """
+
+    judgement: Judgement | None
+    polished: Polished | None
+    optima: int
+    seconds: dict[str, float]
+    cut: tuple[str, ...] = ()
+
+
+def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda stage: None) -> Optimum:
+    """Return the best design that starts lead to.
+
+    Parameters
+    ----------
+    prepared : of a problem that leaves something free
+    scanned : what a scan of it saw, dimensionless
+    progress : told the stage of the work
+    """
+    began = perf_counter()
+    optima, searched = local_optima(prepared, scanned, progress, WORTH_POLISHING)
+    polished = perf_counter()
+    progress(f"proving{_best_known(optima, prepared.units.error)}")
+    best, judgement = _best_proved(prepared, scanned, optima)
+    if judgement is None and optima:  # what seemed best is not admissible: try what seemed worse
+        tried = [optimum.start for optimum in optima]
+        others = replace(scanned, starts=[s for s in scanned.starts if s not in tried])
+        optima, _ = local_optima(prepared, others, progress, inf)
+        best, judgement = _best_proved(prepared, scanned, optima)
+    if judgement is not None and prepared.problem.transparency.weights.coupling == 0:
+        with suppress(OutOfTimeError):
+            judgement = _with_least_coupling(prepared, judgement)
+    seconds = {"polish": polished - began, "prove": perf_counter() - polished}
+    unproved = judgement.certificate.cut if judgement is not None else out_of_time()
+    cut = (SEARCH,) * (not searched) + (PROOF,) * unproved
+    return Optimum(judgement, best, len(optima), seconds, cut)
+
+
+def _best_known(optima: Sequence[Polished], unit: float) -> str:
+    """Return what is known of the best optimum so far, in words; its error is in units of `unit`."""
+    return f", best error {min(each.error for each in optima) * unit:.4g}" if optima else ""
+
+
+@np.errstate(all="ignore")
+def estimated(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
+    """Return the best design of a problem, SI units; the demands are met in double precision, nothing is proved.
+
+    Parameters
+    ----------
+    problem : that leaves something free
+    """
+    if impossible(problem) is not None:
+        return None
+    prepared = prepare(problem)
+    optima, complete = local_optima(prepared, scan(prepared.scaled), lambda stage: None, WORTH_POLISHING)
+    if not complete:
+        raise OutOfTimeError
+    return design_of(prepared.units.to_si(optima[0].values)) if optima else None
+
+
+def nominal_start(prepared: Prepared) -> tuple[Start, float] | None:
+    """Return the best design for the nominal device of an uncertain one, whose basin may be the best, and its error."""
+    nominal = prepare(replace(prepared.problem, uncertainty=None))
+    law = estimated(nominal.problem)
+    if law is None:
+        return None
+    scaled = design_of(nominal.units.to_dimensionless(point(*law)))
+    return Start(*scaled, nominal.scaled.error(*scaled)), nominal.given.error(*law)
+
+
+@np.errstate(all="ignore")
+def within_reach(problem: Problem) -> tuple[Gains, AnyCoupling] | None:
+    """Return a design of a problem that leaves something free that the optimiser takes for admissible, SI units.
+
+    It stops at the first and proves nothing, and where it finds none no box is searched: an opinion in a fraction of
+    the time of `solve`.
+
+    Parameters
+    ----------
+    problem : Problem
+    """
+    if impossible(problem) is not None:
+        return None
+    prepared = prepare(problem)
+    scanned = scan(prepared.scaled)
+    for start in [start for start in scanned.starts[:LONG_SHOTS] if start.admissible] or scanned.starts[:1]:
+        hopeful = start.workable and start.violation < NEARLY
+        optimum = polish(prepared.scaled, start, scanned) if hopeful else None
+        if optimum is not None:
+            return design_of(prepared.units.to_si(optimum.values))
+    return None
+
+
+@np.errstate(all="ignore")
+def improved(prepared: Prepared, gains: Gains, incumbent: float) -> Judgement | None:
+    """Return a certified design that compares better than the incumbent, found from given gains; None if there is none.
+
+    Parameters
+    ----------
+    prepared : of a problem that leaves something free
+    gains : where to look, SI units; any coupling is looked for beside them
+    incumbent : `Judgement.compared` to fall below
+    """
+    scaled, units = prepared.scaled, prepared.units
+    start = start_at(scaled, units.gains(gains))
+    target = incumbent / units.error
+    if start is None or start.error >= target:
+        return None
+    scanned = scan(scaled)
+    optimum = polish(scaled, start, scanned, incumbent=target)
+    judgement = _best_proved(prepared, scanned, [optimum])[1] if optimum is not None else None
+    if judgement is None or judgement.status is not Status.CERTIFIED or judgement.compared >= incumbent:
+        return None
+    return judgement
+
+
+def local_optima(
+    prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float
+) -> tuple[list[Polished], bool]:
+    """Polish the starts that can still win; return the local optima, best first.
+
+    Parameters
+    ----------
+    prepared : of a problem that leaves something free
+    scanned : starts of it, dimensionless
+    progress : told the stage of the work
+    worth : by what factor a start's error may exceed the least that is known
+
+    Returns
+    -------
+    optima : dimensionless, the least error first; not proved
+    complete : whether the time limit has left time for every start
+    """
+    optima: list[Polished] = []
+    complete = False
+    with suppress(OutOfTimeError):
+        _polish_starts(prepared, scanned, progress, worth, optima)
+        complete = not out_of_time()
+    return sorted(optima, key=lambda optimum: optimum.error), complete
+
+
+def _polish_starts(
+    prepared: Prepared, scanned: ScanResult, progress: Progress, worth: float, optima: list[Polished]
+) -> None:
+    """Add the local optima that starts lead to."""
+    scaled, done, available = prepared.scaled, list[Start](), seconds_left()
+    for_proof = (1 - SEARCHING) * available if available < inf else 0.0
+    for number, start in enumerate(scanned.starts, 1):
+        least = min((optimum.error for optimum in optima), default=inf)
+        hopeless = not start.workable or (not start.admissible and number > LONG_SHOTS)
+        if start.error > worth * least or hopeless or start in done:
+            continue
+        progress(f"polishing start {number} of {len(scanned.starts)}{_best_known(optima, prepared.units.error)}")
+        with time_limit(seconds_left() - for_proof if optima else inf):
+            check_time()
+            polished = polish(scaled, start, scanned, incumbent=least if worth < inf else inf)
+        if polished is not None:
+            optima.append(polished)
+            left = [each for each in scanned.starts[number:] if each.error <= worth * polished.error]
+            done += in_same_basin(scaled, left, design_of(polished.values)[0])
+    optima.sort(key=lambda optimum: optimum.error)
+    if optima:
+        with time_limit(seconds_left() - for_proof):
+            nearby = better_start_near(scaled, *design_of(optima[0].values))
+        if nearby is not None:
+            progress(f"polishing once more{_best_known(optima, prepared.units.error)}")
+            with time_limit(seconds_left() - for_proof):
+                better = polish(scaled, nearby, scanned, incumbent=optima[0].error)
+            optima += [better] if better is not None else []
+
+
+def _best_proved(
+    prepared: Prepared, scanned: ScanResult, optima: list[Polished]
+) -> tuple[Polished | None, Judgement | None]:
+    """Return the best design that is proved; failing that the best one that is merely undecided."""
+    doubtful: tuple[Polished, Judgement] | None = None
+    spent = 0
+    with suppress(OutOfTimeError):
+        for optimum in optima:
+            for polished, judgement in _attempts(prepared, scanned, optimum):
+                if judgement.status is Status.CERTIFIED:
+                    return polished, judgement
+                if judgement.status is Status.UNDECIDED and doubtful is None:
+                    doubtful = polished, judgement
+                spent += judgement.certificate.boxes
+                if doubtful is not None and (spent > PROOF_BOXES or judgement.certificate.cut):
+                    return doubtful
+    return doubtful if doubtful is not None else (None, None)
+
+
+def _attempts(prepared: Prepared, scanned: ScanResult, optimum: Polished) -> Iterator[tuple[Polished, Judgement]]:
+    """Judge the rounded optimum; while it is not proved, polish again with its witness, sharper, to more digits.
+
+    A hand that asks for more by more than what was sharpened is one that only the proof has met: it has to be known,
+    not the demands sharpened.
+    """
+    polished: Polished | None = optimum
+    tightening, witnesses, sharpened = TIGHTENING, WorkingSet(), 0
+    for _ in range(PROOF_ROUNDS + NEW_HANDS):
+        if polished is None or sharpened == PROOF_ROUNDS:
+            return
+        digits = DIGITS + MORE_DIGITS * sharpened
+        values = rounded(prepared.problem, prepared.units.to_si(polished.values), digits)
+        judgement = judge_posed(prepared.given, *design_of(values))
+        yield polished, judgement
+        certificate = judgement.certificate
+        for known, claim in (
+            (witnesses.ratio, Claim.CONDITIONS),
+            (witnesses.sensitivity, Claim.SENSITIVITY),
+            (witnesses.unmodelled, Claim.UNMODELLED),
+            (witnesses.in_hand, Claim.HANDS),
+            (witnesses.in_hand, Claim.FORCE_HANDS),
+            (witnesses.in_hand, Claim.ANY_HAND),
+        ):
+            if claim in certificate.outcomes:
+                _collect(known, certificate.outcomes[claim], prepared)
+        if not _new_hand(prepared, judgement, witnesses, tightening):
+            sharpened += 1
+            tightening *= SHARPENING
+        if _undecided(judgement):
+            tightening = max(tightening, DECIDABLE)
+        again = partial(polish, prepared.scaled, scanned=scanned, tightening=tightening, witnesses=witnesses)
+        polished = again(_start_at(polished), demands=polished.working_set) or again(optimum.start)
+
+
+def _start_at(polished: Polished) -> Start:
+    """Return an optimum as a start, from which the same demands, a little sharper, lead to the next in its basin."""
+    return Start(*design_of(polished.values), polished.error)
+
+
+def _new_hand(prepared: Prepared, judgement: Judgement, witnesses: WorkingSet, tightening: float) -> bool:
+    """Add the worst hand near the one that a proof refused, if it asks for more than what was sharpened."""
+    problem, outcomes = prepared.problem, judgement.certificate.outcomes
+    met = [outcomes[claim] for claim in (Claim.HANDS, Claim.FORCE_HANDS) if claim in outcomes]
+    found = False
+    for outcome in met:
+        if problem.hands_met is None or outcome.hand is None or not outcome.witness:
+            continue
+        device = outcome.device or problem.device
+        law = judgement.gains, judgement.coupling
+        worst = least_ratio_near(device, problem.hands_met, *law, outcome.witness, outcome.hand)
+        if worst.ratio < problem.stability.safety_factor * (1 - tightening):
+            _collect(witnesses.in_hand, replace(outcome, witness=worst.omega, hand=worst.hand), prepared)
+            found = True
+    return found
+
+
+def _undecided(judgement: Judgement) -> bool:
+    return any(outcome.verdict is Verdict.UNDECIDED for outcome in judgement.certificate.outcomes.values())
+
+
+def _collect(known: list[ConstraintPoint], outcome: Outcome, prepared: Prepared) -> None:
+    if outcome.verdict is Verdict.REFUTED and outcome.witness:
+        device = prepared.on_device(outcome.device or prepared.problem.device)
+        hand = outcome.hand and outcome.hand.in_units(prepared.units.impedance, prepared.units.time)
+        known.append(ConstraintPoint(outcome.witness * prepared.units.time, device, hand))
+
+
+def _with_least_coupling(prepared: Prepared, judgement: Judgement) -> Judgement:
+    """When the coupling costs nothing, return the same gains with the coupling that is least in the mean."""
+    problem, gains = prepared.problem, judgement.gains
+    bounds = problem.bounds
+    loop = {"velocity": Range(gains.velocity, gains.velocity), "position": Range(gains.position, gains.position)}
+    narrowed = prepare(
+        replace(
+            problem,
+            bounds=replace(bounds, **loop),
+            transparency=replace(problem.transparency, norm="rms", weights=Terms(0.0, 0.0, 1.0)),
+        )
+    )
+    least = optimum(narrowed, scan(narrowed.scaled)).judgement
+    if least is None:
+        return judgement
+    lighter = judge_posed(prepared.given, gains, least.coupling)
+    return lighter if lighter.status is Status.CERTIFIED else judgement

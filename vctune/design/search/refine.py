@@ -1,0 +1,129 @@
+"""Local minima of a grid of designs, refined between their neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.search.grid import Axes, Scores, evaluated, position_gain
+from vctune.design.search.samples import Samples
+from vctune.design.search.shapes import coupling_of
+from vctune.design.search.start import Missed, Start
+from vctune.model.gains import Gains
+from vctune.model.problem import Problem
+
+HALVINGS = 3
+"""How often the spacing of the grid around a local minimum is halved: to an eighth, 5 % of K_v, near enough for the
+order of the starts; the rest is the optimiser's, which takes a millisecond for it."""
+
+Index = tuple[int, ...]
+"""Of a design on a grid: K_v, corner, tau_c, b_0."""
+
+
+def minima_of(problem: Problem, scores: Scores) -> list[Index]:
+    """Return the local minima of a grid, best first: of the admissible designs, or if there are none of all.
+
+    Where the coupling costs nothing, every coupling of a loop is as good, and minima are sought over the loops only.
+
+    Parameters
+    ----------
+    problem : whose weights say whether the coupling costs anything
+    scores : of one grid, shape (K_v, corner, tau_c, b_0)
+    """
+    ranks = scores.ranks()
+    if problem.transparency.weights.coupling > 0:
+        return local_minima(ranks)
+    return [(*loop, *lowest(scores[loop])) for loop in local_minima(ranks.min(axis=(2, 3)))]
+
+
+def lowest(scores: Scores) -> Index:
+    """Return the best of all designs."""
+    return tuple(int(at[0]) for at in scores[None].lowest()[1:])
+
+
+def local_minima(ranks: Floats) -> list[Index]:
+    """Return the indices of finite numbers on a grid that are not above any neighbour, lowest first."""
+    least = ranks
+    for axis in range(ranks.ndim):  # the least of each point's neighbourhood, one axis after the other
+        before, after = (least.take(at, axis) for at in _beside(ranks.shape[axis]))
+        least = np.minimum(least, np.minimum(before, after))
+    found = np.argwhere((ranks <= least) & np.isfinite(ranks))
+    order = np.argsort(ranks[tuple(found.T)], kind="stable")
+    return [tuple(int(i) for i in found[k]) for k in order]
+
+
+def between_neighbours(grid: Axes, places: list[Index]) -> Axes:
+    """Return designs of a grid, each between its neighbours: axes of shape (designs, 3).
+
+    Parameters
+    ----------
+    grid : one grid of designs
+    places : indices of designs on it
+
+    Returns
+    -------
+    Axes
+        For each design and axis the place in the middle; at an end of an axis a neighbour is the place itself.
+    """
+    by_axis = np.array(places, dtype=np.intp).reshape(-1, 4).T
+    return Axes(*(_between(np.tile(axis, (at.size, 1)), at) for axis, at in zip(grid.each(), by_axis, strict=True)))
+
+
+def refined(problem: Problem, samples: Samples, near: Axes) -> list[Start]:
+    """Refine local minima, all of them together.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    samples : where to look
+    near : each minimum between its neighbours, axes of shape (minima, 3)
+
+    Returns
+    -------
+    list of Start
+        One for each minimum, in their order, dimensionless.
+    """
+    if not len(near.velocity):
+        return []
+    for _ in range(HALVINGS):
+        finer = [_finer(axis) for axis in near.each()]
+        scores, _loops = evaluated(problem, samples, Axes(*(axis[:, 1:-1] for axis in finer)))
+        at = scores.lowest()
+        near = Axes(*(_between(axis, 1 + i) for axis, i in zip(finer, at[1:], strict=True)))
+    best = scores[at]
+    middles = zip(*(axis[:, 1] for axis in near.each()), strict=True)
+    return [_start(problem, middle, best, k) for k, middle in enumerate(middles)]
+
+
+def _beside(size: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the places before and after each one on an axis, the place itself at an end."""
+    at = np.arange(size)
+    return np.maximum(at - 1, 0), np.minimum(at + 1, size - 1)
+
+
+def _between(axes: Floats, at: NDArray[np.intp]) -> Floats:
+    """Return a place on each of several axes between its neighbours."""
+    beside = np.clip(at[:, None] + np.array([-1, 0, 1]), 0, axes.shape[1] - 1)
+    return np.take_along_axis(axes, beside, axis=1)
+
+
+def _finer(near: Floats) -> Floats:
+    """Return the places with the middles between them, on a logarithmic axis; a fixed number stays one place."""
+    low, middle, high = near.T
+    if np.array_equal(low, high):
+        return near
+    middles = [np.where(a > 0, np.sqrt(a * b), b / 2) for a, b in ((low, middle), (middle, high))]
+    return np.stack((low, middles[0], middle, middles[1], high), axis=1)
+
+
+def _start(problem: Problem, at: tuple[float, ...], best: Scores, k: int) -> Start:
+    K_v, corner, tau_c, drag = map(float, at)
+    missed, violation, error = best.rank((k,))
+    return Start(
+        Gains(K_v, float(position_gain(problem, np.array(K_v), np.array(corner)))),
+        coupling_of(problem, float(best.damping[k]), tau_c, drag),
+        error,
+        Missed(missed),
+        violation,
+    )

@@ -1,0 +1,127 @@
+"""Where a scan looks, and what does not depend on the gains there: worked out once a scan, used by all of its grids."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import pi
+
+import numpy as np
+
+from vctune.analysis.demands import slowest_resonance, towards_zero
+from vctune.analysis.extrema import Floats
+from vctune.analysis.in_hands import LoopsInAnyHand, LoopsInHands, loops_at_rest, loops_in_any_hand, loops_in_hands
+from vctune.analysis.resonance import with_resonance
+from vctune.analysis.stability import FIRST_ANGLE, angles, unit_circle
+from vctune.design.prepared import Posed
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import DeviceResponse, device_response
+from vctune.model.loop.impedances import LoopResponse
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.velocity_loop import ReturnDifference
+from vctune.model.transparency import log_quadrature
+
+FREQUENCIES = 64
+"""Least number in the stability band, and in three decades below Nyquist. What lies between them is the exchange's
+business; half as many cost no reference problem and no basin of the tests 0.1 %, but starts that miss more."""
+FEW, FEW_ANGLES, FEW_SPRINGS = (0.0, 0.1, 1.0), 12, 4
+"""Shares of the ranges of hands, and angles per decade, at which starts are compared. The ends alone lead to the same
+designs in more rounds; half or twice as many angles to the same ones. And the spacing of the soft springs at angle 0:
+two a decade, between which R is 8 % greater at most; without them starts have no drag where much is needed."""
+PANELS = 3
+"""Of the quadrature over the transparency band, eight nodes each: starts are compared to a few percent, not better."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Frequencies, rad/s, and a device there."""
+
+    omega: Floats
+    device: DeviceResponse
+
+    def response(self, gains: Gains) -> LoopResponse:
+        """Return the velocity loop at every frequency for every pair of gains."""
+        return loop_response(self.device, gains, FLOATS)
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Where a scan looks.
+
+    Attributes
+    ----------
+    device : the one whose loops are looked at
+    integrator : whether the law has its K_p/s term
+    band : of stability
+    nodes, averages : of the transparency band's quadrature
+    circles : the return differences of the sampled loops on the unit circle, first the device's let go; none of a
+        device whose loops are another's
+    radius : of what is not modelled, on the first circle; None where there is none
+    in_hand : the loop in some hands, and in springs at angle 0, or in any; none where no hands are to be met
+    objective : of how many devices the greatest error is the objective
+    others : the other devices at which the demands are posed, with the same frequencies
+    """
+
+    device: Device
+    integrator: bool
+    band: Spectrum
+    nodes: Spectrum
+    averages: Floats
+    circles: list[ReturnDifference]
+    radius: Floats | None
+    in_hand: tuple[LoopsInHands | LoopsInAnyHand, ...]
+    objective: int
+    others: list[Samples]
+
+    @property
+    def everywhere(self) -> list[Samples]:
+        """These samples and those of the other devices."""
+        return [self, *self.others]
+
+
+@lru_cache(maxsize=4)
+def samples_of(posed: Posed, *, integrator: bool) -> Samples:
+    """Return where to look at a dimensionless problem.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    integrator : whether the law has its term K_p/s
+
+    Returns
+    -------
+    Samples
+        Of the nominal device, with those of the other devices in it.
+    """
+    problem, (low, high) = posed.problem, posed.span
+    band = problem.transparency.band
+    first = min(FIRST_ANGLE, slowest_resonance(problem, problem.bounds.velocity.min))
+    across = np.geomspace(low, high, max(FREQUENCIES, int(8 * np.log10(high / low))))
+    within = np.append(towards_zero(problem), with_resonance(problem.device, across))
+    within = within if problem.passive else np.zeros(0)
+    nodes, averages = log_quadrature(band.min, band.max, PANELS)
+    if problem.transparency.norm == "peak":  # the greatest error is often at an end of the band
+        nodes = np.geomspace(band.min, band.max, nodes.size)
+
+    radii, known = (problem.uncertainty.unmodelled if problem.uncertainty else ()), set[Device]()
+
+    def samples(device: Device, others: list[Samples]) -> Samples:
+        band, quadrature = (Spectrum(w, device_response(device, w, FLOATS)) for w in (within, nodes))
+        loops = device.loops if device.modelled not in known else ()
+        hands: tuple[LoopsInHands | LoopsInAnyHand, ...] = ()
+        if problem.hands_met is not None and loops:
+            box = problem.hands_met
+            hands = loops_in_hands(device, box, FEW, FEW_ANGLES), loops_at_rest(device, box, FEW_SPRINGS)
+        if problem.any_hand and loops:
+            hands = (*hands, loops_in_any_hand(device, FEW_ANGLES))
+        known.add(device.modelled)
+        circles = [unit_circle(loop, first, position=integrator) for loop in loops]
+        radius = FLOATS.interpolated(angles(device, first) / (2 * pi), radii) if radii and circles else None
+        return Samples(
+            device, integrator, band, quadrature, averages, circles, radius, hands, len(posed.objective), others
+        )
+
+    nominal, *others = (samples(case.device, []) for case in posed.cases)
+    return replace(nominal, others=others)

@@ -1,0 +1,219 @@
+"""A cheap global scan: starts for the optimiser in every basin it can see (design/README.md, section 3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, isclose
+
+import numpy as np
+
+from vctune.design.prepared import Posed
+from vctune.design.search.gain_limit import GainLimits, gain_limits
+from vctune.design.search.grid import Axes, Scores, axes, evaluated, least_errors, position_gain
+from vctune.design.search.refine import Index, between_neighbours, lowest, minima_of, refined
+from vctune.design.search.samples import Samples, samples_of
+from vctune.design.search.shapes import shape_of
+from vctune.design.search.start import Missed, Start
+from vctune.design.variables import point
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+
+STARTS = 8
+"""Most local minima to refine on a grid, on its gain limits, and to return. Half as many lose none of the tests'
+basins."""
+CLOSE = 0.02
+"""By what share all five numbers of two starts may differ if they are one start: less than the refined spacing."""
+AROUND = {"velocity": np.array([0.8, 0.9, 0.96, 0.99, 1.0, 1.02, 1.1]), "corner": np.geomspace(0.25, 4.0, 13)}
+"""Factors of given gains around which other couplings are looked for. K_v is often at its limit: hence more of the
+lower ones, and small steps next to 1. The error is flat in the corner, which is looked at further."""
+STEPS, FLAT = 9, 1.001
+"""Places on the way from a start to an optimum; by what factor the error may seem to rise from one to the next, which
+the scan's few frequencies are good for. Greater: another basin behind a low rise is lost. Smaller: polished twice."""
+WORTH_ANOTHER = 0.9995
+"""Another start near an optimum is worth polishing if its error is at most this share of the optimum's: basins are
+told apart to 0.1 %, and the scan's frequencies see half of that."""
+PROMISING = 3.0
+"""A local minimum of the coarse grid is refined if its error is at most this many times the least: what a narrow basin
+may lose between the points of the grid. All are refined together, so that more cost little."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScanResult:
+    """Starts, best first, and what the scan saw of the demands.
+
+    Attributes
+    ----------
+    starts : local minima of the scan, best first
+    peak_sensitivity : greatest |S| among stable loops with Re G_hh > 0
+    """
+
+    starts: list[Start]
+    peak_sensitivity: float
+
+
+def scan(posed: Posed) -> ScanResult:
+    """Scan a dimensionless problem for starts.
+
+    K_p = 0 is scanned by itself: the integrator's absence changes the low-frequency demands. Minima of the rest that
+    lie at its lowest K_p belong to that basin and are left to it.
+    """
+    problem, faces = posed.problem, _faces(posed.problem)
+    found: list[Start] = []
+    peak = 0.0
+    for integral in faces:
+        coarse, samples = axes(posed, integral=integral), samples_of(posed, integrator=integral)
+        scores, loops = evaluated(problem, samples, coarse)
+        workable = loops.missed < Missed.RESISTANCE
+        peak = max(peak, float(loops.peak_sensitivity[workable].max(initial=0.0)))
+        limits = gain_limits(problem, samples, coarse, loops)
+        errors = float(scores.error.min()), float(limits.scores.error.min(initial=inf)), *(s.error for s in found)
+        left_out = 0 if integral and False in faces else None
+        found += refined(
+            problem, samples, _promising(problem, coarse, scores, limits, PROMISING * min(errors), left_out)
+        )
+    found.sort(key=lambda start: start.rank)
+    return ScanResult(_distinct(found)[:STARTS], peak)
+
+
+def _promising(
+    problem: Problem, coarse: Axes, scores: Scores, limits: GainLimits, most: float, left_out: int | None
+) -> Axes:
+    """Return the best local minima of the grid and of its gain limits, between their neighbours.
+
+    A minimum of the grid on its last step below a limit gives way to a better design on that limit.
+
+    Parameters
+    ----------
+    most : greatest error of interest; inf where nothing is admissible
+    left_out : corner whose minima are not looked at
+    """
+    best = limits.scores[limits.scores.lowest()]
+    loops = zip(limits.below.tolist(), limits.corner.tolist(), strict=True)
+    on_limit: dict[Index, tuple[int, float, float]] = {loop: best.rank((k,)) for k, loop in enumerate(loops)}
+
+    def beaten(at: Index) -> bool:
+        return at[:2] in on_limit and on_limit[at[:2]] <= scores.rank(at)
+
+    inner = [at for at in minima_of(problem, scores) if at[1] != left_out and not beaten(at)][:STARTS]
+    outer = [at for at in minima_of(problem, limits.scores) if limits.corner[at[0]] != left_out][:STARTS]
+    within = between_neighbours(coarse, [at for at in inner if scores.error[at] <= most])
+    at_limits = limits.places(problem, coarse, [at for at in outer if limits.scores.error[at] <= most])
+    return Axes(*(np.concatenate(pair) for pair in zip(within.each(), at_limits.each(), strict=True)))
+
+
+def _faces(problem: Problem) -> list[bool]:
+    """Return whether to search without and with an integrator, as far as the bounds and the limit at 0 allow.
+
+    With damping or a force sensor's lag, without drag and without an operator's damping no K_p > 0 is admissible on a
+    band from 0.
+    """
+    position, device = problem.bounds.position, problem.device
+    held = device.operator is not None and device.operator.damping > 0
+    barred = (
+        problem.passive
+        and problem.stability.band.min == 0
+        and not held
+        and (device.damping > 0 or lags(device, FLOATS).sensor > 0)
+    )
+    faces = [False] if position.min == 0 else []
+    return [*faces, True] if position.max > 0 and not (barred and problem.bounds.drag.max == 0) else faces
+
+
+def start_at(posed: Posed, gains: Gains) -> Start | None:
+    """Return the best start around given gains, with any coupling; None if none is admissible.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    gains : dimensionless; with K_p = 0 no integrator is looked at
+    """
+    problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
+    scores, _ = evaluated(problem, samples, fine)
+    at = lowest(scores)
+    return refined(problem, samples, between_neighbours(fine, [at]))[0] if scores.error[at] < inf else None
+
+
+def better_start_near(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Start | None:
+    """Return a better start near a polished design: the best design of another coupling may be a basin away.
+
+    What is better is judged on the scan's few frequencies, the design itself too.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    gains, coupling : the polished design, dimensionless
+
+    Returns
+    -------
+    Start or None
+        None where the best design around is no better by `WORTH_ANOTHER`, or is a neighbour.
+    """
+    problem, (samples, fine) = posed.problem, _surroundings(posed, gains)
+    tau_c, drag = shape_of(coupling)
+    time_constant, drags = np.sort(np.append(fine.time_constant, tau_c)), np.sort(np.append(fine.drag, drag))
+    fine = replace(fine, time_constant=time_constant, drag=drags)
+    (scores, _), place = evaluated(problem, samples, fine), _place(problem, gains, coupling)
+    here = tuple(int(np.argmin(np.abs(axis - x))) for axis, x in zip(fine.each(), place, strict=True))
+    at = lowest(scores)
+    better = scores.error[at] < WORTH_ANOTHER * scores.error[here]
+    if not better or all(abs(i - j) <= 1 for i, j in zip(at, here, strict=True)):
+        return None
+    return refined(problem, samples, between_neighbours(fine, [at]))[0]
+
+
+def _surroundings(posed: Posed, gains: Gains) -> tuple[Samples, Axes]:
+    """Return a fine grid around gains, with every coupling."""
+    problem, integral = posed.problem, gains.position > 0
+    coarse, bounds = axes(posed, integral=integral), problem.bounds.velocity
+    K_v = np.array(sorted({*np.clip(gains.velocity * AROUND["velocity"], bounds.min, bounds.max).tolist()}))
+    corner = _corner(problem, gains) * (AROUND["corner"] if integral else np.ones(1))
+    return samples_of(posed, integrator=integral), replace(coarse, velocity=K_v, corner=corner)
+
+
+def _corner(problem: Problem, gains: Gains) -> float:
+    return gains.position / (problem.device.damping + gains.velocity) if gains.position > 0 else 0.0
+
+
+def _place(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, float, float]:
+    """Return K_v, corner, tau_c and b_0 of a design."""
+    return gains.velocity, _corner(problem, gains), *shape_of(coupling)
+
+
+def in_same_basin(posed: Posed, starts: list[Start], gains: Gains) -> list[Start]:
+    """Return the starts in the basin of given gains: on the straight way there, logarithmically, the error only falls.
+
+    At every pair of gains on the way the coupling is the best one of the scan's.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    starts : of which those that are admissible count, with an integrator where the gains have one
+    gains : dimensionless
+    """
+    problem = posed.problem
+    law = [start for start in starts if start.admissible and (start.gains.position > 0) == (gains.position > 0)]
+    if not law or gains.velocity == 0 or any(start.gains.velocity == 0 for start in law):
+        return []
+    t, end = np.linspace(0.0, 1.0, STEPS), _corner(problem, gains)
+    K_v = np.array([[start.gains.velocity] for start in law]) ** (1 - t) * gains.velocity**t
+    corner = np.array([[_corner(problem, start.gains)] for start in law]) ** (1 - t) * end**t
+    errors = least_errors(posed, Gains(K_v, position_gain(problem, K_v, corner)))
+    falls = np.all(errors[:, 1:] <= errors[:, :-1] * FLAT, axis=1) & np.all(np.isfinite(errors), axis=1)
+    return [start for start, down in zip(law, falls.tolist(), strict=True) if down]
+
+
+def _distinct(starts: list[Start]) -> list[Start]:
+    kept: list[Start] = []
+    for start in starts:
+        if not any(_alike(start, other) for other in kept):
+            kept.append(start)
+    return kept
+
+
+def _alike(start: Start, other: Start) -> bool:
+    return all(
+        isclose(a, b, rel_tol=CLOSE)
+        for a, b in zip(point(start.gains, start.coupling), point(other.gains, other.coupling), strict=True)
+    )

@@ -1,0 +1,148 @@
+"""A coupling as a scale times a shape, of which the search knows the least scale in closed form (README, section 3).
+
+Of an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). Of an impedance
+display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, SpringDamper
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.model.sampled.impedance_display import firmware_filter, offered_by_spring, spring_damper_admittance
+
+SLACK = 1e-2
+"""Share of T below which the time constant b_c/k_c hardly matters: the sampled spring by itself is as good as a damper
+of k_c T/2. Half and twice it lead to the same designs."""
+
+
+def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple[Floats, Floats]:
+    """Return u and v.
+
+    Parameters
+    ----------
+    device : whose firmware runs the coupling
+    omega : rad/s, > 0
+    time_constant : s, an array that broadcasts against omega
+    """
+    if device.renders_force:
+        theta = omega * device.sample_time
+        low_pass = firmware_filter(device, theta, FLOATS)
+        unit = spring_damper_admittance(SpringDamper(time_constant, 1.0), device.sample_time, low_pass, theta, FLOATS)
+        return np.asarray(unit.re), np.asarray(unit.im)
+    x2 = (omega * time_constant) ** 2
+    return x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
+
+
+def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
+    """Return the scale that offers 1: b_c for Re Z_c - b_0 = 1, or 1/k_c for Re(1/Z_c)/s^2 = 1.
+
+    Parameters
+    ----------
+    device : whose firmware runs the coupling
+    place : omega, rad/s, or of an impedance display theta, rad
+    time_constant : s, an array that broadcasts against the places
+    """
+    if device.renders_force:
+        low_pass = firmware_filter(device, place, FLOATS)
+        unit = SpringDamper(time_constant, 1.0)
+        there = np.asarray(offered_by_spring(unit, device.sample_time, low_pass, place, FLOATS).quotient)
+        return np.where(there > 0, 1 / np.where(there > 0, there, 1.0), 1e100)  # behind a slow filter b_c may drive
+    with np.errstate(divide="ignore"):
+        return np.minimum(1 + 1 / (place * time_constant) ** 2, 1e100)  # at 0 drag alone is left
+
+
+def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
+    """Return the least and the greatest scale within the bounds, of the shape of the time constants.
+
+    Parameters
+    ----------
+    problem : whose bounds hold
+    time_constant : of the coupling, in the problem's unit of time, shape (n,)
+
+    Returns
+    -------
+    two arrays
+        Of shape (n,), in the problem's units: of b_c, or of 1/k_c for an impedance display. Where the least exceeds
+        the greatest there is no such coupling.
+    """
+    bounds, tau = problem.bounds, time_constant
+    if not problem.device.renders_force:
+        return np.maximum(bounds.damping.min, bounds.mass.min / tau), np.minimum(
+            bounds.damping.max, bounds.mass.max / tau
+        )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        least = np.where(tau > 0, tau / bounds.damping.max, 0.0)
+        most = np.where(tau > 0, tau / bounds.damping.min, inf if bounds.damping.min == 0 else 0.0)
+    return np.maximum(1 / bounds.stiffness.max, least), np.minimum(1 / bounds.stiffness.min, most)
+
+
+def time_constants(problem: Problem, low: float, high: float) -> tuple[float, float]:
+    """Return the least and the greatest time constant worth looking at; the same if it is fixed.
+
+    Two decades beyond the band a coupling is all mass or all damper in it, all spring or all damper; with a great least
+    b_c yet further out.
+
+    Parameters
+    ----------
+    problem : dimensionless
+    low, high : the band, rad/s
+    """
+    bounds = problem.bounds
+    if problem.device.renders_force:
+        above, below = bounds.damping, bounds.stiffness
+        shortest = max(above.min / below.max, SLACK)
+    else:
+        above, below = bounds.mass, bounds.damping
+        shortest = max(above.min / below.max, 1e-2 / high * min(1.0, 1 / below.min))
+    if above.max == 0:
+        return 0.0, 0.0
+    if above.fixed and below.fixed:
+        return above.min / below.min, above.min / below.min
+    return shortest, max(shortest, min(above.max / below.min, 1e2 / low))
+
+
+def coupling_of(problem: Problem, scale: float, time_constant: float, drag: float) -> AnyCoupling:
+    """Return the coupling of a scale and a shape, within the bounds.
+
+    Parameters
+    ----------
+    problem : in the units of the numbers
+    scale, time_constant, drag : plain floats
+    """
+    bounds = problem.bounds
+
+    def clipped(name: str, value: float) -> float:
+        range_ = getattr(bounds, name)
+        return float(np.clip(value, range_.min, range_.max))
+
+    if problem.device.renders_force:
+        return SpringDamper(clipped("damping", time_constant / scale), clipped("stiffness", 1 / scale))
+    return Coupling(clipped("damping", scale), clipped("mass", scale * time_constant), float(drag))
+
+
+def shape_of(coupling: AnyCoupling) -> tuple[float, float]:
+    """Return a coupling's time constant and its drag."""
+    if isinstance(coupling, SpringDamper):
+        return coupling.damping / coupling.stiffness, 0.0
+    return coupling.mass / coupling.damping, coupling.drag
+
+
+def softened(coupling: AnyCoupling, by: float) -> AnyCoupling:
+    """Return a coupling of the same shape that offers more: a greater Z_c, or of an impedance display a smaller one.
+
+    Parameters
+    ----------
+    coupling : plain floats
+    by : a factor, > 0
+    """
+    if isinstance(coupling, SpringDamper):
+        return SpringDamper(coupling.damping / by, coupling.stiffness / by)
+    return replace(coupling, damping=coupling.damping * by, mass=coupling.mass * by, drag=coupling.drag * by)

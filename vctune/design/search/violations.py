@@ -1,0 +1,239 @@
+"""Where a point of the search does not meet the demands, on any of the devices at which they are posed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from math import log
+
+import numpy as np
+
+from vctune.analysis.demands import (
+    demand_grid,
+    error_terms,
+    ratio_minima,
+    response,
+    sampled_span,
+    sensitivity_maxima,
+    stability_ratio,
+    towards_zero,
+    unmodelled_maxima,
+    weighted_square,
+)
+from vctune.analysis.extrema import Floats, Minima, local_minima
+from vctune.analysis.in_hands import least_ratios, ratio_at
+from vctune.design.prepared import Posed
+from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoint, constraint_points
+from vctune.design.search.worst import loudest, worst_inside
+from vctune.design.variables import Point, design_of
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Problem
+
+TRACKED_FROM = 0.8
+"""Share of its limit from which on the peak of |S| is tracked. With more a peak is not tracked that
+the next answer brings to the limit, which takes another round; with less peaks are tracked that do not bind."""
+
+
+@dataclass(slots=True)
+class Violations:
+    """Where the demands are not met at a point, and by how much (relative).
+
+    Attributes
+    ----------
+    ratio, sensitivity, peak, unmodelled, in_hand : points
+    greatest : by how much at most
+    near_peak : where |S| is greatest, if it is near its limit
+    positive : whether Re(D + Z_h) > 0 throughout
+    """
+
+    ratio: list[ConstraintPoint] = field(default_factory=list)
+    sensitivity: list[ConstraintPoint] = field(default_factory=list)
+    peak: list[ConstraintPoint] = field(default_factory=list)
+    unmodelled: list[ConstraintPoint] = field(default_factory=list)
+    in_hand: list[ConstraintPoint] = field(default_factory=list)
+    greatest: float = 0.0
+    near_peak: ConstraintPoint | None = None
+    positive: bool = True
+
+
+def violations(
+    posed: Posed, cases: list[Problem], values: Point, tightening: float, refuted: Sequence[ConstraintPoint] = ()
+) -> Violations:
+    """Find where the demands fail on any device by more than half the tightening, and where the error is greatest.
+
+    Parameters
+    ----------
+    posed : dimensionless
+    cases : the problem of each device that is looked at, those of `posed` and others
+    values : K_v, K_p, b_c, m_c, b_0
+    tightening : relative amount by which the demands are sharpened
+    refuted : points in hands, found by a proof, that the search for the least ratio may miss
+
+    Returns
+    -------
+    Violations
+        Dimensionless frequencies, with device and hand, at which a demand fails.
+    """
+    gains, coupling = design_of(values)
+    loops = of_own_loops(cases)
+    peaks = [sensitivity_maxima(case, gains) for case in loops]
+    inside = loudest(posed, gains, *min(zip(loops, peaks, strict=True), key=lambda pair: float(pair[1].value[0])))
+    if inside is not None:
+        loops, peaks = [*loops, inside[0]], [*peaks, inside[1]]
+    parts = [_ratios(case, gains, coupling, tightening) for case in cases if case.passive]
+    if posed.hand_cases:
+        met = {case.device.modelled: case for case in (*loops, *posed.hand_cases)}
+        parts += [_in_hands(case, gains, coupling, tightening) for case in met.values()]
+        parts.append(_at_points(refuted, posed.problem.stability.safety_factor, gains, coupling, tightening))
+    parts += [_peaks(case, there, tightening) for case, there in zip(loops, peaks, strict=True)]
+    if posed.problem.uncertainty is not None and posed.problem.uncertainty.unmodelled:
+        known = posed.problem.uncertainty
+        parts += [_unmodelled(replace(case, uncertainty=known), gains, tightening) for case in loops]
+    if posed.box is not None and posed.problem.passive:
+        parts.append(_inside(posed, gains, coupling, tightening))
+    counted = posed.objective if posed.problem.transparency.norm == "peak" else ()
+    return Violations(
+        ratio=[point for part in parts for point in part.ratio],
+        sensitivity=[point for part in parts for point in part.sensitivity],
+        unmodelled=[point for part in parts for point in part.unmodelled],
+        in_hand=[point for part in parts for point in part.in_hand],
+        peak=[point for case in counted for point in _error_peaks(case, gains, coupling)],
+        greatest=max(part.greatest for part in parts),
+        near_peak=_near_peak(loops, gains, peaks),
+        positive=all(part.positive for part in parts),
+    )
+
+
+def of_own_loops(cases: list[Problem]) -> list[Problem]:
+    """Return the problems without those whose device differs from another's by what is not modelled alone."""
+    return list({case.device.modelled: case for case in reversed(cases)}.values())[::-1]
+
+
+def _ratios(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
+    device, stability, found = problem.device, problem.stability, Violations()
+    ratio = _lowest_ratios(problem, gains, coupling)
+    short = np.log(stability.safety_factor) + tightening - np.log(np.maximum(ratio.value, 1e-300))
+    found.ratio = constraint_points(device, ratio.omega[(short > tightening / 2) & (ratio.value > 0)])
+    if ratio.value[0] <= 0:
+        found.positive = False
+        found.ratio += constraint_points(device, least_resistance(problem, gains).omega[:1])
+    found.greatest = max(float(short[0]) - tightening / 2, 0.0)
+    return found
+
+
+def _in_hands(problem: Problem, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
+    """Find where the ratio fails in the hands of a problem."""
+    worst = least_ratios(problem, gains, coupling)
+    points = [ConstraintPoint(each.omega, problem.device, each.hand) for each in worst]
+    return _short(points, [each.ratio for each in worst], problem.stability.safety_factor, tightening)
+
+
+def _at_points(
+    points: Sequence[ConstraintPoint], factor: float, gains: Gains, coupling: AnyCoupling, tightening: float
+) -> Violations:
+    """Find at which points, those in a hand, the ratio fails."""
+    held = [point for point in points if point.hand is not None]
+    ratios = [ratio_at(point.device, gains, coupling, point.omega, point.hand) for point in held if point.hand]
+    return _short(held, ratios, factor, tightening)
+
+
+def _short(points: Sequence[ConstraintPoint], ratios: Sequence[float], factor: float, tightening: float) -> Violations:
+    tightening = max(tightening, TIGHTENING_IN_HANDS)
+    found, least = Violations(), log(factor) + tightening
+    for point, ratio in zip(points, ratios, strict=True):
+        short = least - log(max(ratio, 1e-300))
+        if short > tightening / 2:
+            found.in_hand.append(point)
+        found.greatest = max(found.greatest, short - tightening / 2)
+    return found
+
+
+def _peaks(problem: Problem, peaks: Minima, tightening: float) -> Violations:
+    over = np.log(-peaks.value / problem.stability.max_sensitivity) + tightening
+    points = constraint_points(problem.device, peaks.omega[over > tightening / 2])
+    return Violations(sensitivity=points, greatest=max(float(over[0]) - tightening / 2, 0.0))
+
+
+def _unmodelled(problem: Problem, gains: Gains, tightening: float) -> Violations:
+    """Find where |1 - S| r exceeds 1."""
+    peaks = unmodelled_maxima(problem, gains)
+    over = np.log(np.maximum(-peaks.value, 1e-300)) + tightening
+    points = constraint_points(problem.device, peaks.omega[over > tightening / 2])
+    return Violations(unmodelled=points, greatest=max(float(over[0]) - tightening / 2, 0.0))
+
+
+def _inside(posed: Posed, gains: Gains, coupling: AnyCoupling, tightening: float) -> Violations:
+    """Find where the ratio fails on devices that are not among the vertices of their box."""
+    found, least = Violations(), log(posed.problem.stability.safety_factor) + tightening
+    for worst in worst_inside(posed, gains, coupling):
+        short = least - log(max(worst.ratio, 1e-300))
+        if short > tightening / 2:
+            found.ratio.append(ConstraintPoint(worst.omega, worst.device))
+        found.greatest = max(found.greatest, short - tightening / 2)
+        found.positive = found.positive and worst.ratio > 0
+    return found
+
+
+def _lowest_ratios(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Minima:
+    """Return the local minima of Re Z_c / R, with its limit at omega = 0 where R has one above 0."""
+    minima, low = ratio_minima(problem, gains, coupling), towards_zero(problem)
+    if gains.position == 0 or not low.size:
+        return minima
+    omega = np.append(low, minima.omega)
+    value = np.append(stability_ratio(problem.device, gains, coupling, low), minima.value)
+    order = np.argsort(value, kind="stable")
+    return Minima(omega[order], value[order])
+
+
+def near_peak(cases: list[Problem], gains: Gains) -> ConstraintPoint | None:
+    """Return where |S| is greatest of all devices if that is near its limit and below the Nyquist frequency.
+
+    None where no gain is free: the NLP could not track the peak, whose rounding alone may have passed the limit.
+
+    Parameters
+    ----------
+    cases : the problem of each device that is looked at, dimensionless
+    gains : dimensionless
+    """
+    loops = of_own_loops(cases)
+    return _near_peak(loops, gains, [sensitivity_maxima(case, gains) for case in loops])
+
+
+def _near_peak(cases: list[Problem], gains: Gains, peaks: list[Minima]) -> ConstraintPoint | None:
+    case, there = min(zip(cases, peaks, strict=True), key=lambda pair: float(pair[1].value[0]))
+    if case.bounds.velocity.fixed and (case.bounds.position.fixed or gains.position == 0):
+        return None
+    near = -there.value[0] > TRACKED_FROM * case.stability.max_sensitivity
+    return (
+        ConstraintPoint(float(there.omega[0]), case.device)
+        if near and there.omega[0] < case.nyquist * (1 - 1e-6)
+        else None
+    )
+
+
+def least_resistance(problem: Problem, gains: Gains) -> Minima:
+    """Return the local minima of Re(D + Z_h) over the stability band, lowest first.
+
+    Parameters
+    ----------
+    problem : of one device
+    gains : plain floats, in the problem's units
+
+    Returns
+    -------
+    Minima
+        Frequencies and values in the problem's units.
+    """
+    grid = demand_grid(problem.device, *sampled_span(problem))
+    return local_minima(lambda omega: response(problem.device, gains, omega).resistance, grid)
+
+
+def _error_peaks(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[ConstraintPoint]:
+    band, weights = problem.transparency.band, problem.transparency.weights
+
+    def negative_error(omega: Floats) -> Floats:
+        return -np.sqrt(weighted_square(weights, error_terms(problem, gains, coupling, omega)))
+
+    return constraint_points(
+        problem.device, local_minima(negative_error, demand_grid(problem.device, band.min, band.max)).omega
+    )

@@ -1,0 +1,184 @@
+"""The devices of an uncertain box on which a design's ratio Re Z_c / R is least, or |S| greatest: estimates, no proof.
+
+At a frequency omega the delay d counts only by the phase omega d, which turns fully within 2 pi/omega: the delays of
+one turn stand for all longer ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+from math import pi, prod
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.demands import demand_grid, ratio_or_resistance, sensitivity_maxima
+from vctune.analysis.extrema import Floats, Minima
+from vctune.design.prepared import Posed, with_device
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Problem
+from vctune.proof.device_box import DELAYS, DIRECTION, MOST_AT_ONCE, DeviceBox
+from vctune.running import check_time
+
+SHARES, DELAY_SHARES, MOST_DEVICES = 5, 13, 325
+"""Values of each uncertain number that are looked at, its ends among them. The ratio is smooth in mass and damping, and
+a delay, and what is not modelled, turn a phase once: 13 values see every half turn six times. Half may miss a minimum,
+which the proof then finds; twice costs four to eight times the devices, of which there are at most so many: of many
+uncertain numbers three values each are looked at, or two."""
+MOST = 24
+"""Minima over frequency that are refined, the lowest ones; all at once on arrays. A long delay makes more of them, of
+which the higher ones do not bind."""
+FIRST_STEP = 0.02, 0.1
+"""First steps of the refinement: of the frequency, relative, and of a number as a share of its reach. About half of the
+grid's: with less a minimum is reached in more rounds, with more another one may be."""
+STEPS, SHRINK = 40, 0.5
+"""Rounds of the refinement, and what its steps shrink by where no neighbour is lower: to 1e-10 of the first in 40
+rounds, half of them for moving; the ratio is flat at its minimum, so that half as many give it to 1e-6 still."""
+MANY, TOGETHER = 5, 2
+"""Numbers, the frequency among them, of which any may move in one step; of more only so many do, which of nine numbers
+leaves 162 steps of 19,682. Half and twice as many at a time lead to designs as good."""
+
+SWEEPS = 3
+"""How often all numbers are taken to their ends, for a greater |S|: once is mostly enough, what still rises after three
+times the proof finds. Half and twice it find the same devices."""
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """A local minimum of the ratio over frequency and a box of devices.
+
+    Attributes
+    ----------
+    ratio : Re Z_c / R, or Re(D + Z_h)/|D| where that is not positive
+    omega : rad/s
+    device : one that is not a vertex of the box
+    """
+
+    ratio: float
+    omega: float
+    device: Device
+
+
+Value = Callable[[Floats], Floats]
+"""Of omega and the uncertain numbers, along the first axis."""
+
+
+def worst_inside(posed: Posed, gains: Gains, coupling: AnyCoupling) -> list[Worst]:
+    """Return the local minima of the ratio over frequency and box that are no vertex of the box, lowest first.
+
+    Parameters
+    ----------
+    posed : with a box of devices, in any units
+    gains, coupling : a design, plain floats, in these units
+
+    Returns
+    -------
+    list of Worst
+        May be empty; an estimate.
+    """
+    box, (low, high) = posed.box, posed.span
+    assert box is not None
+
+    def value(at: Floats) -> Floats:
+        return ratio_or_resistance(_device(box, list(at[1:])), gains, coupling, at[0])
+
+    ends = np.array([[low, high], *([box.low.number(key), box.high.number(key)] for key in box.uncertain)])
+    least, at = _refined(value, box, _minima(value, box, demand_grid(box.high, low, high)), ends)
+    inside = ((at[1:] > ends[1:, :1]) & (at[1:] < ends[1:, 1:])).any(axis=0)
+    found = [Worst(float(least[k]), float(at[0, k]), _device(box, at[1:, k].tolist())) for k in np.flatnonzero(inside)]
+    return sorted(found, key=lambda worst: worst.ratio)
+
+
+def loudest(posed: Posed, gains: Gains, case: Problem, peaks: Minima) -> tuple[Problem, Minima] | None:
+    """Return a device, and the maxima of its |S|, found by taking numbers to the end at which |S| is greater.
+
+    One after the other, until none is left: |S| mostly rises or falls with each of them.
+
+    Parameters
+    ----------
+    posed : in any units
+    gains : plain floats, in these units
+    case, peaks : the problem of the device to begin with, and its maxima of |S|
+
+    Returns
+    -------
+    problem and Minima, or None
+        None where the device is the one to begin with, and where all vertices of the box are looked at anyway.
+    """
+    if posed.box is None or len(posed.box.modelled.uncertain) <= MOST_AT_ONCE:
+        return None
+    box, best, found = posed.box.modelled, case, peaks
+    ends = [(key, end.number(key)) for key in box.uncertain for end in (box.low, box.high)]
+    for _ in range(SWEEPS):
+        before = best
+        for key, value in ends:
+            other = with_device(posed.problem, best.device.with_numbers({key: value}))
+            there = sensitivity_maxima(other, gains) if best.device.number(key) != value else found
+            if there.value[0] < found.value[0]:
+                best, found = other, there
+        if best is before:
+            break
+    return None if best is case else (best, found)
+
+
+def _device(box: DeviceBox, numbers: Sequence[Any]) -> Device:
+    return box.device(dict(zip(box.uncertain, numbers, strict=True)))
+
+
+def _reach(box: DeviceBox, name: str, omega: Floats) -> Floats:
+    """Return how far an uncertain number is followed at each frequency: over its range, at most a turn."""
+    reach = box.high.number(name) - box.low.number(name)
+    return np.minimum(reach, 2 * pi / omega) if name in DELAYS else np.full_like(omega, reach)
+
+
+def _shares(box: DeviceBox) -> dict[str, int]:
+    """Return how many values of each uncertain number are looked at."""
+    counts = {name: DELAY_SHARES if name in (*DELAYS, DIRECTION) else SHARES for name in box.uncertain}
+    for fewer in (3, 2):
+        if prod(counts.values()) > MOST_DEVICES:
+            counts = {name: count if name == DIRECTION else min(count, fewer) for name, count in counts.items()}
+    return counts
+
+
+def _minima(value: Value, box: DeviceBox, omega: Floats) -> Floats:
+    """Return the lowest local minima over frequency of the least over a grid of devices, shape (1 + numbers, n)."""
+    counts = _shares(box)
+    axes = [
+        np.clip(
+            box.low.number(name) + np.linspace(0.0, 1.0, counts[name])[:, None] * _reach(box, name, omega),
+            box.low.number(name),
+            box.high.number(name),
+        )
+        for name in box.uncertain
+    ]
+    grid = np.array([[omega, *point] for point in product(*axes)])
+    values = value(np.moveaxis(grid, 1, 0))
+    best = values.argmin(axis=0)
+    least = np.concatenate(([np.inf], values.min(axis=0), [np.inf]))
+    at = np.flatnonzero((least[1:-1] <= least[:-2]) & (least[1:-1] <= least[2:]) & np.isfinite(least[1:-1]))
+    at = at[np.argsort(least[1 + at], kind="stable")[:MOST]]
+    return grid[best[at], :, at].T
+
+
+def _refined(value: Value, box: DeviceBox, at: Floats, ends: Floats) -> tuple[Floats, Floats]:
+    """Return lower values and where they are, by a search among neighbours at distances that shrink."""
+    low, high = ends[:, :1], ends[:, 1:]
+    steps = np.array(list(product((-1.0, 0.0, 1.0), repeat=len(at))))
+    if len(at) > MANY:
+        steps = steps[np.count_nonzero(steps, axis=1) <= TOGETHER]
+    steps = steps.T[:, :, None]
+    widths = np.array([FIRST_STEP[0] * at[0], *(FIRST_STEP[1] * _reach(box, name, at[0]) for name in box.uncertain)])
+    lowest, rows = value(at), np.arange(at.shape[1])
+    for _ in range(STEPS):
+        check_time()
+        tried = np.clip(at[:, None] + steps * widths[:, None], low[:, None], high[:, None])
+        values = value(tried)
+        k = values.argmin(axis=0)
+        better = values[k, rows] < lowest
+        at = np.where(better, tried[:, k, rows], at)
+        lowest = np.where(better, values[k, rows], lowest)
+        widths = np.where(better, widths, widths * SHRINK)
+    return lowest, at

@@ -1,0 +1,1 @@
+"""What a design is worth: judged, recorded, priced, repaired, checked."""

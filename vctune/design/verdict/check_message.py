@@ -1,0 +1,92 @@
+"""What a check says in one line, and the line of the file that it is about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+
+from vctune.design.result import Repair
+from vctune.design.verdict.judge import Judgement, Status
+from vctune.design.verdict.parameter_changes import ParameterChange
+from vctune.document.text import toml
+from vctune.model.numbers.keys import SYMBOLS
+from vctune.model.numbers.units import UNITS
+
+
+def check_message(
+    judgement: Judgement,
+    repairs: Sequence[Repair] | None,
+    changed: Sequence[ParameterChange],
+    together: Sequence[ParameterChange],
+) -> str:
+    """Return what is proved of a design, or what fails and what would pass.
+
+    Parameters
+    ----------
+    judgement : of the design
+    repairs : of a refuted one, None if not looked for
+    changed : the numbers that were edited since the design was solved, with limits where they were
+    together : those of them that pass only if all are taken back
+    """
+    if judgement.status is Status.CERTIFIED:
+        return _proved(judgement)
+    worst = f"{judgement.ratio_name} {judgement.min_ratio:.6g} at {judgement.worst / (2 * pi):.6g} Hz"
+    if judgement.in_hand is not None and judgement.in_hand.ratio == judgement.min_ratio:
+        worst += f" in the hand of {judgement.in_hand.hand.in_words(UNITS[judgement.tightest.units])}"
+    remedies = [_whole(together)] if together else []
+    remedies += [_remedy(repairs, changed)] if repairs is not None else []
+    return "; ".join([*judgement.open_claims, judgement.reserve_missed or worst, *remedies])
+
+
+def taken_back(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> list[Repair]:
+    """Return the repairs that take an edit back.
+
+    Parameters
+    ----------
+    repairs, changed : as of `check_message`
+    """
+    solved = {(change.key, change.limit) for change in changed}
+    return [repair for repair in repairs if (repair.key, repair.new) in solved]
+
+
+def line_to_change(text: str, repairs: Sequence[Repair] | None, together: Sequence[ParameterChange]) -> int:
+    """Return the line of the number to change, or where the file does not state it that of its table.
+
+    Parameters
+    ----------
+    text : of the file that states the design
+    repairs, together : as of `check_message`
+    """
+    lines = toml.Lines(text)
+    of_gains = [repair.key for repair in repairs or [] if repair.key in SYMBOLS]
+    first = [change.key for change in together[:1]] or of_gains[:1]
+    paths = [path for key in first for path in (tuple(key.split(".")), (key.split(".")[0],))]
+    return next((line for path in [*paths, ("gains",)] if (line := lines.locate(path)) is not None), 1)
+
+
+def _proved(judgement: Judgement) -> str:
+    demands, units = judgement.certificate.demands, UNITS[judgement.tightest.units]
+    low, high = (edge / (2 * pi) for edge in demands.band)
+    where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
+    where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
+    where += [f"in every hand of {demands.hands.in_words(units)} up to Nyquist"] if demands.hands is not None else []
+    return (
+        f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, "
+        f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
+    )
+
+
+def _whole(together: Sequence[ParameterChange]) -> str:
+    numbers = [f"{change.key} = {change.limit:.12g} instead of {change.old:.12g}" for change in together]
+    return f"the design of this problem, with {' and '.join(numbers)}, passes"
+
+
+def _remedy(repairs: Sequence[Repair], changed: Sequence[ParameterChange]) -> str:
+    """Return the best change of one gain that would do, and the changes of the problem that would."""
+    if not repairs:
+        return "no change of one number passes"
+    of_gain = [repair for repair in repairs if repair.key in SYMBOLS]
+    first, *others = [*of_gain[:1], *(repair for repair in repairs if repair.key not in SYMBOLS)]
+    known = ", as in the design of this problem" if taken_back([first], changed) else ""
+    so = f"; so would {', or '.join(map(str, others))}" if others else ""
+    return f"{first} would pass{known}{so}"

@@ -1,0 +1,92 @@
+"""What the record says of each claim: where it fails, and the hand and environment with which a design grows there."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from vctune.analysis.destabilising import GrowingEnvironment, destabilising
+from vctune.analysis.lossless_hand import growing_in_any_hand
+from vctune.design.verdict.judge import Judgement
+from vctune.design.verdict.uncertainty_record import device_record
+from vctune.document.records.certificate_json import ClaimRecord, EnvironmentRecord, HandRecord, ResonatorRecord
+from vctune.model.device import Device
+from vctune.model.gains import SpringDamper
+from vctune.model.hands import LeastOperator
+from vctune.model.numbers.frequency import finite_hertz, hertz
+from vctune.model.numbers.units import UNITS
+from vctune.model.problem import Problem
+from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.engine.interval import Outcome, Verdict
+
+
+def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
+    """Return what is said of each claim.
+
+    Parameters
+    ----------
+    problem, judgement : a design, SI units
+    """
+    outcomes = judgement.certificate.outcomes
+    return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
+
+
+def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcome) -> ClaimRecord:
+    also: dict[str, Any] = {"cut": True} if outcome.cut else {}
+    if outcome.device is not None:
+        also["witness_device"] = device_record(outcome.device, problem)
+    if outcome.hand is not None:
+        also["witness_hand"] = HandRecord(**asdict(outcome.hand))
+    if outcome.verdict is Verdict.REFUTED and claim in IN_HANDS:
+        also |= _environment(problem, judgement, outcome)
+    if outcome.verdict is Verdict.REFUTED and claim is Claim.ANY_HAND:
+        also |= _environment_of_any_hand(problem, judgement, outcome)
+    return ClaimRecord(
+        claim=claim.value, verdict=outcome.verdict.value, witness_hz=finite_hertz(outcome.witness), **also
+    )
+
+
+def _environment(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
+    """Return what a design grows with, in the hand that refutes it or in the worst; nothing if it is not known to.
+
+    A hand that only misses the safety factor makes nothing grow.
+    """
+    device, held, places = outcome.device or problem.device, judgement.in_hand, []
+    if outcome.hand is not None and outcome.witness is not None:
+        places.append((outcome.hand, outcome.witness))
+    if outcome.device is None and held is not None:
+        places.append((held.hand, held.omega))
+    tried = ((hand, destabilising(device, judgement.gains, judgement.coupling, hand, at)) for hand, at in places)
+    growing = [(hand, found) for hand, found in tried if found is not None]
+    if not growing:
+        return {}
+    hand, found = max(growing, key=lambda pair: pair[1].growth)
+    return _environment_record(device, HandRecord(**asdict(hand)), found)
+
+
+def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Outcome) -> dict[str, EnvironmentRecord]:
+    """Return the lossless hand and what a design grows with in it; nothing if none is found."""
+    device = outcome.device or problem.device
+    assert isinstance(judgement.coupling, SpringDamper)
+    found = growing_in_any_hand(device, judgement.gains, judgement.coupling)
+    if found is None:
+        return {}
+    hand, environment = found
+    held = device.operator or LeastOperator(0.0, 0.0)
+    resonators = [ResonatorRecord(mass=mass, stiffness=stiffness) for mass, stiffness in hand.resonators]
+    also = {"resonators": resonators} if resonators else {}
+    record = HandRecord(mass=hand.mass + held.mass, damping=held.damping, stiffness=hand.stiffness, **also)
+    return _environment_record(device, record, environment)
+
+
+def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:
+    record = EnvironmentRecord(
+        hand=hand,
+        kind=found.kind,
+        value=found.value,
+        unit=UNITS[device.units].of(found.quantity),
+        damping=found.damping,
+        hz=hertz(found.omega),
+        growth_per_s=found.growth,
+    )
+    return {"environment": record}

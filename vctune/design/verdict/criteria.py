@@ -1,0 +1,64 @@
+"""What a design would be under one of two criteria alone: so that the price of asking for both is seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from vctune.design.prepared import of_one_device, pose
+from vctune.design.result import Alternative, Solved
+from vctune.design.search.optimum import estimated
+from vctune.design.verdict.judge import Status
+from vctune.document import reading
+from vctune.document.reading import ProblemFile
+from vctune.model.gains import SpringDamper
+from vctune.model.problem import Criterion, Problem
+from vctune.running import OutOfTimeError
+
+COMPARISON = "the comparison of criteria"
+"""What a time limit may cut short."""
+
+
+def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
+    """Return a solved problem with what either criterion alone would allow; unchanged where it has one anyway.
+
+    That is what its file would give with the other criterion, defaults that depend on it included, measured on the same
+    band and Z_0.
+
+    Parameters
+    ----------
+    file : the problem
+    solved : certified, or there is nothing to compare with
+    """
+    problem = file.problem
+    if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
+        return solved
+    if problem.device.renders_force and of_one_device(problem) is None:
+        return solved  # a box of devices in a box of hands may take minutes
+    others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
+    tables, found = file.document, list[Alternative]()
+    try:
+        for criterion in others:
+            posed = _under(criterion, tables, problem)
+            alone = None if posed is None else _alternative(criterion, posed)
+            found += [] if alone is None else [alone]
+    except OutOfTimeError:
+        return replace(solved, cut=(*solved.cut, COMPARISON))
+    return replace(solved, alternatives=found)
+
+
+def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Problem | None:
+    """Return the problem of a file that asks for one criterion; None if it contradicts the rest of it."""
+    stability = {**tables.get("stability", {}), "criterion": criterion}
+    return reading.pose({**tables, "stability": stability}, problem.name, problem.transparency)[0]
+
+
+def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:
+    one = of_one_device(problem) if problem.device.renders_force else problem
+    alone = None if one is None else one.fixed_design if one.bounds.fixed else estimated(one)
+    if alone is None:
+        return None
+    error, coupling = pose(problem).error(*alone), alone[1]
+    if isinstance(coupling, SpringDamper):
+        return Alternative(criterion, error, stiffness=coupling.stiffness)
+    return Alternative(criterion, error, drag=coupling.drag)

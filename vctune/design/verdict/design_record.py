@@ -1,0 +1,362 @@
+"""The record of a solved problem, in SI units and hertz.
+
+See document/README.md, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from functools import cache
+from importlib.metadata import version
+from math import degrees, inf, log10, pi
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from vctune.analysis.demands import rollett_factor_at
+from vctune.analysis.margins import loop_margins, unstable_poles
+from vctune.design.result import Alternative, Repair, Solved
+from vctune.design.search.rounding import near
+from vctune.design.variables import Point, keys_for, point, ranges
+from vctune.design.verdict.claim_records import claim_records
+from vctune.design.verdict.judge import Judgement, judge
+from vctune.design.verdict.nlp_record import active, left_out, solver_record
+from vctune.design.verdict.repair import CUT_SHORT, LONGEST
+from vctune.design.verdict.uncertainty_record import uncertainty_record
+from vctune.document.reading import ProblemFile
+from vctune.document.records.certificate_json import (
+    AnyHandRecord,
+    CertificateRecord,
+    HandRecord,
+    HandsRecord,
+    InnerLoopRecord,
+    NyquistRecord,
+    WholeSampleRecord,
+    WithoutOperatorRecord,
+)
+from vctune.document.records.design_json import (
+    AlternativeRecord,
+    BoxRecord,
+    DesignRecord,
+    GlanceRecord,
+    OptimalityRecord,
+    RepairRecord,
+)
+from vctune.document.records.gains_json import (
+    GainsRecord,
+    ProblemRecord,
+    TransparencyRecord,
+    coupling_record,
+    stated_units,
+)
+from vctune.document.records.price_json import PriceRecord
+from vctune.document.schema.plausibility import doubts
+from vctune.document.text.codes import Note
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.frequency import finite_hertz
+from vctune.model.problem import Problem
+from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.sampled_poles import spectral_radius
+from vctune.proof.claims.whole_samples import delay_in_samples
+from vctune.proof.engine.interval import Verdict, worst_verdict
+from vctune.running import out_of_time, unlimited
+from vctune.version import __version__
+
+if TYPE_CHECKING:
+    from vctune.design.bound.search import Optimality
+
+PROVED_BAND = "the proof of a wider band"
+"""What a time limit may cut short."""
+SHOWN = 200
+"""Rounds and open boxes of a search that are kept."""
+
+
+def design_record(file: ProblemFile, solved: Solved, ipopt: str | None = None) -> dict[str, Any]:
+    """Return the JSON object of a solved problem; every number in it is finite or null.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    solved : what came of it
+    ipopt : IPOPT's version if it took part (`vctune.design.nlp.nlp.ipopt_version`)
+
+    Returns
+    -------
+    dict
+        The object of design.json, in SI units and hertz.
+    """
+    return record_of(file, solved, ipopt).to_json()
+
+
+def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date: str | None = None) -> DesignRecord:
+    """Return the record of a solved problem, of what `design_record` takes.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    solved : what came of it
+    ipopt : IPOPT's version; None if it took no part
+    date : on which it is written (`vctune.document.text.date.today`); None where that is nobody's business
+    """
+    judgement, problem = solved.judgement, solved.problem
+    proved = _proved(problem, judgement) if judgement is not None else {}
+    if out_of_time() and proved:
+        solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
+    with unlimited():
+        return _recorded(file, solved, proved, ipopt, date)
+
+
+def _recorded(
+    file: ProblemFile, solved: Solved, proved: dict[str, Any], ipopt: str | None, date: str | None
+) -> DesignRecord:
+    judgement, problem = solved.judgement, solved.problem
+    parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
+    touched: list[str] = []
+    said = [CUT_SHORT] if solved.seconds.get("repairs", 0.0) > LONGEST else []
+    said += [*solved.cut_short, *doubts(problem)]
+    if judgement is not None:
+        parts = _judged(problem, judgement, proved)
+        touched = at_bound(problem, judgement.gains, judgement.coupling)
+        said += warnings(problem, judgement, solved.repairs)
+        if problem.uncertainty is not None:
+            parts["uncertainty"] = uncertainty_record(problem, judgement, solved.nominal_error)
+    if solved.alternatives is not None:
+        parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
+    if date is not None:
+        parts["date"] = date
+    if solved.prices is not None:
+        parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
+    return DesignRecord(
+        problem=ProblemRecord(name=problem.name, sha256=file.sha256, text=file.text, **stated_units(problem.device)),
+        status=solved.status.value,
+        reason=solved.reason,
+        active=active(solved),
+        proved=solved.infeasibility.proved if solved.infeasibility else None,
+        idle=judgement is not None and judgement.idle,
+        repairs=None if solved.repairs is None else [RepairRecord(**asdict(repair)) for repair in solved.repairs],
+        at_bound=touched,
+        left_out=[note.line for note in left_out(solved)],
+        warnings=[note.line for note in said],
+        solver=solver_record(solved),
+        optimality=optimality_record(solved.optimality) if solved.optimality else None,
+        versions=versions(ipopt),
+        **parts,
+    )
+
+
+def _alternative(each: Alternative) -> AlternativeRecord:
+    return AlternativeRecord(**{name: value for name, value in asdict(each).items() if value is not None})
+
+
+@cache
+def versions(ipopt: str | None) -> dict[str, str | None]:
+    """Return the versions that determine a result; IPOPT's is None where it took no part."""
+    return {
+        "vctune": __version__,
+        "casadi": version("casadi"),
+        "ipopt": ipopt,
+        "numpy": version("numpy"),
+        "python-flint": version("python-flint"),
+    }
+
+
+def at_bound(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[str]:
+    """Return the dotted keys of the free variables that lie on a bound.
+
+    Parameters
+    ----------
+    problem : with the bounds, SI units
+    gains, coupling : a design, SI units
+    """
+    return [key for key, _ in _touched(problem, point(gains, coupling))]
+
+
+def _touched(problem: Problem, values: Point) -> list[tuple[str, str]]:
+    found = []
+    for key, value, bounds in zip(keys_for(problem), values, ranges(problem), strict=True):
+        if not bounds.fixed:
+            found += [(key, "upper")] if near(value, bounds.max, bounds) else []
+            found += [(key, "lower")] if near(value, bounds.min, bounds) else []
+    return found
+
+
+def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | None = None) -> list[Note]:
+    """Return what the designer should know about a design that is otherwise in order.
+
+    Parameters
+    ----------
+    problem, judgement : the design
+    cures : of an idle design, the changes after which it is not, the least error first; None if not looked for
+    """
+    found = []
+    for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
+        of_spring = key == "coupling.damping" and problem.device.renders_force and problem.bounds.damping.min == 0
+        if not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
+            said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
+            found.append(Note("warn-bound", said))
+    band, demand = problem.stability.band, problem.stability.safety_factor
+    # an impedance display's demands have no band; what meets every hand at every frequency needs no wider one
+    edged = problem.hands_met is None and not problem.device.renders_force
+    if edged and demand <= judgement.min_ratio < demand * 1.001:
+        for side, edge in (("lower", band.min), ("upper", band.max)):
+            if judgement.worst == edge and 0 < edge < problem.nyquist:
+                said = (
+                    f"the {side} edge of the stability band, {edge / (2 * pi):.4g} Hz, limits the design: "
+                    "outside the proved band a passive hand or environment can make it oscillate"
+                )
+                found.append(Note("warn-band-edge", said))
+    if judgement.idle:
+        said = (
+            f"the design hardly uses its velocity loop: |1 - G_he| is {judgement.transparency.tracking:.3g}, "
+            f"and 1 means no loop at all{_cured(cures)}"
+        )
+        found.append(Note("warn-idle", said))
+    return found
+
+
+def _cured(cures: Sequence[Repair] | None) -> str:
+    """Return which demand keeps a design from using its loop: the one whose change cures it with the least error."""
+    if cures is None:
+        return ""
+    if not cures:
+        return "; no change of one demand was found that cures it"
+    first, *others = cures
+    also = f"; so would {', or '.join(cure.needs for cure in others)}" if others else ""
+    return f"; {first.needs} would cure it, {first.change}{also}"
+
+
+@np.errstate(all="ignore")
+def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
+    """Return what takes proofs of its own, as far as the time limit leaves time for them."""
+    proved = judgement.certificate.proved_band_hz
+    return {
+        "proved_band_hz": list(proved) if proved else None,
+        **_without_operator(problem, judgement.gains, judgement.coupling),
+    }
+
+
+@np.errstate(all="ignore")
+def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> dict[str, Any]:
+    gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
+    worst, band = judgement.worst, problem.stability.band
+    somewhere = problem.passive and 0 < worst < inf
+    also: dict[str, Any] = {**proved, **_in_hands(problem, judgement)}
+    also |= _in_any_hand(problem, judgement) | _at_whole_sample(problem, judgement)
+    display = _display(problem)
+    return {
+        "gains": GainsRecord(**asdict(gains)),
+        "coupling": coupling_record(coupling),
+        "transparency": TransparencyRecord(**asdict(judgement.transparency), **display),
+        "certificate": CertificateRecord(
+            verdict=certificate.verdict.value,
+            band_hz=[finite_hertz(band.min), finite_hertz(band.max)] if problem.passive else None,
+            proved_ratio=certificate.proved_ratio,
+            min_ratio=judgement.min_ratio,
+            worst_hz=finite_hertz(worst),
+            rollett_k=rollett_factor_at(judgement.tightest, gains, coupling, worst) if somewhere else None,
+            boxes=certificate.boxes,
+            claims=claim_records(problem, judgement),
+            **also,
+            **display,
+        ),
+        "inner_loop": _inner_loop(problem, judgement),
+    }
+
+
+def _display(problem: Problem) -> dict[str, Any]:
+    """Return what a record says of the display: nothing of an admittance display."""
+    return {"display": problem.device.display} if problem.device.renders_force else {}
+
+
+def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
+    """Return what is proved of the hands that are to be met; nothing if there are none."""
+    held, hands = judgement.in_hand, problem.hands_met
+    if held is None or hands is None:
+        return {}
+    outcomes = judgement.certificate.outcomes
+    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
+    low, high = asdict(hands.low), asdict(hands.high)
+    return {
+        "hands": HandsRecord(
+            verdict=outcome.verdict.value,
+            box={name: [low[name], high[name]] for name in low},
+            min_ratio=held.ratio,
+            worst_hz=finite_hertz(held.omega),
+            worst_hand=HandRecord(**asdict(held.hand)),
+            boxes=outcome.boxes,
+            **_display(problem),
+        )
+    }
+
+
+def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRecord]:
+    """Return what is proved of any passive hand on an impedance display; nothing if none is to be met."""
+    held = judgement.in_any_hand
+    if held is None:
+        return {}
+    outcome = judgement.certificate.outcomes[Claim.ANY_HAND]
+    return {
+        "any_hand": AnyHandRecord(
+            verdict=outcome.verdict.value,
+            min_ratio=held.ratio,
+            worst_hz=finite_hertz(held.omega),
+            boxes=outcome.boxes,
+            **_display(problem),
+        )
+    }
+
+
+def _at_whole_sample(problem: Problem, judgement: Judgement) -> dict[str, WholeSampleRecord]:
+    """Return what is proved about a whole number of samples of delay; nothing if the delay is not near one."""
+    beside = judgement.certificate.beside
+    if not beside:
+        return {}
+    verdict = worst_verdict(each.verdict for each in beside)
+    samples = round(delay_in_samples(problem.device))
+    delay = samples * problem.device.sample_time
+    return {"whole_sample": WholeSampleRecord(verdict=verdict.value, samples=samples, delay=float(f"{delay:.15g}"))}
+
+
+def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> dict[str, WithoutOperatorRecord]:
+    """Return what the design is worth to hands that do not contain the least operator; nothing if there is none."""
+    if problem.device.operator is None:
+        return {}
+    bare = judge(replace(problem, device=problem.device.bare), gains, coupling)
+    verdict, worst = bare.certificate.verdict, finite_hertz(bare.worst)
+    return {"without_operator": WithoutOperatorRecord(verdict=verdict.value, min_ratio=bare.min_ratio, worst_hz=worst)}
+
+
+def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
+    device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
+    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES) if claim in outcomes]
+    margins = loop_margins(device, gains)
+    return InnerLoopRecord(
+        stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
+        spectral_radius=spectral_radius(device, gains),
+        peak_sensitivity=judgement.peak_sensitivity,
+        peak_sensitivity_hz=finite_hertz(judgement.worst_sensitivity),
+        gain_margin_db=20 * log10(margins.gain),
+        phase_margin_deg=degrees(margins.phase),
+        delay_margin_s=margins.delay,
+        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[-1] is Verdict.PROVED else None),
+    )
+
+
+def optimality_record(found: Optimality) -> OptimalityRecord:
+    """Return what is proved of every design: bound, gap, history, and the boxes that are open."""
+    nodes = found.resume.nodes
+    lowest = np.argsort(nodes.bound, kind="stable")[:SHOWN]
+    every = max(1, len(found.history) // SHOWN)
+    return OptimalityRecord(
+        lower_bound=found.bound,
+        gap=found.gap,
+        verdict="proved" if found.proved else "open",
+        boxes=found.resume.boxes,
+        terms=list(found.terms) or None,
+        history=[
+            GlanceRecord(boxes=at.boxes, lower_bound=at.bound, error=at.incumbent, open=at.open)
+            for at in [*found.history[:-1:every], found.history[-1]]
+        ],
+        open=[BoxRecord(low=nodes.boxes.low[:, i].tolist(), high=nodes.boxes.high[:, i].tolist()) for i in lowest],
+    )

@@ -1,0 +1,27 @@
+"""What a design does, as the record that stands beside its error."""
+
+from __future__ import annotations
+
+from vctune.analysis.feel import feel
+from vctune.document.records.rows_json import FeltRecord
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
+
+
+def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltRecord:
+    """Return mass and damping felt, the stiffest wall and the bandwidth of tracking.
+
+    Parameters
+    ----------
+    device : plain numbers; its least operator is not counted
+    gains, coupling : of its design
+    """
+    felt = feel(device, gains, coupling)
+    return FeltRecord(
+        felt_mass_1hz=felt.mass[0],
+        felt_mass_10hz=felt.mass[1],
+        felt_damping_1hz=felt.damping[0],
+        felt_damping_10hz=felt.damping[1],
+        stiffest_wall=felt.stiffness,
+        tracking_bandwidth_hz=felt.tracking_bandwidth,
+    )

@@ -1,0 +1,155 @@
+"""Which number of a refuted design to change: one that was edited since it was solved, or the one that then errs least.
+
+Nothing here solves or judges by itself: the caller says how (`RepairTest`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+from vctune.design.result import Repair
+from vctune.design.verdict.judge import Judgement
+from vctune.design.verdict.parameter_changes import ParameterChange, change_of_gain
+from vctune.document.gains_file import design_numbers, design_tables
+from vctune.document.reading import pose
+from vctune.model.problem import Problem, Range
+from vctune.running import check_time
+
+if TYPE_CHECKING:
+    from vctune.design.verdict.repair import RepairTest
+
+MOST_DRAG = 10.0
+"""The greatest drag that is tried, in reference impedances: what is felt of it alone is an error of about ten. Half and
+twice leave out, or add, what nobody wants to feel."""
+
+
+def repair_of(change: ParameterChange, new: float, design: Judgement) -> Repair:
+    """Return a change of a number as a repair.
+
+    Parameters
+    ----------
+    change : of the number
+    new : its new value
+    design : the certified design that it leads to
+    """
+    error = design.transparency.error
+    return Repair(change.key, change.old, new, change.meaning, change.line(new), change.size(new), error)
+
+
+def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -> list[ParameterChange]:
+    """Return the changes of single numbers back to a solved design; their limits are its numbers.
+
+    Parameters
+    ----------
+    problem : that the design is of
+    judgement : of the numbers as they are
+    solved : the numbers of the solved design by their keys, or none
+    """
+    given = design_numbers(judgement.gains, judgement.coupling)
+    return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
+
+
+def undone(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> list[Repair]:
+    """Return the edits each of which alone, taken back, leads to a certified design, the least error first.
+
+    Parameters
+    ----------
+    pasted : the problem's document with the numbers as they are
+    changed : what was edited
+    test : how changed problems are tried
+    """
+    found = []
+    for change in changed:
+        design = _verified(change.applied(pasted, change.limit), test)
+        found += [repair_of(change, change.limit, design)] if design is not None else []
+    return sorted(found, key=lambda repair: repair.rank)
+
+
+def undone_together(pasted: dict[str, Any], changed: Sequence[ParameterChange], test: RepairTest) -> bool:
+    """Return whether all edits, taken back, lead to a certified design.
+
+    Parameters
+    ----------
+    pasted, changed, test : as of `undone`
+    """
+    document = reduce(lambda document, change: change.applied(document, change.limit), changed, pasted)
+    return _verified(document, test) is not None
+
+
+def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> dict[str, float]:
+    """Return the numbers of the design that solving a problem makes by their keys; none where it makes none.
+
+    Parameters
+    ----------
+    stated : the problem's document; what it fixes is free
+    judgement : of a design
+    test : how a problem with free numbers is solved
+    """
+    problem = _with_free(stated, judgement, *design_numbers(judgement.gains, judgement.coupling))
+    design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
+    return design_numbers(design.gains, design.coupling) if design is not None else {}
+
+
+def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
+    """Yield for each number of a design the value with the least error, the others as they are.
+
+    The problem is solved with that number alone free, in the range that the file states or in the default one. Numbers
+    that a first opinion gives up are tried all the same if it gives up all of them.
+
+    Parameters
+    ----------
+    stated : the problem's document
+    judgement : of the design
+    test : how problems with one free number are tried
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends that.
+    """
+    posed = {key: _with_one_free(stated, judgement, key) for key in design_numbers(judgement.gains, judgement.coupling)}
+    free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
+    hopeful = {key: each for key, each in free.items() if test.estimate(each)}
+    found = False
+    for repair in _solved(hopeful, judgement, test):
+        found = True
+        yield repair
+    if not found:
+        yield from _solved({key: each for key, each in free.items() if key not in hopeful}, judgement, test)
+
+
+def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
+    for key, problem in free.items():
+        check_time()
+        design = test.verify(problem)
+        if design is not None:
+            old, new = (design_numbers(each.gains, each.coupling)[key] for each in (judgement, design))
+            yield repair_of(change_of_gain(problem, key, old, new), new, design)
+
+
+def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Problem | None:
+    """Return a problem whose design is fixed but for one number; a drag is free where by default there is none, too."""
+    problem = _with_free(stated, judgement, key)
+    if problem is None or key != "coupling.drag" or not problem.bounds.fixed:
+        return problem
+    wide = Range(0.0, MOST_DRAG * problem.transparency.reference_impedance)
+    return replace(problem, bounds=replace(problem.bounds, drag=wide))
+
+
+def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
+    """Return a problem whose design is fixed but for some numbers; None where that contradicts another key."""
+    tables: dict[str, dict[str, Any]] = design_tables(judgement.gains, judgement.coupling)
+    for table, name in (key.split(".") for key in keys):
+        del tables[table][name]
+        bounds = stated.get(table, {}).get(name)
+        tables[table] |= {name: bounds} if isinstance(bounds, dict) else {}
+    return pose(stated | tables, "")[0]
+
+
+def _verified(document: dict[str, Any], test: RepairTest) -> Judgement | None:
+    check_time()
+    problem, _ = pose(document, "")
+    return test.verify(problem) if problem is not None else None

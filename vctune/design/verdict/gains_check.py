@@ -1,0 +1,347 @@
+"""Gains that already exist, judged: the gate for continuous integration. Needs no optimiser.
+
+See cli/README.md, section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from time import perf_counter
+from typing import Any, Protocol
+
+import numpy as np
+
+from vctune.design.result import Repair, Solved
+from vctune.design.variables import keys_for, ranges
+from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
+from vctune.design.verdict.design_record import record_of, warnings
+from vctune.design.verdict.gain_repair import edits, undone, undone_together
+from vctune.design.verdict.judge import Judgement, Status, judge_all
+from vctune.design.verdict.parameter_changes import ParameterChange
+from vctune.design.verdict.repair import (
+    CUT_SHORT,
+    LONGEST,
+    OF_FIXED,
+    OF_FIXED_IN_USE,
+    Progress,
+    find_cures,
+    has_design_in_use,
+    repairs_of_design,
+)
+from vctune.document.gains_file import design_tables
+from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
+from vctune.document.schema.kinds import require_gains_of
+from vctune.document.schema.plausibility import doubts
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError, Mistake
+from vctune.markup import html_facts
+from vctune.model.problem import Problem
+from vctune.running import OutOfTimeError, out_of_time
+
+OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
+
+
+class CheckVerdict(StrEnum):
+    """What a check comes to."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "undecided"
+    BAD_INPUT = "bad input"
+
+
+VERDICTS = {
+    Status.CERTIFIED: CheckVerdict.PASSED,
+    Status.VIOLATED: CheckVerdict.FAILED,
+    Status.UNDECIDED: CheckVerdict.UNDECIDED,
+    Status.INFEASIBLE: CheckVerdict.FAILED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What a check found.
+
+    Attributes
+    ----------
+    source : the file that holds the numbers
+    name : of the problem
+    verdict : what is proved
+    message : one line: proved, or what fails and what would repair it, or what is wrong with the input
+    line : of the source, that the message is about
+    finding : None for bad input
+    strict : whether a warning fails the check
+    """
+
+    source: Path
+    name: str
+    verdict: CheckVerdict
+    message: str
+    line: int
+    finding: Finding | None
+    strict: bool = False
+
+    @property
+    def warnings(self) -> list[str]:
+        """What the user should know beside the verdict."""
+        return self.finding.warnings if self.finding else []
+
+    @property
+    def failed_by_warnings(self) -> bool:
+        """Whether it is for its warnings alone that the check fails."""
+        return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
+
+    def _repr_html_(self) -> str:
+        facts = {"": self.message} | {f"warning {number}": text for number, text in enumerate(self.warnings, 1)}
+        return html_facts(f"{self.name}: {self.result}", facts)
+
+    @property
+    def result(self) -> CheckVerdict:
+        """The verdict, or failed for a warning alone."""
+        return CheckVerdict.FAILED if self.failed_by_warnings else self.verdict
+
+
+class Finding(Protocol):
+    """What is known when the input could be used: warnings, the seconds it took, and all of it as a JSON object."""
+
+    @property
+    def warnings(self) -> list[str]: ...
+    @property
+    def seconds(self) -> float: ...
+    def record(self) -> dict[str, Any]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class DesignFinding:
+    """What is known of gains that could be judged.
+
+    Attributes
+    ----------
+    file : the problem
+    judgement : of the gains
+    repairs : of a violated design, those of its own numbers first, of the least error first
+    warnings : what the user should know
+    seconds : it took
+    """
+
+    file: ProblemFile
+    judgement: Judgement
+    repairs: list[Repair] | None
+    warnings: list[str]
+    seconds: float
+
+    def record(self) -> dict[str, Any]:
+        """Return the object of design.json."""
+        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
+        return record_of(self.file, solved).model_copy(update={"warnings": self.warnings}).to_json()
+
+
+@dataclass(frozen=True, slots=True)
+class _Input:
+    """A file that is read once, for it may be a pipe."""
+
+    path: Path
+    text: str
+    error: InputError | None
+    is_gains: bool
+
+
+def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
+    """Check problem files against their own fixed numbers, or one problem against gains files.
+
+    Parameters
+    ----------
+    paths : of the files
+    progress : told the stage of the work
+
+    Returns
+    -------
+    list of Checked
+        What was found of each.
+
+    Raises
+    ------
+    InputError
+        When it is not clear which gains are meant for which problem.
+    """
+    inputs = [_read(path) for path in paths]
+    gains = [given for given in inputs if given.is_gains]
+    broken = [given for given in inputs if given.error]
+    problems = [given for given in inputs if not given.is_gains and not given.error]
+    if not gains:
+        return [_refused(given) if given.error else _check_problem(given, progress) for given in inputs]
+    if len(problems) == 1:
+        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress)]
+    if broken:
+        return [*map(_refused, broken)]
+    message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
+    raise InputError.of(str(gains[0].path), "ambiguous-files", message)
+
+
+def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked:
+    """Check a problem against its own fixed numbers, or against a design.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    design : gains and coupling; None for the numbers that the problem fixes
+
+    Returns
+    -------
+    Checked
+        Verdict, message, warnings, and what was found.
+
+    Raises
+    ------
+    InputError
+        If the design is for another kind of device, or there is none and the problem does not fix every number.
+    """
+    name = Path(file.problem.name)
+    if design is not None:
+        require_gains_of(file, design)
+        given = _Input(name, design.text, None, True)
+        return _judged(file, [(given, design)])[0]
+    if not file.problem.bounds.fixed:
+        raise InputError(file.problem.name, [_free(file.problem)])
+    return _judged(file, [(_Input(name, file.text, None, False), _own_design(file))])[0]
+
+
+def _own_design(file: ProblemFile) -> GainsFile:
+    """Return the design that a problem fixes."""
+    return GainsFile(*file.problem.fixed_design, sha256=None, units=None, text=file.text)
+
+
+def _read(path: Path) -> _Input:
+    try:
+        text = toml.read_text(path)
+        document = toml.parse(text, str(toml.called(path)))
+    except InputError as error:
+        return _Input(toml.called(path), "", error, False)
+    return _Input(
+        toml.called(path),
+        text,
+        None,
+        not document.keys().isdisjoint(("gains", "coupling")) and "device" not in document,
+    )
+
+
+def _refused(given: _Input, error: InputError | None = None) -> Checked:
+    error = error or given.error
+    assert error is not None
+    return Checked(given.path, given.path.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
+
+
+def _check_problem(given: _Input, progress: Progress) -> Checked:
+    try:
+        file = problem_file(given.text, given.path)
+        if not file.problem.bounds.fixed:
+            raise InputError(str(given.path), [_free(file.problem)])
+    except InputError as error:
+        return _refused(given, error)
+    return _judged(file, [(given, _own_design(file))], progress)[0]
+
+
+def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> list[Checked]:
+    try:
+        file = problem_file(problem.text, problem.path)
+    except InputError as error:
+        return [_refused(problem, error)]
+    found: dict[Path, Checked] = {}
+    usable = []
+    for given in gains:
+        try:
+            read = gains_file(given.text, given.path)
+            require_gains_of(file, read)
+            usable.append((given, read))
+        except InputError as error:
+            found[given.path] = _refused(given, error)
+    found |= {checked.source: checked for checked in _judged(file, usable, progress)}
+    return [found[given.path] for given in gains]
+
+
+def _free(problem: Problem) -> Mistake:
+    free = [key for key, bounds in zip(keys_for(problem), ranges(problem), strict=True) if not bounds.fixed]
+    return Mistake("not-fixed", ", ".join(free), "nothing to check: not fixed; name a gains file, or fix the numbers")
+
+
+@np.errstate(all="ignore")
+def _judged(
+    file: ProblemFile, given: list[tuple[_Input, GainsFile]], progress: Progress = lambda stage: None
+) -> list[Checked]:
+    """Judge designs."""
+    progress(f"proving {', '.join(source.path.name for source, _ in given)}")
+    began = perf_counter()
+    judgements = judge_all(file.problem, [(design.gains, design.coupling) for _, design in given])
+    proving = (perf_counter() - began) / max(len(given), 1)
+    checks = []
+    for (source, design), judgement in zip(given, judgements, strict=True):
+        began = perf_counter()
+        changed = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
+        repairs, together = _repairs(file, judgement, changed, progress)
+        cut = judgement.certificate.cut
+        if judgement.status is Status.VIOLATED or judgement.idle:
+            cut |= out_of_time()
+            repairs = repairs or None if cut else repairs  # that there is none was not found out
+        found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
+        if cut:
+            found.append(OUT_OF_TIME)
+        found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
+        if judgement.idle and repairs is None:
+            said = "solving the problem finds a design that does use its velocity loop"
+            found.append(Note("warn-solve-instead", said))
+        if design.sha256 and design.sha256 != file.sha256:
+            said = "the gains were made for another version of the problem (sha256 differs)"
+            found.append(Note("other-version", said))
+        seconds = proving + perf_counter() - began
+        finding = DesignFinding(file, judgement, repairs, [note.line for note in found], seconds)
+        verdict, message = VERDICTS[judgement.status], check_message(judgement, repairs, changed, together)
+        line = line_to_change(source.text, repairs, together)
+        checks.append(Checked(source.path, file.problem.name, verdict, message, line, finding))
+    return checks
+
+
+def _repairs(
+    file: ProblemFile, judgement: Judgement, changed: list[ParameterChange], progress: Progress
+) -> tuple[list[Repair] | None, list[ParameterChange]]:
+    """Return the repairs of a refuted design pasted into its problem, or the cures of an idle one; None for others.
+
+    With them the edits that, taken back, make it pass only all together; none where one alone does.
+    """
+    if judgement.status is not Status.VIOLATED and not judgement.idle:
+        return None, []
+    stated = toml.parse(file.text, file.problem.name)
+    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    if judgement.idle:
+        return _cures(file, stated, pasted, changed, progress), []
+    repairs = repairs_of_design(stated, judgement, changed, progress)
+    with suppress(OutOfTimeError):
+        if len(changed) > 1 and not taken_back(repairs, changed) and undone_together(pasted, changed, OF_FIXED):
+            return repairs, changed
+    return repairs, []
+
+
+def _cures(
+    file: ProblemFile,
+    stated: dict[str, Any],
+    pasted: dict[str, Any],
+    changed: list[ParameterChange],
+    progress: Progress,
+) -> list[Repair] | None:
+    """Return the cures of an idle design; None where solving finds one that is not, or the time limit ends that."""
+    try:
+        if back := undone(pasted, changed, OF_FIXED_IN_USE):
+            return back
+        if has_design_in_use(file.problem):
+            return None
+    except OutOfTimeError:
+        return None
+    if not file.problem.bounds.fixed:
+        return find_cures(stated, file.problem, progress)
+    problem, _ = pose(pasted, file.problem.name)
+    assert problem is not None, "a valid problem with valid gains is one"
+    return find_cures(pasted, problem, progress)

@@ -1,0 +1,185 @@
+"""Why a problem has no design: the demand that the nearest miss fails, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi
+
+import numpy as np
+
+from vctune.analysis.demands import demand_grid, ratio_minima, response, sampled_span, sensitivity_maxima
+from vctune.analysis.extrema import local_minima
+from vctune.analysis.in_hands import least_ratios
+from vctune.design.prepared import Prepared
+from vctune.design.search.scan import ScanResult
+from vctune.design.variables import design_of, point
+from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.numbers.units import UNITS
+from vctune.model.problem import Problem
+from vctune.proof.claims.sampled_poles import spectral_radius
+
+OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
+"""How the reason begins, by whether it is proved."""
+
+CUT_SHORT = "the time limit ended the search before it had found a design"
+
+NEXT_TO_NOTHING = 1e-9
+"""Ratio below which Re Z_c vanishes where R does not, as at 0 Hz without drag. Half and twice it: the same words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Infeasibility:
+    """Why there is no admissible design.
+
+    Attributes
+    ----------
+    cause : which demand fails, where and by how much
+    advice : what may repair it
+    proved : whether it follows from a theorem or from a search that has emptied every box of gains, not from one that
+        found nothing
+    """
+
+    cause: str
+    advice: str
+    proved: bool
+
+    @property
+    def reason(self) -> str:
+        """Cause and advice."""
+        return f"{self.cause}; {self.advice}"
+
+
+def out_of_time_before_a_design() -> Infeasibility:
+    """Return why there is no design where the time limit has ended the search."""
+    return Infeasibility(CUT_SHORT, "allow more time", proved=False)
+
+
+def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> Infeasibility:
+    """Describe how the scanned point that fails least fails.
+
+    Parameters
+    ----------
+    prepared : the problem
+    scanned : the scan's result
+    proved : whether every box of gains has been searched in vain
+
+    Returns
+    -------
+    Infeasibility
+        In words: the demand, the frequency, by how much, and what may repair it.
+    """
+    opening = OPENINGS[proved]
+    if not scanned.starts:
+        return Infeasibility(opening, "widen the bounds", proved)
+    start = scanned.starts[0]
+    gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
+    units = prepared.given.problem.units
+    prefix = (
+        f"{opening}; the nearest miss has velocity {gains.velocity:.4g} {units.damping}, "
+        f"position {gains.position:.4g} {units.stiffness}: "
+    )
+    for case in prepared.given.cases:
+        failure = _first_failure(case, gains, coupling)
+        if failure is not None:
+            cause, advice = failure
+            return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved)
+    unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not"
+    return Infeasibility(prefix + unknown, "widen the bounds", proved)
+
+
+def _on(case: Problem, problem: Problem) -> str:
+    """Return on which device a case fails where it is not the problem's own: the numbers in which it differs."""
+    own = problem.device
+    other = {key: number for key, number in case.device.numbers().items() if number != own.number(key)}
+    return f"with {', '.join(f'{key} {number:.6g}' for key, number in other.items())}: " if other else ""
+
+
+def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
+    """Return the gravest failure of a design on one device and what may repair it; None where it fails nothing."""
+    device, stability = problem.device, problem.stability
+    if gains.velocity == 0 and gains.position == 0 and device.damping == 0:
+        return "without a loop and without damping the device drifts", "allow a higher gains.velocity"
+    radius = spectral_radius(device, gains)
+    if radius >= 1:
+        return (
+            f"its sampled loop is unstable, spectral radius {radius:.4g}",
+            "allow a lower gains.velocity or gains.position, or shorten device.sample_time or device.delay",
+        )
+    lacking = _lacking_resistance(problem, gains) if problem.passive else None
+    if lacking is not None:
+        return lacking
+    peaks = sensitivity_maxima(problem, gains)
+    ratio, place = _least_ratio(problem, gains, coupling)
+    peak = -peaks.value[0]
+    excess = peak / stability.max_sensitivity
+    shortfall = stability.safety_factor / ratio if ratio > 0 else inf
+    if excess > max(shortfall, 1):
+        return (
+            f"|S| reaches {peak:.4g} at {peaks.omega[0] / (2 * pi):.4g} Hz, above max_sensitivity "
+            f"{stability.max_sensitivity:.4g}",
+            "allow lower gains or a higher max_sensitivity",
+        )
+    return _shortfall(problem, coupling, ratio, place) if shortfall > 1 else None
+
+
+def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
+    """Return by how much Re Z_c is less than what is asked for, and what may repair it."""
+    factor, narrower = problem.stability.safety_factor, "stability.band_hz"
+    if not problem.passive:
+        narrower = "the hands of [operator]"
+    if problem.device.renders_force and ratio < NEXT_TO_NOTHING:
+        return (
+            f"no coupling is soft enough {place}: K_v alone makes a loop unstable there, or b_c drives",
+            "allow a lower gains.velocity or coupling.damping, or raise device.velocity.filter_hz",
+        )
+    if problem.device.renders_force:
+        return (
+            f"Re 1/Z_c is {ratio:.4g} of the required R {place}, short of the safety factor {factor:.4g} "
+            f"by a factor of {factor / ratio:.4g}",
+            "lower coupling.stiffness.min, add device damping, or shorten device.sample_time or device.delay",
+        )
+    if ratio < NEXT_TO_NOTHING:
+        return (
+            f"Re Z_c is next to 0 {place}, where some is required",
+            f"allow a greater coupling.drag, or narrow {narrower}",
+        )
+    return (
+        f"Re Z_c is {ratio:.4g} of the required R {place}, short of the safety factor {factor:.4g} by a factor of "
+        f"{factor / ratio:.4g}",
+        f"raise the upper bound of {_tight_coupling(problem, coupling)}, or narrow {narrower}",
+    )
+
+
+def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, str]:
+    """Return the least Re Z_c / R of any hand that is to be met, and where."""
+    found = []
+    if problem.passive:
+        minima = ratio_minima(problem, gains, coupling)
+        found.append((float(minima.value[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
+    for worst in least_ratios(problem, gains, coupling):
+        hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
+        found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
+    return min(found)
+
+
+def _lacking_resistance(problem: Problem, gains: Gains) -> tuple[str, str] | None:
+    """Return where the loop's resistance is negative; None where it is positive throughout."""
+    device = problem.device
+    grid = demand_grid(device, *sampled_span(problem))
+    resistance = local_minima(lambda omega: response(device, gains, omega).resistance, grid)
+    lack, hz = -resistance.value[0], resistance.omega[0] / (2 * pi)
+    if lack >= 0:
+        unit = UNITS[device.units].damping
+        return (
+            f"Re G_hh < 0 at {hz:.4g} Hz, where b + Re C = {-lack:.4g} {unit}",
+            f"add {lack:.4g} {unit} of device damping, shorten the delay, or end stability.band_hz below {hz:.4g} Hz",
+        )
+    return None
+
+
+def _tight_coupling(problem: Problem, coupling: AnyCoupling) -> str:
+    most = problem.bounds
+    at_damping = np.isclose(coupling.damping, most.damping.max, rtol=1e-3)
+    at_mass = isinstance(coupling, Coupling) and np.isclose(coupling.mass, most.mass.max, rtol=1e-3)
+    names = [name for name, tight in (("coupling.damping", at_damping), ("coupling.mass", at_mass)) if tight]
+    return " and ".join(names) if names else "coupling.damping"

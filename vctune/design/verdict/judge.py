@@ -1,0 +1,298 @@
+"""What decides about given gains: error, least ratio, greatest |S|, certificate. Knows nothing of the optimiser."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from enum import StrEnum
+from math import inf, pi
+
+import numpy as np
+
+from vctune.analysis.demands import (
+    TransparencyError,
+    ratio_minima,
+    sensitivity_maxima,
+    transparency_error,
+)
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios_in_any_hand, least_ratios_in_hands
+from vctune.design.prepared import Posed, compared, pose
+from vctune.design.search.worst import worst_inside
+from vctune.markup import html_facts, span
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
+from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.keys import keys_of, labelled
+from vctune.model.numbers.units import UNITS, Units
+from vctune.model.problem import Problem
+from vctune.proof.certificate import Certificate, certify, certify_all
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.running import seconds_left, time_limit, unlimited
+
+
+class Status(StrEnum):
+    """What became of a problem."""
+
+    CERTIFIED = "certified"
+    VIOLATED = "violated"
+    UNDECIDED = "undecided"
+    INFEASIBLE = "infeasible"
+
+
+STATUS_OF = {
+    Verdict.PROVED: Status.CERTIFIED,
+    Verdict.REFUTED: Status.VIOLATED,
+    Verdict.UNDECIDED: Status.UNDECIDED,
+}
+
+
+IDLE = 0.5
+"""A mean or greatest |1 - G_he| above which the velocity loop is hardly used: without a loop it is 1, and half of what
+the operator should feel is lost at 0.5. It decides on a warning and its cures, not on a design: with half of it more
+designs are warned of; twice as much is warned of none."""
+
+
+PROVING = 0.85
+"""The share of the time that is left, if there is a limit, for the proof of a design; the rest is for what double
+precision says of it, a second for an uncertain device. Half leaves designs unproved, all of it ends late."""
+CUT = " (the time limit cut its proof)"
+"""What is added to a claim whose proof the time limit ended."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A design and what is known of it.
+
+    Attributes
+    ----------
+    gains, coupling : the design
+    transparency : its error and the three terms, on the nominal device
+    error : the objective: that error, or the greatest at the vertices of a box of devices
+    compared : the same of the terms alone that can differ between designs: what a bound is about
+    min_ratio, worst : least Re Z_c / R on the band and where, rad/s (0 or inf at an end of the axis)
+    tightest : the device on which it is least, of the nominal one and those of a box
+    in_hand : the least Re Z_c / R in the hands to be met, and in which; None where none are
+    in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
+    peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
+    certificate : what is proved
+    """
+
+    gains: Gains
+    coupling: AnyCoupling
+    transparency: TransparencyError
+    error: float
+    compared: float
+    min_ratio: float
+    worst: float
+    tightest: Device
+    peak_sensitivity: float
+    worst_sensitivity: float
+    certificate: Certificate
+    in_hand: RatioInHand | None = None
+    in_any_hand: RatioInAnyHand | None = None
+
+    @property
+    def status(self) -> Status:
+        """The certificate's verdict as a status."""
+        return STATUS_OF[self.certificate.verdict]
+
+    @property
+    def worst_hz(self) -> float:
+        """Where Re Z_c / R is least, Hz."""
+        return hertz(self.worst)
+
+    @property
+    def worst_sensitivity_hz(self) -> float:
+        """Where |S| is greatest, Hz."""
+        return hertz(self.worst_sensitivity)
+
+    @property
+    def ratio_name(self) -> str:
+        """What is called the least ratio: of the impedances, or of an impedance display of the admittances."""
+        return "least Re 1/Z_c / R" if self.tightest.renders_force else "least Re Z_c / R"
+
+    @property
+    def facts(self) -> dict[str, float | str | None]:
+        """The design and what is proved of it, by name and unit."""
+        values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
+        return {
+            **{labelled(key, units): x for key, x in zip(keys_of(len(values)), values, strict=True)},
+            "error": self.transparency.error,
+            self.ratio_name: self.min_ratio,
+            "at, Hz": self.worst_hz,
+            "greatest |S|": self.peak_sensitivity,
+            "proved band, Hz": span(self.certificate.proved_band_hz),
+        }
+
+    def _repr_html_(self) -> str:
+        return html_facts(f"design: {self.status.value}", self.facts)
+
+    @property
+    def idle(self) -> bool:
+        """Whether the design is certified, and hardly uses its velocity loop."""
+        return self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
+
+    @property
+    def open_claims(self) -> list[str]:
+        """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        return [
+            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}{CUT * outcome.cut}"
+            for claim, outcome in self.certificate.outcomes.items()
+            if outcome.verdict is not Verdict.PROVED
+        ]
+
+    @property
+    def reserve_missed(self) -> str | None:
+        """What is proved of a design that is absolutely stable but misses the safety factor; None for any other."""
+        if self.certificate.without_factor is None or self.certificate.proved_ratio is None:
+            return None
+        return (
+            f"absolutely stable, but the least Re Z_c / R, {self.min_ratio:.6g} at {self.worst / (2 * pi):.6g} Hz, "
+            f"is below the safety factor {self.certificate.demands.factor:g}"
+        )
+
+
+def _place(outcome: Outcome, units: Units) -> str:
+    place = f" at {outcome.witness / (2 * pi):.6g} Hz" if outcome.witness else ""
+    if (hand := outcome.hand) is not None:
+        place += f" in the hand of {hand.in_words(units)}"
+    if (device := outcome.device) is None:
+        return place
+    known = [f"{key} {number:.6g}" for key, number in device.numbers().items() if key != "sample_time"]
+    off = [] if device.unmodelled is None else [str(device.unmodelled)]
+    return f"{place} with {', '.join([*known, *off])}"
+
+
+def judge(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Judgement:
+    """Judge given gains against a problem's demands.
+
+    Parameters
+    ----------
+    problem : with every default filled in
+    gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Error, least Re Z_c / R, greatest |S| and the certificate.
+    """
+    return judge_posed(pose(problem), gains, coupling)
+
+
+@np.errstate(all="ignore")
+def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
+    """Judge given gains against the demands of a problem.
+
+    Parameters
+    ----------
+    posed : in SI units
+    gains, coupling : plain floats, N s/m, N/m and kg
+
+    Returns
+    -------
+    Judgement
+        Certificate, status, transparency and margins, in SI units and rad/s. The time limit cuts the proof alone.
+    """
+    with time_limit(PROVING * seconds_left()):
+        certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
+    with unlimited():
+        return _judgement(posed, gains, coupling, certificate)
+
+
+@np.errstate(all="ignore")
+def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) -> list[Judgement]:
+    """Judge several designs against a problem's demands, as `judge` does, their proofs made together.
+
+    Parameters
+    ----------
+    problem : with every default filled in, SI units
+    designs : gains and couplings, plain floats, SI units
+
+    Returns
+    -------
+    list of Judgement
+        In the order of the designs.
+    """
+    posed = pose(problem)
+    with time_limit(PROVING * seconds_left()):
+        certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
+    with unlimited():
+        return [
+            _judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)
+        ]
+
+
+def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
+    """Add to a certificate what double precision gives."""
+    cases = posed.cases
+    (min_ratio, worst), tightest, held = (inf, 0.0), posed.problem.device, None
+    if posed.demands.passive:
+        ratios = [least_ratio(case, gains, coupling) for case in cases]
+        devices = (case.device for case in cases)
+        (min_ratio, worst), tightest = min(zip(ratios, devices, strict=True), key=lambda at: at[0])
+        inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
+        if inside and inside[0].ratio < min_ratio:
+            min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
+    if posed.demands.hands is not None:
+        found = (
+            (least_ratios_in_hands(case.device, posed.demands.hands, gains, coupling)[0], case)
+            for case in posed.hand_cases
+        )
+        held, case = min(found, key=lambda pair: pair[0].ratio)
+        if held.ratio < min_ratio:
+            min_ratio, worst, tightest = held.ratio, held.omega, case.device
+    in_any_hand = None
+    if posed.demands.any_hand:
+        of_any = ((least_ratios_in_any_hand(case.device, gains, coupling)[0], case) for case in posed.hand_cases)
+        in_any_hand, case = min(of_any, key=lambda pair: pair[0].ratio)
+        if in_any_hand.ratio < min_ratio:
+            min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, case.device
+    sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
+    transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
+    error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error
+    return Judgement(
+        gains=gains,
+        coupling=coupling,
+        transparency=transparency,
+        error=error,
+        compared=error if differing is posed else differing.error(gains, coupling),
+        min_ratio=min_ratio,
+        worst=worst,
+        tightest=tightest,
+        peak_sensitivity=float(-sensitivity.value[0]),
+        worst_sensitivity=float(sensitivity.omega[0]),
+        certificate=certificate,
+        in_hand=held,
+        in_any_hand=in_any_hand,
+    )
+
+
+def least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float]:
+    """Return the least Re Z_c / R on the stability band and its frequency, the ends of the axis by exact limits.
+
+    Parameters
+    ----------
+    problem : of a device that is known exactly
+    gains, coupling : a design, plain floats
+
+    Returns
+    -------
+    ratio : inf where nothing is required
+    omega : rad/s; 0 or inf at an end of the axis
+    """
+    device, band = problem.device, problem.stability.band
+    minima = ratio_minima(problem, gains, coupling)
+    candidates = [(float(minima.value[0]), float(minima.omega[0]))]
+    if band.min == 0:
+        limit = low_frequency_limit(device, gains, series_coupling(coupling))
+        candidates.append((_quotient(limit.coupling, limit.required), 0.0))
+    if band.max == inf:
+        limit = high_frequency_limit(device, gains, series_coupling(coupling))
+        candidates.append((_quotient(limit.coupling, limit.required), inf))
+    return min(candidates)
+
+
+def _quotient(coupling: float, required: float) -> float:
+    return coupling / required if required > 0 else inf

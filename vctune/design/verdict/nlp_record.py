@@ -1,0 +1,138 @@
+"""What the NLP of a solved problem contained, what was left out of it, and what holds the design: plain data."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.demands import response
+from vctune.analysis.extrema import Floats
+from vctune.design.nlp.nlp_structure import DEMANDS
+from vctune.design.prepared import acting_terms, pose
+from vctune.design.result import Polished, Solved
+from vctune.design.search.working_set import ConstraintPoint, stacked
+from vctune.design.variables import design_of, keys_for, ranges
+from vctune.design.verdict.uncertainty_record import device_record
+from vctune.document.records.certificate_json import DeviceRecord
+from vctune.document.records.design_json import ActiveRecord
+from vctune.document.text.codes import Note
+from vctune.model.loop.llewellyn import llewellyn_demand, modulus_excess
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+from vctune.model.transparency import TERMS
+
+ACTIVE = 1e-5
+"""Multipliers below which a demand is not listed: those that do not bind keep a little from IPOPT's barrier."""
+
+
+def active(solved: Solved) -> list[ActiveRecord]:
+    """Return the demands that hold the design, the dearest first: kind, frequency and multiplier.
+
+    The multiplier is d log(error)/d log(demand): by how many per cent the error falls when the demand is eased by one.
+    """
+    if solved.polished is None:
+        return []
+    posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
+    rate = 1 / (2 * pi * solved.problem.device.sample_time)
+    coupled = "Re 1/Z_c" if solved.problem.device.renders_force else "Re Z_c"
+    where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
+    where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
+    where += [("stability of the sampled loop", None) for _ in posed.stability]
+    where += [("greatest error", at) for at in posed.peak]
+    where += [("|1 - S| r < 1 of what is not modelled", at) for at in posed.unmodelled]
+    where += [
+        (f"{coupled} >= safety_factor R in {'any passive' if at.hand is None else 'a'} hand", at)
+        for at in posed.in_hand
+    ]
+    for at in posed.tracked_peaks:
+        where += [("|S| <= max_sensitivity", at), ("", None)]
+    where += [("greatest error", None)] * solved.polished.structure.mean_errors
+    several = len(pose(solved.problem).cases) > 1
+    held = [
+        ActiveRecord(
+            demand=demand,
+            hz=place.omega * rate if place else None,
+            multiplier=multiplier,
+            **({"device": _device(solved.problem, place)} if place and several else {}),
+        )
+        for (demand, place), multiplier in zip(where, multipliers, strict=True)
+        if demand and multiplier > ACTIVE
+    ]
+    return sorted(held, key=lambda row: -row.multiplier)
+
+
+def _device(problem: Problem, place: ConstraintPoint) -> DeviceRecord:
+    """Return the device of a dimensionless place in SI units."""
+    impedance, time = problem.transparency.reference_impedance, problem.device.sample_time
+    return device_record(place.device.in_units(1 / impedance, 1 / time), problem)
+
+
+def _priced(polished: Polished) -> Floats:
+    """Return the multipliers, those of the ratio for 2 Re(D + Z_h) Re Z_c >= factor 2 Re(D + Z_h) R.
+
+    In the hand of an operator the NLP has written it with both terms of the factor on different sides.
+    """
+    multipliers, ratio = np.abs(polished.solution.multipliers), polished.working_set.ratio
+    if polished.structure.operator_damping and ratio:
+        device, omega = stacked(ratio)
+        loop = response(device, design_of(polished.values)[0], omega)
+        multipliers[: len(ratio)] *= llewellyn_demand(loop, FLOATS) / modulus_excess(loop, FLOATS)
+    return multipliers
+
+
+def left_out(solved: Solved) -> list[Note]:
+    """Return what is not in the NLP, each with the reason."""
+    problem = solved.problem
+    found = []
+    for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
+        if bounds.fixed and not (key == "gains.position" and problem.device.renders_force):
+            found.append(Note("left-out-fixed", f"{key}: fixed at {bounds.min:g}"))
+    for term in TERMS:
+        if getattr(problem.transparency.weights, term) == 0:
+            found.append(Note("left-out-weight", f"transparency.weights.{term}: 0"))
+        elif term not in acting_terms(problem):
+            found.append(Note("left-out-same", f"transparency.{term}: the same for every design"))
+    if problem.uncertainty is not None:
+        found += [
+            Note("left-out-certain", f"uncertainty.{key}: device.{key} is 0")
+            for key, _ in problem.uncertainty.half_widths
+            if problem.device.number(key) == 0
+        ]
+    if solved.polished is None or solved.scanned is None:
+        return found
+    structure = solved.polished.structure
+    gains = solved.judgement.gains if solved.judgement is not None else None
+    idle = not structure.integrator or (gains is not None and gains.position == 0)
+    if idle and not problem.bounds.position.fixed:
+        found.append(
+            Note("left-out-integrator", "gains.position: the best design has K_p = 0, and with it no integrator")
+        )
+    if structure.capacities[DEMANDS.index("sensitivity")] == 0:
+        peak, limit = solved.scanned.peak_sensitivity, problem.stability.max_sensitivity
+        said = f"stability.max_sensitivity: |S| stays below {peak:.4g} wherever the scan looked, the limit is {limit:g}"
+        found.append(Note("left-out-sensitivity", said))
+    if not solved.polished.working_set.stability:
+        found.append(Note("left-out-stability", "stability of the sampled loop: no step of the search left it"))
+    return found
+
+
+def solver_record(solved: Solved) -> dict[str, Any]:
+    """Return how the NLP was solved; nothing where none was."""
+    if solved.polished is None or solved.scanned is None:
+        return {}
+    polished = solved.polished
+    return {
+        "name": "ipopt",
+        "converged": polished.solution.converged,
+        "starts": len(solved.scanned.starts),
+        "optima": solved.optima,
+        "variables": polished.structure.variables,
+        "constraints": sum(polished.working_set.sizes())
+        + 2 * polished.structure.tracked_peaks
+        + polished.structure.mean_errors,
+        "frequencies": dict(zip(DEMANDS, polished.working_set.sizes(), strict=True)),
+        "rounds": len(polished.rounds),
+        "iterations": sum(each.solution.iterations for each in polished.rounds),
+    }

@@ -1,0 +1,325 @@
+"""The numbers of a problem file that may be changed, one at a time, until there is a design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from math import inf, pi
+from typing import Any
+
+from vctune.document.schema.device_contradictions import FASTEST
+from vctune.document.schema.statement import stated_keys
+from vctune.document.schema.validation import KeyPath, dotted
+from vctune.document.text.raw import number_at, placed
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
+from vctune.model.problem import Problem
+
+RELATIVE_CHANGES = (3e-3, 1e-2, 3e-2, 0.1, 0.3, 0.6, 1.0, 1.5, 2.2, 3.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+CHANGES_FROM_ZERO = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0)
+"""Changes that are tried: relative to the smaller of the old and the new value; to its natural size if that is 0.
+
+A gain that is changed too far fails again: up to a factor of 4 no window wider than 30 % is stepped over.
+"""
+FURTHEST = 1e6
+"""How far a bound, or a gain, is moved at most: beyond any that could be built. A factor of ten is one trial."""
+SOFTEST = 1e-3
+"""How far the heaviest, most damped or stiffest hand is brought down at most: to what nobody would call a hand."""
+FINEST, FINEST_FROM_ZERO = 1e-9, 1e-18
+"""Relative changes below which a change is none: what is smaller is lost in the digits of a file, or of a number."""
+DIGITS = 12
+"""Significant digits of a new value at most."""
+FASTER = {
+    "velocity.filter_hz": "a faster filter of the velocity",
+    "actuator.bandwidth_hz": "a faster actuator",
+    "force_sensor.bandwidth_hz": "a faster force sensor",
+    "structure.frequency_hz": "a stiffer handle",
+}
+OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
+ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
+"""What adds to Re Z_c wherever it grows: less of it makes nothing possible."""
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterChange:
+    """A number of a problem file that may be changed one way.
+
+    Changes are relative to the smaller of the old and the new value. Where the old value is 0 they are relative to the
+    natural size, and where it is infinite the same holds of the reciprocals.
+
+    Attributes
+    ----------
+    path : where it stands in the file
+    meaning : what changing it means
+    old : the value that the file, or a default, gives it
+    limit : the furthest value worth trying, above `old` or below it
+    scale : natural size, where `old` is 0 or infinite
+    other : the other edge of a band or end of a range, which the file must state with it
+    """
+
+    path: KeyPath
+    meaning: str
+    old: float
+    limit: float
+    scale: float = 1.0
+    other: float | None = None
+
+    @property
+    def key(self) -> str:
+        """The dotted key."""
+        return dotted(self.path)
+
+    @property
+    def eases(self) -> bool:
+        """Whether more of it asks for less or leaves more to choose: fewer hands, a narrower band, wider bounds."""
+        if self.path[0] == "operator":
+            return self.path[-1] != "max" or self.limit < self.old
+        return self.path[0] == "stability" or self.path[-1] in ("min", "max") or self.key in ONLY_UPWARDS
+
+    @property
+    def least(self) -> float:
+        """The least relative change worth trying; from infinity that to the natural size is the least there is."""
+        return FINEST_FROM_ZERO if self.old == 0 else FINEST if self.old < inf else 1.0
+
+    def value(self, relative: float) -> float:
+        """Return the value after a given relative change, as far as the limit."""
+        if self.old == 0:
+            return min(self.scale * relative, self.limit)
+        if self.old == inf:
+            return max(self.scale / relative, self.limit)
+        if self.limit > self.old:
+            return min(self.old * (1 + relative), self.limit)
+        return max(self.old / (1 + relative), self.limit)
+
+    def relative_change(self, new: float) -> float:
+        """Return the relative change to a new value; inf for one to 0."""
+        if self.old == 0:
+            return new / self.scale
+        if self.old == inf:
+            return self.scale / new
+        return abs(new - self.old) / min(new, self.old) if new > 0 else inf
+
+    def size(self, new: float) -> float:
+        """Return the size of a change, by which changes of all numbers are compared: r/(1 + r), r the relative change.
+
+        It is at most 1, the change relative to the greater of the old and the new value.
+        """
+        relative = self.relative_change(new)
+        return relative / (1 + relative) if relative < inf else 1.0
+
+    def partial(self, new: float, share: float) -> float:
+        """Return the value after a share of a change; of the reciprocals where the old value is infinite.
+
+        Parameters
+        ----------
+        new : value after the whole change
+        share : of it, 0 < share <= 1
+        """
+        return new / share if self.old == inf else self.old + share * (new - self.old)
+
+    def relative_changes(self) -> Iterator[float]:
+        """Yield the relative changes to try, up to the limit."""
+        last = self.relative_change(self.limit)
+        steps = CHANGES_FROM_ZERO if self.old == 0 else RELATIVE_CHANGES
+        yield from (relative for relative in steps if self.least <= relative < last)
+        yield last
+
+    def rounded(self, relative: float, growth: float) -> float:
+        """Return the shortest decimal after a relative change that is greater by a share of `growth` at most.
+
+        Parameters
+        ----------
+        relative : the least change that is wanted
+        growth : how much greater it may be, as a share of it
+
+        Returns
+        -------
+        float
+            At or beyond the exact value, within the limit; that itself where fewer than `DIGITS` digits will not do.
+        """
+        exact, upwards = self.value(relative), self.limit > self.old
+        for digits in range(1, DIGITS):
+            context = Context(prec=digits, rounding=ROUND_CEILING if upwards else ROUND_FLOOR)
+            new = float(context.create_decimal(Decimal(exact)))
+            within = new <= self.limit if upwards else new >= self.limit
+            if within and self.relative_change(new) <= relative * (1 + growth):
+                return new
+        return exact
+
+    def line(self, new: float) -> str:
+        """Return what the file has to say after the change: a line of TOML."""
+        if self.other is None:
+            return f"{self.key} = {new!r}"
+        low, high = sorted((new, self.other))
+        form = f"[{low!r}, {high!r}]" if isinstance(self.path[-1], int) else f"{{ min = {low!r}, max = {high!r} }}"
+        return f"{dotted(self.path[:-1])} = {form}"
+
+    def applied(self, document: dict[str, Any], new: float) -> dict[str, Any]:
+        """Return the document with the number changed.
+
+        Parameters
+        ----------
+        document : parsed TOML, which stays as it is
+        new : the new value, in the file's unit
+        """
+        beside = () if self.other is None else (((*self.path[:-1], OTHER_END[self.path[-1]]), self.other),)
+        return placed(document, (*beside, (self.path, new)))
+
+
+def parameter_changes(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
+    """Return what may be changed about a problem: the device, the demands, and the bounds or gains that it states.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    """
+    return [*_of_device(problem), *_of_operator(problem), *changes_of_demands(document, problem)]
+
+
+def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[ParameterChange]:
+    """Return what may be changed about a problem while its device stays as it is.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states
+    """
+    band = _of_band(document, problem) if problem.passive else ()
+    return [*band, *_of_demands(problem), *_of_gains(document, problem)]
+
+
+def _of_device(problem: Problem) -> Iterator[ParameterChange]:
+    device = problem.device
+    loop = device.mass / device.loop_lag
+    yield ParameterChange(
+        ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
+    )
+    yield ParameterChange(
+        ("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100
+    )
+    if device.delay > 0:
+        yield ParameterChange(("device", "delay"), "less delay", device.delay, 0.0)
+    nyquist = 0.5 / device.sample_time
+    for key, meaning in FASTER.items():
+        rate = device.number(key)
+        if rate is not None:
+            fastest = nyquist if key == "velocity.filter_hz" else max(100 * rate, nyquist)
+            yield ParameterChange(
+                ("device", *key.split(".")),
+                problem.units.translated(meaning),
+                rate,
+                min(fastest, FASTEST / device.sample_time),
+            )
+    if device.force_sensor is not None and device.force_sensor.delay > 0:
+        path = ("device", "force_sensor", "delay")
+        less = f"less delay of the {problem.units.force_name} sensor"
+        yield ParameterChange(path, less, device.force_sensor.delay, 0.0)
+
+
+def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
+    """Yield fewer hands: with more damping, or where a box of them is to be met with less mass or stiffness.
+
+    Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
+    """
+    device, low, high = problem.device, problem.hands.low, problem.hands.high
+    meaning, loop = "more damping in every hand", device.mass / device.loop_lag
+    path: KeyPath = ("operator", "damping")
+    if problem.hands_met is None:
+        yield ParameterChange(path, meaning, low.damping, max(100 * low.damping, loop), loop)
+        return
+    for name, scale in (("damping", loop), ("stiffness", loop / device.loop_lag)):
+        least, most = getattr(low, name), getattr(high, name)
+        if least < most:
+            more = meaning if name == "damping" else "more stiffness in every hand"
+            yield ParameterChange(("operator", name, "min"), more, least, most, min(scale, most), most)
+    if high.stiffness == 0:
+        natural = loop / device.loop_lag
+        yield ParameterChange(("operator", "stiffness", "max"), "stiffer hands", 0.0, 10 * natural, natural, 0.0)
+    for name, lighter in (("mass", "lighter hands"), ("damping", "less damped hands"), ("stiffness", "softer hands")):
+        least, most = getattr(low, name), getattr(high, name)
+        if least < most:
+            lowest = max(least, SOFTEST * most)
+            yield ParameterChange(("operator", name, "max"), lighter, most, lowest, 1.0, least)
+
+
+def _of_band(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
+    """Yield narrower stability bands, of an octave at least."""
+    band, path = problem.stability.band, ("stability", "band_hz")
+    low, high = _hz(document, 0, band.min), _hz(document, 1, band.max)
+    nyquist, inner = 0.5 / problem.device.sample_time, problem.transparency.band.min / (2 * pi)
+    lowest, highest = max(2 * low, inner / 100), min(high / 2, nyquist)
+    if lowest < min(high, nyquist):
+        change = "a lower upper edge of the stability band"
+        yield ParameterChange((*path, 1), change, high, lowest, nyquist, low)
+    if highest > low:
+        change = "a higher lower edge of the stability band"
+        yield ParameterChange((*path, 0), change, low, highest, inner, high)
+
+
+def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
+    """Return an edge of the stability band as the file has it, or the default's in `DIGITS` digits."""
+    stated = number_at(document, "stability", "band_hz", edge)
+    return float(f"{omega / (2 * pi):.{DIGITS}g}") if stated is None else stated
+
+
+def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
+    stability = problem.stability
+    most, factor = stability.max_sensitivity, stability.safety_factor
+    yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
+    if factor > 1:
+        yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
+
+
+def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
+    """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
+    natural = _natural_sizes(problem)
+    for key in stated_keys(problem.device):
+        table, name = key.split(".")
+        path, bounds, symbol = (table, name), getattr(problem.bounds, name), SYMBOLS[key]
+        downwards = key not in ONLY_UPWARDS
+        if number_at(document, *path, "max") is not None:
+            furthest, unit = _upwards(bounds.max, natural[key]), natural[key]
+            yield ParameterChange((*path, "max"), f"a higher bound of {symbol}", bounds.max, furthest, unit, bounds.min)
+            if downwards and bounds.min > 0:
+                furthest = _downwards(bounds.min, key)
+                yield ParameterChange(
+                    (*path, "min"), f"a lower bound of {symbol}", bounds.min, furthest, unit, bounds.max
+                )
+        elif number_at(document, *path) is not None or key == "coupling.drag":
+            yield change_of_gain(problem, key, bounds.min, _upwards(bounds.min, natural[key]))
+            if downwards and bounds.min > 0:
+                yield change_of_gain(problem, key, bounds.min, _downwards(bounds.min, key))
+
+
+def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> ParameterChange:
+    """Return the change of a number of a design towards another value.
+
+    Parameters
+    ----------
+    problem : that the design is of
+    key : of the number
+    old, limit : the value that it has, and the furthest one
+    """
+    table, name = key.split(".")
+    way = f"a {'greater' if limit > old else 'smaller'} {SYMBOLS[key]}"
+    meaning = "some drag" if key == "coupling.drag" and old == 0 else way
+    return ParameterChange((table, name), meaning, old, limit, _natural_sizes(problem)[key])
+
+
+def _natural_sizes(problem: Problem) -> dict[str, float]:
+    """Return the natural sizes of a design's numbers by their keys."""
+    tau = problem.device.loop_lag
+    loop = problem.device.mass / tau + problem.device.damping
+    Z_0 = problem.transparency.reference_impedance
+    return dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
+
+
+def _upwards(old: float, natural: float) -> float:
+    """Return how far upwards to go."""
+    return max(FURTHEST * old, 10 * natural)
+
+
+def _downwards(old: float, key: str) -> float:
+    """Return how far downwards to go: to 0 where a gain may be that."""
+    return 0.0 if key.startswith("gains.") else old / FURTHEST

@@ -1,0 +1,341 @@
+"""What would make a design possible: changes of one number, each alone sufficient, the least error first.
+
+Numbers of the problem are changed as little as will do; a number of a design takes the value with the least error, or
+the one that it had when it was solved. Nothing here imports the optimiser before it is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.demands import sensitivity_maxima, transparency_error
+from vctune.analysis.in_hands import least_ratios
+from vctune.design.prepared import pose as pose_devices
+from vctune.design.result import Repair, Solved
+from vctune.design.verdict.gain_repair import best_values, edits, repair_of, solved_numbers, undone
+from vctune.design.verdict.judge import IDLE, Judgement, Status, judge, least_ratio
+from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
+from vctune.document.gains_file import design_tables
+from vctune.document.reading import ProblemFile, pose
+from vctune.document.text import toml
+from vctune.document.text.codes import Note
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.keys import SYMBOLS
+from vctune.model.problem import Problem
+from vctune.proof.claims.model_poles import prove_model_poles
+from vctune.proof.claims.sampled_poles import prove_sampled_poles
+from vctune.proof.engine.interval import Verdict
+from vctune.running import OutOfTimeError, check_time, out_of_time, time_limit
+
+SHARE = 0.9
+"""The share of a repair that must not suffice."""
+ROUNDS = 10
+"""How often a first opinion is corrected: a little more where it does not suffice, a tenth less where less does. Two or
+three times are usual; half as many leave out repairs, twice as many wait for none."""
+REPAIRS = "the repairs"
+"""What a time limit may cut short."""
+LONGEST = 30.0
+"""Seconds after which nothing more is tried: what takes so long is a device whose every answer takes long. Half
+leaves out repairs on a slow machine, which is said (`CUT_SHORT`); those that are listed are the same."""
+CUT_SHORT = Note("warn-repairs-cut-short", f"repairs were looked for during {LONGEST:g} s; there may be more of them")
+FINER = 30.0
+"""By what smaller changes are tried while even the least tried is enough; then the interval is bisected."""
+SLACK = 1e-5
+"""By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RepairTest:
+    """How a changed problem is tried.
+
+    Attributes
+    ----------
+    estimate : a first opinion
+    verify : its design, if that is certified; None if there is none
+    width : how closely the least change is bracketed, relative
+    furthest_first : whether a change that may not suffice however far it goes is given up at once
+    """
+
+    estimate: Callable[[Problem], bool]
+    verify: Callable[[Problem], Judgement | None]
+    width: float
+    furthest_first: bool = False
+
+
+def _seems_admissible(problem: Problem) -> bool:
+    """Return whether a problem's fixed design meets the demands in double precision, and its poles are proved."""
+    return all(_seems_admissible_on(case, *problem.fixed_design) for case in pose_devices(problem).cases)
+
+
+def _seems_admissible_on(problem: Problem, gains: Gains, coupling: AnyCoupling) -> bool:
+    least = problem.stability.safety_factor * (1 + SLACK)
+    if problem.passive and least_ratio(problem, gains, coupling)[0] < least:
+        return False
+    if -sensitivity_maxima(problem, gains).value[0] > problem.stability.max_sensitivity:
+        return False
+    if any(worst.ratio < least for worst in least_ratios(problem, gains, coupling)):
+        return False
+    stable = (prove_sampled_poles, prove_model_poles) if problem.passive else (prove_sampled_poles,)
+    proofs = (prove(loop, gains) for loop in problem.device.loops for prove in stable)
+    return all(proof.verdict is Verdict.PROVED for proof in proofs)
+
+
+def _judged(problem: Problem) -> Judgement | None:
+    judgement = judge(problem, *problem.fixed_design)
+    return judgement if judgement.status is Status.CERTIFIED else None
+
+
+def _solved(problem: Problem) -> Judgement | None:
+    from vctune.design.solve import solve
+
+    # in hands the search of every box takes half a minute, as long as all repairs may take
+    solved = solve(problem, exhaustive=problem.hands_met is None)
+    if solved.cut:  # is no answer
+        raise OutOfTimeError
+    judgement = solved.judgement
+    return judgement if judgement is not None and judgement.status is Status.CERTIFIED else None
+
+
+def _seems_solvable(problem: Problem) -> bool:
+    from vctune.design.search.optimum import within_reach
+
+    return within_reach(problem) is not None
+
+
+def _seems_solvable_in_use(problem: Problem) -> bool:
+    from vctune.design.search.optimum import within_reach
+
+    design = within_reach(problem)
+    return design is not None and transparency_error(problem, *design).tracking <= IDLE
+
+
+def _in_use(judgement: Judgement | None) -> Judgement | None:
+    """Return a design that uses its velocity loop; None for any other, or for none."""
+    return None if judgement is None or judgement.idle else judgement
+
+
+def _seems_in_use(problem: Problem) -> bool:
+    return transparency_error(problem, *problem.fixed_design).tracking <= IDLE and _seems_admissible(problem)
+
+
+OF_FIXED = RepairTest(_seems_admissible, _judged, 2e-3)
+OF_FREE = RepairTest(_seems_solvable, _solved, 0.05, furthest_first=True)
+"""Of problems that fix every number, and of those that leave something free: judged in a millisecond, so that the least
+change can be found closely, or solved in a second. Half or twice the width costs one trial more or less a number."""
+OF_FIXED_IN_USE = RepairTest(_seems_in_use, lambda problem: _in_use(_judged(problem)), OF_FIXED.width)
+OF_FREE_IN_USE = RepairTest(_seems_solvable_in_use, lambda problem: _in_use(_solved(problem)), OF_FREE.width)
+"""Of the same, until their designs use the velocity loop."""
+
+
+def with_repairs(file: ProblemFile, solved: Solved, progress: Progress = lambda stage: None) -> Solved:
+    """Return what came of a problem with its repairs, where it has no design, its own is refuted, or is idle.
+
+    Parameters
+    ----------
+    file : the problem
+    solved : what came of it
+    progress : told the stage of the work
+    """
+    problem, judgement, began = file.problem, solved.judgement, perf_counter()
+    idle = judgement is not None and judgement.idle
+    if judgement is not None and solved.status is not Status.VIOLATED and not idle:
+        return solved
+    if out_of_time():
+        return replace(solved, cut=(*solved.cut, REPAIRS))
+    document = toml.parse(file.text, problem.name)
+    if idle:
+        repairs = find_cures(document, problem, progress)
+    elif judgement is not None:
+        repairs = repairs_of_design(document, judgement, [], progress)
+    else:
+        repairs = find_repairs(document, parameter_changes(document, problem), OF_FREE, progress)
+    seconds, cut = perf_counter() - began, (REPAIRS,) * out_of_time()
+    found = repairs or None if cut else repairs  # that there is none was not found out
+    return replace(solved, repairs=found, seconds={**solved.seconds, "repairs": seconds}, cut=(*solved.cut, *cut))
+
+
+def repairs_of_design(
+    stated: dict[str, Any],
+    judgement: Judgement,
+    changed: Sequence[ParameterChange],
+    progress: Progress = lambda stage: None,
+) -> list[Repair]:
+    """Return the changes of one number after which a refuted design passes: first its own, then the problem's.
+
+    Parameters
+    ----------
+    stated : the problem's document
+    judgement : of the design
+    changed : the numbers that were edited since the design was solved, with limits where they were; where none are
+        known the problem is solved, and a design that differs from its own in one number was edited there
+    progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        Numbers put back to those of the solved design; where none of these does, each number at its value of least
+        error, or where solving finds none its least change. Then the least changes of the problem. The least error
+        comes first in either part.
+    """
+    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    problem, _ = pose(pasted, "")
+    assert problem is not None, "a valid problem with valid gains is one"
+    progress("looking for repairs: the numbers of the design")
+    found, settled = list[Repair](), set[str]()
+    with time_limit(LONGEST):
+        with suppress(OutOfTimeError):
+            if not changed:
+                differing = edits(problem, judgement, solved_numbers(stated, judgement, OF_FREE))
+                changed = differing if len(differing) == 1 else []
+            found += undone(pasted, changed, OF_FIXED)
+            settled |= set(SYMBOLS) if found else set()
+            for repair in () if found else best_values(stated, judgement, OF_FREE):
+                found.append(repair)
+                settled.add(repair.key)
+        changes = [change for change in parameter_changes(pasted, problem) if change.key not in settled]
+        found += find_repairs(pasted, changes, OF_FIXED, progress)
+    return sorted(found, key=lambda repair: (repair.key not in SYMBOLS, repair.rank))
+
+
+def find_cures(document: dict[str, Any], problem: Problem, progress: Progress = lambda stage: None) -> list[Repair]:
+    """Return the least changes of one demand after which a problem has a design that uses its velocity loop.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    problem : that it states, whose own design does not
+    progress : told what is tried
+    """
+    test = OF_FIXED_IN_USE if problem.bounds.fixed else OF_FREE_IN_USE
+    return find_repairs(document, changes_of_demands(document, problem), test, progress)
+
+
+def has_design_in_use(problem: Problem) -> bool:
+    """Return whether solving a problem finds a design that uses its velocity loop.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends that.
+    """
+    return not problem.bounds.fixed and OF_FREE_IN_USE.verify(problem) is not None
+
+
+@np.errstate(all="ignore")
+def find_repairs(
+    document: dict[str, Any],
+    changes: Sequence[ParameterChange],
+    test: RepairTest = OF_FIXED,
+    progress: Progress = lambda stage: None,
+) -> list[Repair]:
+    """Return the least changes of one number that repair a problem, as many as time allows.
+
+    Each is tried as it would be by hand: the number is changed in the document, the problem read again, its defaults
+    with it, and solved or, if it fixes every number, judged. Small changes of all come before great ones of any.
+
+    Parameters
+    ----------
+    document : parsed TOML
+    changes : the numbers that may be changed
+    test : how changed problems are tried
+    progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        The least error first; of the same error, as where a demand on given gains is eased, the smallest change.
+    """
+    found: list[Repair] = []
+    with suppress(OutOfTimeError), time_limit(LONGEST):
+        searches = [_Search(document, change, test) for change in changes]
+        left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
+        trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
+        for relative, number in trials:
+            if number not in left:
+                continue
+            known = f", {len(found)} found" if found else ""
+            progress(f"looking for repairs: {changes[number].meaning}{known}")
+            if not searches[number].promising(relative):
+                left[number] = relative
+            elif (repair := searches[number].least(left.pop(number), relative)) is not None:
+                found.append(repair)
+    return sorted(found, key=lambda repair: repair.rank)
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """The search for the least change of one number.
+
+    Attributes
+    ----------
+    document : parsed TOML
+    change : the number
+    test : how changed problems are tried
+    """
+
+    document: dict[str, Any]
+    change: ParameterChange
+    test: RepairTest
+
+    def hopeless(self) -> bool:
+        """Return whether it will not do however far it goes, where going further only eases the demands."""
+        furthest = self.change.relative_change(self.change.limit)
+        return self.test.furthest_first and self.change.eases and not self.promising(furthest)
+
+    def promising(self, relative: float) -> bool:
+        """Return whether a relative change seems to suffice."""
+        posed, _ = pose(self.change.applied(self.document, self.change.value(relative)), "")
+        check_time()
+        return posed is not None and self.test.estimate(posed)
+
+    def certified(self, new: float) -> Judgement | None:
+        """Return the design that there is with a new value, if it is certified."""
+        posed, _ = pose(self.change.applied(self.document, new), "")
+        check_time()
+        judgement = self.test.verify(posed) if posed is not None else None
+        check_time()  # what was cut is no answer
+        return judgement
+
+    def least(self, low: float, high: float) -> Repair | None:
+        """Return the least change that repairs the problem while `SHARE` of it does not, if found in `ROUNDS`.
+
+        Where any change of a 0 repairs it, the first that was tried stands for all.
+
+        Parameters
+        ----------
+        low, high : relative changes of which the second seems to suffice
+        """
+        change, width = self.change, self.test.width
+        relative = self._narrowed(low, high)
+        if change.old == 0 and relative <= change.least:  # any above 0 seems to do: the first that was tried
+            new = change.rounded(high, width / 2)
+            design = self.certified(new)
+            return repair_of(change, new, design) if design is not None else None
+        for _ in range(ROUNDS):
+            new = change.rounded(relative, width / 2)
+            design, partial = self.certified(new), change.partial(new, SHARE)
+            if design is None:
+                relative *= 1 + width
+            elif self.certified(partial) is not None:
+                relative = change.relative_change(partial)
+            else:
+                return repair_of(change, new, design)
+        return None
+
+    def _narrowed(self, low: float, high: float) -> float:
+        """Return a relative change that seems to suffice, narrowed towards one that does not."""
+        while low == 0 and high > self.change.least:
+            low, high = (0.0, high / FINER) if self.promising(high / FINER) else (high / FINER, high)
+        while 0 < low * (1 + self.test.width) < high < inf:
+            middle = sqrt(low * high)
+            low, high = (low, middle) if self.promising(middle) else (middle, high)
+        return high

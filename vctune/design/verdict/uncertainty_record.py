@@ -1,0 +1,56 @@
+"""What a design comes to on the devices of its box, and what that costs: plain data for the record."""
+
+from __future__ import annotations
+
+from math import degrees
+from typing import Any
+
+from vctune.analysis.demands import transparency_error
+from vctune.design.prepared import pose
+from vctune.design.verdict.judge import Judgement
+from vctune.document.records.certificate_json import DeviceRecord, PerturbationRecord
+from vctune.document.records.design_json import UncertaintyRecord
+from vctune.model.device import Device
+from vctune.model.problem import Problem
+
+
+def device_record(device: Device, problem: Problem) -> DeviceRecord:
+    """Return mass, damping and delay of a device, and what else is uncertain about the problem's.
+
+    Parameters
+    ----------
+    device : of the problem's box, SI units
+    problem : one with an uncertain device
+    """
+    widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
+    others = {key: number for key, number in device.numbers().items() if "." in key and key in widths}
+    found: dict[str, Any] = {"parts": others} if others else {}
+    if device.unmodelled is not None and device.unmodelled.share > 0:
+        share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
+        found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
+    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay, **found)
+
+
+def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:
+    """Return the box, the errors that say what robustness costs, and the devices on which the design is worst.
+
+    Parameters
+    ----------
+    problem : one with an uncertain device
+    judgement : of the robust design
+    nominal_error : of the best design for the nominal device alone, None if it was not looked for
+    """
+    posed, design = pose(problem), (judgement.gains, judgement.coupling)
+    box, uncertainty = posed.box, problem.uncertainty
+    assert box is not None and uncertainty is not None
+    worst = max(posed.cases, key=lambda case: transparency_error(case, *design).error)
+    return UncertaintyRecord(
+        box={key: [box.low.number(key), box.high.number(key)] for key in box.modelled.uncertain},
+        **({"unmodelled": [list(point) for point in uncertainty.unmodelled]} if uncertainty.unmodelled else {}),
+        objective=uncertainty.objective,
+        nominal_error=nominal_error,
+        robust_error=judgement.transparency.error,
+        worst_error=transparency_error(worst, *design).error,
+        worst_device=device_record(worst.device, problem),
+        min_ratio_device=device_record(judgement.tightest, problem),
+    )

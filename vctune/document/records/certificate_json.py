@@ -1,0 +1,241 @@
+"""The records of what is proved of a design, and of its velocity loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import radians
+from typing import Annotated, ClassVar, Literal
+
+from pydantic import Field
+
+from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, Shown, text
+from vctune.model.device import Unmodelled
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.units import Units
+
+ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
+
+Proof = Literal["proved", "refuted", "undecided"]
+
+
+class PerturbationRecord(Part):
+    """Which of the responses that a device may have: times 1 + share r e^(j phase), r the radius of the disc."""
+
+    share: float
+    phase_deg: float
+
+    def __str__(self) -> str:
+        return str(Unmodelled((), self.share, radians(self.phase_deg)))
+
+
+class DeviceRecord(Part):
+    """The numbers of a device that may be uncertain; those of its parts by their keys."""
+
+    mass: Annotated[float, Shown("mass", of="mass")]
+    damping: Annotated[float, Shown("damping", of="damping")]
+    delay: Annotated[float, Shown("delay", of="time")]
+    parts: dict[str, float] = Field(default_factory=dict)
+    unmodelled: PerturbationRecord | None = None
+
+    def in_words(self, units: Units) -> str:
+        """Return its numbers, those that are 0 apart."""
+        own = [f"{row.value} {row.unit}" for row in self.rows(units) if float(row.value)]
+        off = [] if self.unmodelled is None else [str(self.unmodelled)]
+        return ", ".join([*own, *(f"{key} {text(number)}" for key, number in self.parts.items()), *off])
+
+
+class ResonatorRecord(Part):
+    """A mass on a spring of its own."""
+
+    mass: float
+    stiffness: float
+
+
+class HandRecord(Part):
+    """A hand at the handle, maybe with resonators on it."""
+
+    mass: float
+    damping: float
+    stiffness: float
+    resonators: list[ResonatorRecord] | None = None
+
+    def in_words(self, units: Units) -> str:
+        """Return its numbers with their units."""
+        itself = Hand(self.mass, self.damping, self.stiffness).in_words(units)
+        hung = [
+            f"{text(each.mass, 4)} {units.mass} on {text(each.stiffness, 4)} {units.stiffness}"
+            for each in self.resonators or []
+        ]
+        return f"{itself} with resonators of {' and '.join(hung)}" if hung else itself
+
+
+class EnvironmentRecord(Part):
+    """The passive environment, by the trapezoidal rule, with which a design grows in a hand."""
+
+    hand: HandRecord
+    kind: Literal["spring", "mass"]
+    value: float
+    unit: str
+    damping: float
+    hz: float
+    growth_per_s: float
+
+    def in_words(self, units: Units) -> str:
+        """Return what it is and how the design grows with it."""
+        kind = units.translated(f"a {self.kind}") if self.damping else f"a lossless {units.translated(self.kind)}"
+        rendered = f"{kind} of {text(self.value)} {self.unit}" if self.value else "nothing rendered"
+        if self.damping:
+            rendered += f" and a damper of {text(self.damping)} {units.damping}"
+        return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
+
+
+class ClaimRecord(Part):
+    """A claim, where, on which device and in which hand it fails, and what makes it grow there.
+
+    Where the time limit `cut` its proof it is undecided.
+    """
+
+    claim: str
+    verdict: Proof
+    witness_hz: Number
+    witness_device: DeviceRecord | None = None
+    witness_hand: HandRecord | None = None
+    environment: EnvironmentRecord | None = None
+    cut: bool = False
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield what is shown of a claim that is not proved; its text is too long for a label."""
+        yield Row(
+            "claim",
+            self.verdict,
+            self.claim + ("" if self.witness_hz is None else f", at {text(self.witness_hz, 6)} Hz"),
+        )
+        if self.witness_device is not None:
+            yield Row("", "", f"with {self.witness_device.in_words(units)}")
+        if self.witness_hand is not None:
+            yield Row("", "", f"in the hand of {self.witness_hand.in_words(units)}")
+        if self.environment is not None:
+            yield Row("", "", f"grows at {self.environment.in_words(units)}")
+            if self.environment.hand != self.witness_hand:
+                yield Row("", "", f"in the hand of {self.environment.hand.in_words(units)}")
+
+
+class WithoutOperatorRecord(Part):
+    """What the design is worth to hands that do not contain the least operator."""
+
+    verdict: Proof
+    min_ratio: Annotated[Number, Shown("without operator", "at {worst_hz} Hz, {verdict}")]
+    worst_hz: Number
+
+
+class HandsRecord(DisplayPart):
+    """What is proved of every hand of a box, in the sampled loop at every frequency."""
+
+    verdict: Annotated[Proof, Shown("every hand", "of {within}")]
+    box: dict[str, Pair]
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz in the hand of {worst_hand}")]
+    worst_hz: Number
+    worst_hand: HandRecord
+    boxes: int
+
+    @property
+    def within(self) -> Hands:
+        """The box."""
+        return Hands(*(Hand(**{name: ends[k] for name, ends in self.box.items()}) for k in (0, 1)))
+
+    def promise(self, units: Units) -> str:
+        """Return what is proved if it is, in words."""
+        return f"in every hand of {self.within.in_words(units)}, {ENVIRONMENTS}, at every frequency"
+
+
+class AnyHandRecord(DisplayPart):
+    """What is proved of any passive hand on an impedance display, in the sampled loop at every frequency."""
+
+    verdict: Annotated[Proof, Shown("any passive hand")]
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
+    worst_hz: Number
+    boxes: int
+
+    promise: ClassVar[str] = f"in any passive hand, {ENVIRONMENTS}, at every frequency"
+
+
+class WholeSampleRecord(Part):
+    """What is proved on both sides of a whole number of samples of delay, where the sensed force jumps."""
+
+    verdict: Annotated[
+        Proof, Shown("either side", "of a delay of {samples} samples, {delay} s, where the sensed force jumps")
+    ]
+    samples: int
+    delay: float
+
+
+class CertificateRecord(DisplayPart):
+    """What is proved of absolute stability and of the velocity loop."""
+
+    verdict: Annotated[Proof, Shown("verdict", "{boxes} boxes")]
+    band_hz: Annotated[Pair | None, Shown("band", "Hz")]
+    proved_band_hz: Annotated[Pair | None, Shown("proved band", "Hz{beyond}")]
+    proved_ratio: Number
+    min_ratio: Annotated[Number, Shown("least {coupled} / R", "at {worst_hz} Hz")]
+    worst_hz: Number
+    rollett_k: Annotated[Number, Shown("Rollett's K there", digits=6, detail=True)]
+    boxes: int
+    claims: list[ClaimRecord]
+    without_operator: WithoutOperatorRecord | None = None
+    hands: HandsRecord | None = None
+    any_hand: AnyHandRecord | None = None
+    whole_sample: WholeSampleRecord | None = None
+
+    @property
+    def beyond(self) -> str:
+        """What holds outside the proved band, where there is one."""
+        return "" if self.proved_band_hz is None else "; outside it nothing is proved of the ratio"
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield what is shown of it, and the claims that are not proved; rows of a band only where there is one."""
+        shown = list(super().rows(units))
+        yield from shown if self.band_hz is not None else shown[:1]
+        yield from self.any_hand.rows(units) if self.any_hand else ()
+        yield from self.without_operator.rows(units) if self.without_operator else ()
+        yield from self.hands.rows(units) if self.hands else ()
+        yield from self.whole_sample.rows(units) if self.whole_sample else ()
+        for claim in self.claims:
+            yield from claim.rows(units) if claim.verdict != "proved" else ()
+
+
+class NyquistRecord(Part):
+    """Nyquist's count of the sampled loop."""
+
+    N: int | None
+    P: int
+    Z: Annotated[
+        int | None,
+        Shown(
+            "Z = N + P, unstable poles",
+            "N = {N} encirclements of -1, P = {P} in the open loop",
+            detail=True,
+        ),
+    ]
+
+
+class InnerLoopRecord(Part):
+    """The sampled velocity loop."""
+
+    stable: bool | None
+    spectral_radius: Annotated[Number, Shown("spectral radius", "{stability}")]
+    peak_sensitivity: Annotated[Number, Shown("peak |S|", "at {peak_sensitivity_hz} Hz")]
+    peak_sensitivity_hz: Number
+    gain_margin_db: Annotated[Number, Shown("gain margin", "dB")]
+    phase_margin_deg: Annotated[Number, Shown("phase margin", "deg")]
+    delay_margin_s: Annotated[Number, Shown("delay margin", "s")]
+    nyquist: NyquistRecord
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield what is shown of it and of Nyquist's count."""
+        yield from super().rows(units)
+        yield from self.nyquist.rows(units)
+
+    @property
+    def stability(self) -> str:
+        """Whether it is proved stable."""
+        return {True: "stable", False: "unstable", None: "undecided"}[self.stable]

@@ -1,0 +1,171 @@
+"""Two designs side by side: what differs in their problems, and what came of either."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.gains_json import TransparencyRecord
+from vctune.document.records.part import Document, Pair, Part, Shown, filled, how_shown
+from vctune.document.records.rows_json import FeltRecord
+from vctune.document.schema.statement import statement
+from vctune.document.schema.validation import KeyPath, dotted
+from vctune.model.numbers.units import Units
+from vctune.model.problem import Problem
+
+UNCOMPARED = ("name", "description", "experiment")
+"""Keys of a problem that designing does not look at."""
+
+
+class SideRecord(Part):
+    """One of the two: where it is from, and what it is."""
+
+    source: str
+    name: str
+    status: str
+    idle: bool
+    reason: str | None
+
+
+class DifferenceRecord(Part):
+    """A key of the problem that says one thing here and another there; null where it is not said, a range as a pair."""
+
+    key: str
+    a: Any
+    b: Any
+
+
+class ValueRecord(Part):
+    """A number or a verdict of both designs, by its key in design.json; null where there is none."""
+
+    group: str
+    key: str
+    label: str
+    unit: str
+    digits: int
+    a: float | int | str | list[Any] | None
+    b: float | int | str | list[Any] | None
+
+
+class ComparisonRecord(Document):
+    """What `vctune compare` prints."""
+
+    SCHEMA = "vctune/comparison/1"
+
+    a: SideRecord
+    b: SideRecord
+    problem: list[DifferenceRecord]
+    design: list[ValueRecord]
+
+
+class MeasuredRecord(TransparencyRecord):
+    """The error and its terms on a yardstick, and what that is."""
+
+    band_hz: Annotated[Pair, Shown("over a band of", unit="Hz")]
+    reference_impedance: Annotated[float, Shown("with Z_0", of="damping")]
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One of two designs to be compared.
+
+    Attributes
+    ----------
+    source : what it is called
+    record : the design
+    problem : that it was made for, on the yardstick on which it was
+    felt : what it does; None where there is no design
+    measured : its error on the yardstick of both, or on that of A and on that of B; None where there is none
+    """
+
+    source: str
+    record: DesignRecord
+    problem: Problem
+    felt: FeltRecord | None
+    measured: tuple[MeasuredRecord | None, ...]
+
+
+def comparison(a: Side, b: Side) -> ComparisonRecord:
+    """Return two designs side by side.
+
+    Parameters
+    ----------
+    a, b : the designs, measured alike
+    """
+    return ComparisonRecord(
+        a=_side(a), b=_side(b), problem=_differences(a.problem, b.problem), design=list(_values(a, b))
+    )
+
+
+def _side(side: Side) -> SideRecord:
+    record = side.record
+    return SideRecord(
+        source=side.source, name=record.problem.name, status=record.status, idle=record.idle, reason=record.reason
+    )
+
+
+def _differences(a: Problem, b: Problem) -> list[DifferenceRecord]:
+    """Return the keys that differ, every default written out."""
+    one, other = ({dotted(path): value for path, value in _leaves(_stated(problem), ())} for problem in (a, b))
+    return [
+        DifferenceRecord(key=key, a=one.get(key), b=other.get(key))
+        for key in dict.fromkeys([*one, *other])
+        if one.get(key) != other.get(key)
+    ]
+
+
+def _stated(problem: Problem) -> dict[str, Any]:
+    return {key: value for key, value in statement(problem).items() if key not in UNCOMPARED}
+
+
+def _leaves(node: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+    if isinstance(node, dict) and set(node) == {"min", "max"}:
+        yield path, [node["min"], node["max"]]
+    elif isinstance(node, dict):
+        for name, child in node.items():
+            yield from _leaves(child, (*path, name))
+    else:
+        yield path, node
+
+
+def _values(a: Side, b: Side) -> Iterator[ValueRecord]:
+    """Yield the numbers and verdicts that either design shows, by group; the error on one yardstick, or on both."""
+    units = (a.record.units, b.record.units)
+    on = ("transparency",) if len(a.measured) == 1 else ("on_a", "on_b")
+    titles = {"transparency": "transparency", "on_a": "measured as A", "on_b": "measured as B"}
+    for name, title in DesignRecord.GROUPS.items():
+        if name != "transparency":
+            yield from _compared(
+                title, name, list(zip((getattr(a.record, name), getattr(b.record, name)), units, strict=True))
+            )
+            continue
+        for key, *parts in zip(on, a.measured, b.measured, strict=True):
+            yield from _compared(titles[key], key, list(zip(parts, units, strict=True)))
+        yield from _compared("in the hand", "felt", list(zip((a.felt, b.felt), units, strict=True)))
+
+
+def _compared(title: str, prefix: str, sides: Sequence[tuple[Part | None, Units]]) -> Iterator[ValueRecord]:
+    parts = [(part, units) for part, units in sides if part is not None]
+    for field, shown in {field: each for part, _ in parts for field, each in how_shown(type(part)).items()}.items():
+        one, other = (_scaled(getattr(part, field, None), shown) for part, _ in sides)
+        having = [(part, units) for part, units in parts if hasattr(part, field)]
+        label = _either(units.translated(filled(part, shown.label, units)) for part, units in having)
+        unit = _either(units.of(shown.of) for _, units in having) or ("" if "{" in shown.unit else shown.unit)
+        unit = "Hz" if field.endswith("_hz") else unit
+        if not shown.detail and (one is not None or other is not None):
+            key = f"{prefix}.{field}"
+            yield ValueRecord(group=title, key=key, label=label, unit=unit, digits=shown.digits, a=one, b=other)
+    inner = [name for part, _ in parts for name, value in part if isinstance(value, Part)]
+    for name in dict.fromkeys(inner):
+        yield from _compared(title, f"{prefix}.{name}", [(getattr(part, name, None), units) for part, units in sides])
+
+
+def _either(said: Iterable[str]) -> str:
+    """Return what is said of both, or what of either."""
+    return " or ".join(dict.fromkeys(said))
+
+
+def _scaled(value: Any, shown: Shown) -> Any:
+    return value * shown.scale if isinstance(value, float) and shown.scale != 1 else value

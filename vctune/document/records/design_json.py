@@ -1,0 +1,224 @@
+"""The record of a design: each key of design.json once, with its type and how it is shown (README.md, section 3).
+
+What is written, what a file must hold to be read back, and the rows of the table and of the report's page all follow
+from the fields of these classes: a new number is a new field.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
+from vctune.document.records.gains_json import (
+    AnyCouplingRecord,
+    CouplingRecord,
+    GainsRecord,
+    ProblemRecord,
+    SpringRecord,
+    TransparencyRecord,
+)
+from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
+from vctune.document.records.price_json import PriceRecord
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.units import UNITS, Units
+from vctune.model.transparency import TermName
+
+Four = Annotated[list[float], Field(min_length=4, max_length=4)]
+
+
+class ActiveRecord(Part):
+    """A demand that holds the design: where, on which device, and at which price."""
+
+    demand: str
+    hz: Number
+    multiplier: float
+    device: DeviceRecord | None = None
+
+
+class RepairRecord(Part):
+    """A change of one number of the problem file after which there is a design."""
+
+    key: str
+    old: Number
+    new: Number
+    change: str
+    needs: str
+    size: Number = None
+    error: Number
+
+
+class AlternativeRecord(Part):
+    """The error of a certified design under one criterion alone."""
+
+    criterion: Literal["passive", "hands"]
+    error: float
+    stiffness: float | None = None
+    drag: float | None = None
+
+
+class GlanceRecord(Part):
+    """The search for a bound at one moment."""
+
+    boxes: int
+    lower_bound: Number
+    error: Number
+    open: int
+
+
+class BoxRecord(Part):
+    """A box of gains and couplings."""
+
+    low: Four
+    high: Four
+
+
+class OptimalityRecord(Part):
+    """What is proved of the error of every admissible design, of `terms` alone where the others never differ."""
+
+    lower_bound: Annotated[Number, Shown("lower bound", "{verdict}, {boxes} boxes")]
+    gap: Annotated[Number, Shown("gap", "%", 3, scale=100, optional=True)]
+    verdict: Literal["proved", "open"]
+    boxes: int
+    terms: list[TermName] | None = None
+    history: Annotated[list[GlanceRecord], Field(min_length=1)]
+    open: list[BoxRecord]
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield what the bound is of, where that is not all of the error."""
+        if self.terms is not None:
+            yield Row(self.of, text(self.history[-1].error), "in which designs differ")
+        yield from super().rows(units)
+
+    @property
+    def of(self) -> str:
+        """What the bound is of."""
+        return "transparency error" if self.terms is None else f"error of {' and '.join(self.terms)}"
+
+
+class UncertaintyRecord(Part):
+    """What the design comes to on the devices of its box, and what certainty would be worth."""
+
+    box: dict[str, Pair]
+    unmodelled: list[list[float]] = Field(default_factory=list)
+    objective: str
+    nominal_error: Annotated[Number, Shown("error if certain", "of the best design", optional=True)]
+    robust_error: Number
+    worst_error: Annotated[Number, Shown("worst error", "at {worst_device}")]
+    worst_device: DeviceRecord
+    min_ratio_device: DeviceRecord
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the box, the device on which Re Z_c / R is least, and the errors."""
+        for name, ends in self.box.items():
+            shown = how_shown(DeviceRecord).get(name)
+            yield Row(name, text(ends), units.of(shown.of) if shown else "")
+        if self.unmodelled:
+            radii = [radius for _, radius in self.unmodelled]
+            yield Row("unmodelled, r", text([min(radii), max(radii)]), "")
+        yield Row("least ratio at", "", self.min_ratio_device.in_words(units))
+        yield from super().rows(units)
+
+
+class DesignRecord(Document):
+    """What came of a problem, in SI units and hertz: the object of design.json."""
+
+    SCHEMA = "vctune/design/1"
+    GROUPS: ClassVar[dict[str, str]] = {
+        "gains": "gains",
+        "coupling": "coupling",
+        "transparency": "transparency",
+        "certificate": "certificate",
+        "uncertainty": "uncertainty",
+        "optimality": "optimality",
+        "inner_loop": "velocity loop",
+    }
+    """The parts that are shown as rows, in their order, and what they are called."""
+
+    problem: ProblemRecord
+    status: Literal["certified", "violated", "undecided", "infeasible"]
+    reason: str | None
+    gains: GainsRecord | None
+    coupling: AnyCouplingRecord | None
+    transparency: TransparencyRecord | None
+    certificate: CertificateRecord | None
+    inner_loop: InnerLoopRecord | None
+    active: list[ActiveRecord]
+    proved: bool | None = None
+    idle: bool = False
+    repairs: list[RepairRecord] | None = None
+    prices: list[PriceRecord] | None = None
+    alternatives: list[AlternativeRecord] | None = None
+    at_bound: list[str]
+    left_out: list[str]
+    warnings: list[str]
+    solver: dict[str, Any] = Field(default_factory=dict)
+    optimality: OptimalityRecord | None = None
+    versions: dict[str, str | None]
+    date: str | None = None
+    uncertainty: UncertaintyRecord | None = None
+
+    @model_validator(mode="after")
+    def _whole(self) -> DesignRecord:
+        judged = (self.coupling, self.transparency, self.certificate, self.inner_loop)
+        if any((part is None) != (self.gains is None) for part in judged):
+            raise ValueError(
+                "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"
+            )
+        return self
+
+    @property
+    def units(self) -> Units:
+        """Of everything in it."""
+        return UNITS[self.problem.units]
+
+    @property
+    def promise(self) -> str:
+        """What is proved of the design, in words; nothing where it is not certified."""
+        if self.certificate is None or self.status != "certified":
+            return ""
+        known = " without what is not modelled" if self.uncertainty is not None and self.uncertainty.unmodelled else ""
+        hands = [f"stable{known} {self.certificate.hands.promise(self.units)}"] if self.certificate.hands else []
+        band = self.certificate.band_hz
+        place = (
+            None if band is None else f"from {text(band[0])} to {text(band[1])} Hz, as far as the frequency model goes"
+        )
+        passive = [f"absolutely stable in any passive hand {place}"] if place else []
+        if self.certificate.any_hand:
+            passive = [f"stable{known} {self.certificate.any_hand.promise}"]
+        return "; ".join([*hands, *passive])
+
+    @property
+    def compared(self) -> list[str]:
+        """What either criterion alone would allow."""
+        if not self.alternatives or self.transparency is None:
+            return []
+        error, found = text(self.transparency.error, 3), []
+        for each in self.alternatives:
+            alone, changes = text(each.error, 3), []
+            if alone != error:
+                changes.append(f"error {alone} instead of {error}")
+            if each.stiffness is not None and isinstance(self.coupling, SpringRecord):
+                stiffness = f"k_c {text(each.stiffness, 4)} instead of {text(self.coupling.stiffness, 4)}"
+                changes.append(f"{stiffness} {self.units.stiffness}")
+            if each.drag == 0 and isinstance(self.coupling, CouplingRecord) and self.coupling.drag > 0:
+                changes.append("without drag b_0")
+            found.append(f'with criterion = "{each.criterion}" alone: {", ".join(changes) or "the same error"}')
+        return found
+
+    @property
+    def design(self) -> tuple[Gains, AnyCoupling] | None:
+        """Gains and coupling; None if there is no design."""
+        return None if self.gains is None or self.coupling is None else (self.gains.plain, self.coupling.plain)
+
+    def groups(self) -> dict[str, list[Row]]:
+        """Return the rows of a design by group; none where there is no design."""
+        if self.gains is None:
+            return {}
+        parts = {title: getattr(self, name) for name, title in self.GROUPS.items()}
+        found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
+        if isinstance(self.coupling, SpringRecord):  # which has no K_p
+            found["gains"] = found["gains"][:1]
+        return found

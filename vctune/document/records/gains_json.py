@@ -1,0 +1,107 @@
+"""The records of what is designed and of how transparent it is: gains, coupling, error."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Field, Tag
+
+from vctune.document.records.part import DisplayPart, Number, Part, Shown
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.numbers.units import UnitSystem
+
+NotNegative = Annotated[float, Field(ge=0)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class ProblemRecord(Part):
+    """The problem file, and how its device moves: nothing is said of a linear one."""
+
+    name: str
+    sha256: str
+    text: str
+    units: UnitSystem = "linear"
+
+
+def stated_units(device: Device) -> dict[str, UnitSystem]:
+    """Return what a record says of how a device moves: nothing of a linear one."""
+    return {} if device.units == "linear" else {"units": device.units}
+
+
+class GainsRecord(Part):
+    """Gains of the velocity loop."""
+
+    velocity: Annotated[NotNegative, Shown("velocity K_v", digits=8, of="damping")]
+    position: Annotated[NotNegative, Shown("position K_p", digits=8, of="stiffness")]
+
+    @property
+    def plain(self) -> Gains:
+        """The gains."""
+        return Gains(self.velocity, self.position)
+
+
+class CouplingRecord(Part):
+    """The virtual coupling."""
+
+    damping: Annotated[Positive, Shown("damping b_c", digits=8, of="damping")]
+    mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
+    drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
+
+    @property
+    def plain(self) -> AnyCoupling:
+        """The coupling."""
+        return Coupling(self.damping, self.mass, self.drag)
+
+
+class SpringRecord(Part):
+    """The virtual coupling of an impedance display."""
+
+    damping: Annotated[NotNegative, Shown("damping b_c", digits=8, of="damping")]
+    stiffness: Annotated[Positive, Shown("stiffness k_c", digits=8, of="stiffness")]
+
+    @property
+    def plain(self) -> SpringDamper:
+        """The coupling."""
+        return SpringDamper(self.damping, self.stiffness)
+
+
+def of_spring(value: Any) -> str:
+    """Return the tag of a coupling, tables or a record: an impedance display's has a stiffness."""
+    stiff = "stiffness" in value if isinstance(value, dict) else isinstance(value, SpringRecord)
+    return "<spring>" if stiff else "<mass>"
+
+
+AnyCouplingRecord = Annotated[
+    Annotated[CouplingRecord, Tag("<mass>")] | Annotated[SpringRecord, Tag("<spring>")], Discriminator(of_spring)
+]
+
+
+def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
+    """Return the record of a coupling."""
+    return (SpringRecord if isinstance(coupling, SpringDamper) else CouplingRecord)(**asdict(coupling))
+
+
+class TransparencyRecord(DisplayPart):
+    """The error and its unweighted terms, of an impedance display those of the dual."""
+
+    error: Annotated[Number, Shown("error")]
+    admittance: Annotated[Number, Shown("{free_motion}")]
+    tracking: Annotated[Number, Shown("{missed}")]
+    coupling: Annotated[Number, Shown("{given_way}")]
+
+    @property
+    def free_motion(self) -> str:
+        """The term of free motion."""
+        return "|1/G_hh|/Z_0" if self.display == "impedance" else "|Z_0 G_hh|"
+
+    @property
+    def missed(self) -> str:
+        """The term of what is commanded and not done."""
+        return "|1 - A H/N|" if self.display == "impedance" else "|1 - G_he|"
+
+    @property
+    def given_way(self) -> str:
+        """The term of the coupling."""
+        return "Z_0 |1/Z_c|" if self.display == "impedance" else "|Z_c|/Z_0"

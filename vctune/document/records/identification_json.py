@@ -1,0 +1,251 @@
+"""The identification file: the object that `vctune identify --json` prints, and the device file that goes with it."""
+
+from __future__ import annotations
+
+from math import ceil, pi
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from vctune.document.records.part import Document, Number, Pair, Part
+from vctune.document.schema.experiment_contradictions import MOST_SAMPLES
+from vctune.document.schema.experiment_schema import OperatorTable
+from vctune.document.text.errors import printable
+from vctune.document.text.toml_writing import toml_text
+from vctune.model.experiment import usual_share
+from vctune.model.numbers.units import UNITS, Units
+
+FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
+STROKE = {"to": 0.05, "speed": 0.01}
+"""Of the hand in the experiment, m and m/s; it is shorter where that would be too many samples."""
+STEP = 1e-5
+"""What shares are rounded up to, so that the box as written holds the box as found."""
+
+
+class NumberRecord(Part):
+    """A number that a recording gave, with its standard deviation."""
+
+    name: str
+    value: float
+    sigma: Number
+
+
+class CheckRecord(Part):
+    """Another way to the mass: how far it is off, and what it says of the deviation."""
+
+    name: str
+    value: Number
+    sigma: Number
+
+
+class CandidateRecord(Part):
+    """A structure that was tried."""
+
+    structure: str
+    chosen: bool
+    chi2: Number
+    model_error: list[Number]
+
+
+class RecordingRecord(Part):
+    """A recording and what it says."""
+
+    source: str
+    sha256: str
+    samples: int
+    used: int
+    sample_time: float
+    kind: str
+    cutoff_hz: Number
+    residual: Number
+    residual_share: Number
+    chi2: Number
+    numbers: list[NumberRecord]
+    derived: list[NumberRecord]
+    checks: list[CheckRecord]
+    candidates: list[CandidateRecord]
+    remarks: list[str]
+
+
+class EstimateRecord(Part):
+    """A number as one recording, or one direction of it, has it."""
+
+    source: str
+    value: float
+    sigma: Number
+
+
+class BoundedRecord(Part):
+    """A number of the device with its interval."""
+
+    key: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    share: float
+    limit: str
+    estimates: list[EstimateRecord]
+
+
+class FrictionRecord(Part):
+    """Friction for the simulation."""
+
+    coulomb: float
+    stiction: Number
+    stribeck_velocity: Number
+
+
+class ExcitationRecord(Part):
+    """A multisine for what is still uncertain: excitation.csv is a period of it."""
+
+    period: float
+    periods: int
+    lines_hz: list[float]
+    peak: float
+    speed: float
+    spread: float
+    reasons: list[str]
+
+
+class IdentificationRecord(Document):
+    """A device and how well it is known, in SI units and hertz: the object of identification.json."""
+
+    SCHEMA = "vctune/identification/1"
+
+    name: str
+    description: str
+    rotary: bool
+    sample_time: float
+    device: dict[str, Any]
+    assumed: list[str]
+    numbers: Annotated[list[BoundedRecord], Field(min_length=1)]
+    unmodelled: list[Pair]
+    friction: FrictionRecord | None
+    force_noise: Number
+    excitation: ExcitationRecord | None
+    recordings: Annotated[list[RecordingRecord], Field(min_length=1)]
+    warnings: list[str]
+    remarks: list[str]
+    versions: dict[str, str | None]
+
+    @property
+    def units(self) -> Units:
+        """Of the device and all that is said of it."""
+        return UNITS["rotary" if self.rotary else "linear"]
+
+
+def stated(value: float, low: float, high: float) -> tuple[float, float]:
+    """Return a number in six digits, and the relative half-width, rounded up, with which the file holds an interval.
+
+    Parameters
+    ----------
+    value, low, high : the interval; where it reaches down to 0 the share is its greatest
+
+    Returns
+    -------
+    tuple of float
+        Value and share.
+    """
+    shown = float(f"{value:.6g}")
+    if shown == 0:
+        return 0.0, 0.0
+    share = max(high - shown, shown - low) / shown
+    return shown, min(round(ceil(share / STEP) * STEP, 5), 0.99 if low <= 0 else 1 - STEP)
+
+
+def device_text(record: IdentificationRecord) -> str:
+    """Return the device file: a problem file with the device, its uncertainty and its friction, each with its source.
+
+    Parameters
+    ----------
+    record : of the identification
+    """
+    device = dict(record.device)
+    document: dict[str, Any] = {"name": record.name}
+    document |= {"description": record.description} if record.description else {}
+    document["device"] = device
+    document["stability"] = {"criterion": "passive"}
+    document["uncertainty"] = {each.key: each.share for each in record.numbers}
+    if record.unmodelled:
+        document["uncertainty"]["unmodelled"] = record.unmodelled
+    if record.friction is not None or record.force_noise:
+        document["experiment"] = [_experiment(record)]
+    notes = {each.key: _note(each) for each in record.numbers}
+    body = _annotated(toml_text(document), notes, record)
+    return "\n".join([*_head(record), "", body])
+
+
+def _head(record: IdentificationRecord) -> list[str]:
+    lines = ["# Identified by `vctune identify` from"]
+    for each in record.recordings:
+        lines.append(f"#   {printable(each.source)}: {each.used} of {each.samples} samples, {each.kind}")
+        of = "response" if each.cutoff_hz is None else record.units.force_name
+        residual = "" if each.residual_share is None else f"residual {each.residual_share:.3%} of the {of}, "
+        lines.append(f"#     {residual}chi2/dof {_short(each.chi2)} with the noise alone, sha256 {each.sha256}")
+    if any(each.low <= 0 for each in record.numbers):
+        lines.append("# What may be 0 is written as plus or minus 99 %, down to a hundredth of its middle.")
+    lines += [f"# warning: {printable(warning)}" for warning in record.warnings]
+    lines += [f"# {printable(remark)}" for remark in record.remarks]
+    return lines
+
+
+def _short(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.3g}"
+
+
+def _note(each: BoundedRecord) -> str:
+    found = "; ".join(f"{one.value:.6g} +- {_short(one.sigma)}" for one in each.estimates)
+    return f"# {each.low:.6g} to {each.high:.6g} {each.unit}".rstrip() + f", by {each.limit}; found {found}"
+
+
+def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -> str:
+    """Return TOML with a comment behind each number that was found; tables within tables get theirs above."""
+    lines, heading = [], ""
+    for line in text.splitlines():
+        heading = line if line.startswith("[") else heading
+        key = line.partition(" = ")[0]
+        if heading == "[device]" and key in notes:
+            lines.append(f"{line}  {notes[key]}")
+            continue
+        if heading == "[device]" and key in record.assumed:
+            lines.append(f"{line}  # assumed: no log tells it; write what the firmware does")
+            continue
+        if heading == "[device]" and " = {" in line:
+            lines += [
+                f"{note.replace('#', f'# {name}:', 1)}" for name, note in notes.items() if name.startswith(f"{key}.")
+            ]
+        if heading == "[uncertainty]" and key == "unmodelled":
+            lines.append(
+                "# [Hz, radius]: every measured line is that of a device of the box, times a number this far from 1"
+            )
+        if heading == "[stability]" and key == "criterion":
+            lines.append(
+                '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
+            )
+        if heading == "[[experiment]]" and line == heading:
+            whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
+            lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def _experiment(record: IdentificationRecord) -> dict[str, Any]:
+    made: dict[str, Any] = {"name": "as identified"}
+    bristles: dict[str, float] = {}
+    cycles = OperatorTable.model_fields["cycles"].default
+    furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
+    if record.rotary or furthest < STROKE["to"]:
+        made["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}
+    if record.rotary:
+        share = float(f"{usual_share(record.device['mass'], 'rotary'):.3g}")
+        made["operator"] |= {"damping": 2.0 * share, "stiffness": 1000.0 * share}
+        bristles = {"stribeck_velocity": 0.005, "stiffness": 1e5 * share}
+    if record.friction is not None:
+        found = record.friction
+        made["friction"] = {"coulomb": found.coulomb} | bristles
+        if found.stiction is not None and found.stribeck_velocity is not None:
+            made["friction"] |= {"stiction": found.stiction, "stribeck_velocity": found.stribeck_velocity}
+    if record.force_noise:
+        made["sensors"] = {"force_noise": record.force_noise}
+    return made

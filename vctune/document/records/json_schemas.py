@@ -1,0 +1,67 @@
+"""The JSON Schema of each kind of document, made from the classes that read and write it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from vctune.document.records.comparison import ComparisonRecord
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.identification_json import IdentificationRecord
+from vctune.document.records.part import Document, Part
+from vctune.document.records.printed_json import (
+    BenchRecord,
+    ExampleRecord,
+    ExplanationRecord,
+    ExportRecord,
+    RefusalRecord,
+    ReportRecord,
+)
+from vctune.document.records.region_json import RegionCheckRecord, RegionDocument
+from vctune.document.records.rows_json import FrontRecord, RowRecord, RowsHeader, SweepRecord
+from vctune.document.records.simulation_json import SimulationRecord
+from vctune.document.schema.log_schema import LogDocument
+from vctune.document.schema.problem_schema import GainsDocument, json_schema, schema_of
+from vctune.document.schema.study_schema import StudyDocument
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def _of(*parts: type[Part], each: bool = False) -> dict[str, Any]:
+    """Return the schema of an object that is one of some records, or of a list of such."""
+    schemas = [_named(part) for part in parts]
+    definitions = {name: found for schema in schemas for name, found in schema.pop("$defs", {}).items()}
+    one = schemas[0] if len(schemas) == 1 else {"oneOf": schemas}
+    return {"$schema": DIALECT, **({"type": "array", "items": one} if each else one), "$defs": definitions}
+
+
+def _named(part: type[Part]) -> dict[str, Any]:
+    """Return the schema of a record with what it calls itself."""
+    schema = part.model_json_schema()
+    if issubclass(part, Document):
+        schema["properties"] = {"schema": {"const": part.SCHEMA}, **schema["properties"]}
+        schema["required"] = ["schema", *schema.get("required", [])]
+    return schema
+
+
+SCHEMAS: dict[str, Callable[[], dict[str, Any]]] = {
+    "problem": json_schema,
+    "gains": lambda: schema_of(GainsDocument, "vctune gains"),
+    "study": lambda: schema_of(StudyDocument, "vctune study"),
+    "log": lambda: schema_of(LogDocument, "vctune log"),
+    "design": lambda: _of(DesignRecord),
+    "region": lambda: _of(RegionDocument),
+    "rows": lambda: _of(RowsHeader, RowRecord),
+    "simulation": lambda: _of(SimulationRecord),
+    "identification": lambda: _of(IdentificationRecord),
+    "check": lambda: _of(DesignRecord, RegionCheckRecord, RefusalRecord, each=True),
+    "sweep": lambda: _of(SweepRecord),
+    "front": lambda: _of(FrontRecord),
+    "comparison": lambda: _of(ComparisonRecord),
+    "export": lambda: _of(ExportRecord),
+    "report": lambda: _of(ReportRecord),
+    "bench": lambda: _of(BenchRecord),
+    "explanation": lambda: _of(ExplanationRecord),
+    "example": lambda: _of(ExampleRecord),
+}
+"""Makes the schema of each kind."""

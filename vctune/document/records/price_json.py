@@ -1,0 +1,29 @@
+"""The record of what a better device would be worth: a row for each of its numbers."""
+
+from __future__ import annotations
+
+from vctune.document.records.part import Part, text
+from vctune.document.schema.number_units import unit_of
+from vctune.model.numbers.units import Units
+
+NO_DIFFERENCE = 5e-5
+"""Share of the error below which a change of it is none: of the hundredth by which a number is better. Half shows
+digits of what nobody will feel, twice hides some."""
+
+
+class PriceRecord(Part):
+    """What a better number of the device is worth: by what share the least error changes, to first order."""
+
+    key: str
+    old: float
+    new: float
+    change: float
+
+    @property
+    def worth(self) -> str:
+        """What the better number does to the error, in words."""
+        return "no difference" if abs(self.change) < NO_DIFFERENCE else f"{100 * self.change:+.2f} %"
+
+    def cells(self, units: Units) -> tuple[str, str, str]:
+        """Return the value, a better one, their unit."""
+        return text(self.old, 4), text(self.new, 4), unit_of(tuple(self.key.split(".")), units)

@@ -1,0 +1,153 @@
+"""The region file: which gains are proved admissible, cell by cell, as a baseline for continuous integration.
+
+Each key of region.json once, with its type: what is written and what a file must hold to be read back.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
+
+from vctune.document.records.gains_json import (
+    CouplingRecord,
+    GainsRecord,
+    NotNegative,
+    ProblemRecord,
+    SpringRecord,
+    of_spring,
+)
+from vctune.document.records.part import Document, Pair, Part
+from vctune.document.text.json import as_record, read_json
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Criterion
+
+MAX_BYTES = 100_000_000
+KIND = "a region.json of `vctune region`"
+
+Key = Literal[
+    "gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag", "coupling.stiffness"
+]
+Index = Annotated[int, Field(ge=0)]
+Edges = Annotated[list[NotNegative], Field(min_length=2)]
+Verdict = Literal["feasible", "infeasible", "undecided"]
+Cell = Annotated[tuple[Index, Index, Index, Index, Verdict, float | None], Strict(False)]
+"""Numbers of the edges x_low, x_high, y_low, y_high; what is proved; b_c of a feasible cell where it is free."""
+
+
+class DemandsRecord(Part):
+    """What was asked of the gains; `hands` is the box of those that are to be met."""
+
+    safety_factor: float
+    max_sensitivity: float
+    criterion: Criterion = "passive"
+    hands: dict[str, Pair] = Field(default_factory=dict)
+
+
+class AxesRecord(Part):
+    """The variables that span the plane."""
+
+    x: Key
+    y: Key
+
+
+class EdgesRecord(Part):
+    """The values at which cells begin and end, SI units."""
+
+    x: Edges
+    y: Edges
+
+
+class ListedGains(GainsRecord, extra="forbid"):
+    """Gains that somebody may have added by hand: a slip of the pen is not kept as a key of another version."""
+
+
+class ListedCoupling(CouplingRecord, extra="forbid"):
+    """Their coupling."""
+
+
+class ListedSpring(SpringRecord, extra="forbid"):
+    """Their coupling on an impedance display."""
+
+
+class DesignPoint(Part):
+    """Gains and coupling that are proved on their own."""
+
+    gains: ListedGains
+    coupling: Annotated[
+        Annotated[ListedCoupling, Tag("<mass>")] | Annotated[ListedSpring, Tag("<spring>")], Discriminator(of_spring)
+    ]
+
+    @property
+    def design(self) -> tuple[Gains, AnyCoupling]:
+        """Gains and coupling."""
+        return self.gains.plain, self.coupling.plain
+
+
+class CheckedProblemRecord(Part):
+    """The problem of today."""
+
+    name: str
+    sha256: str
+
+
+class RegionDocument(Document):
+    """What was found of a plane of gains, in SI units: the object of region.json.
+
+    Of one that was `interrupted`, cells that were not looked at are undecided.
+    """
+
+    SCHEMA = "vctune/region/1"
+
+    problem: ProblemRecord
+    demands: DemandsRecord | None = None
+    axes: AxesRecord
+    others: dict[str, float | dict[str, float]] = Field(default_factory=dict)
+    areas: dict[str, float] = Field(default_factory=dict)
+    interrupted: bool = False
+    designs: list[DesignPoint]
+    edges: EdgesRecord
+    cells: list[Cell]
+    versions: dict[str, str | None] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _cells_lie_on_edges(self) -> RegionDocument:
+        if len(self.edges.x) != len(self.edges.y):
+            raise ValueError(f"there are {len(self.edges.x)} edges of x and {len(self.edges.y)} of y, not as many")
+        for number, (x_low, x_high, y_low, y_high, *_) in enumerate(self.cells):
+            inside = x_low <= x_high < len(self.edges.x) and y_low <= y_high < len(self.edges.y)
+            if not inside or (x_low, y_low) == (x_high, y_high):
+                raise ValueError(f"cell {number} does not lie on the edges")
+        for name, edges in (("x", self.edges.x), ("y", self.edges.y)):
+            if any(a >= b for a, b in pairwise(edges)):
+                raise ValueError(f"the edges of {name} do not rise")
+        return self
+
+
+class RegionCheckRecord(Document):
+    """What of a region still is proved, in shares of the plane, and the cells and gain sets that are not."""
+
+    SCHEMA = "vctune/region-check/1"
+
+    problem: CheckedProblemRecord
+    status: Literal["kept", "lost", "undecided"]
+    axes: AxesRecord
+    areas: dict[str, float]
+    lost_cells: list[list[float]]
+    lost_designs: list[dict[str, float]]
+    warnings: list[str]
+
+
+def read_region(path: Path) -> RegionDocument:
+    """Read a region file.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read or is not one.
+    """
+    value = read_json(path, KIND, MAX_BYTES)
+    remedy = "correct it, or find the region again"
+    return as_record(value, RegionDocument, str(path), kind=KIND, remedy=remedy)

@@ -1,0 +1,175 @@
+"""The simulation file: the object that `vctune simulate --json` prints, read back for a report.
+
+Each key is a field here: what is written and what a file must hold to be read back follow from them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from vctune.document.reading import parse_problem
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.gains_json import AnyCouplingRecord, GainsRecord
+from vctune.document.records.part import Document, Number, Part
+from vctune.document.text.digest import experiments_digest
+from vctune.document.text.errors import InputError
+from vctune.document.text.json import as_record, read_json
+from vctune.model.numbers.units import UNITS, Units, UnitSystem
+
+FILE = "simulation.json"
+MAX_BYTES = 100_000_000
+KIND = "a simulation.json of `vctune simulate`"
+
+
+class SimulatedProblemRecord(Part):
+    """The problem file."""
+
+    name: str
+    sha256: str
+    experiments_sha256: str
+    units: UnitSystem = "linear"
+
+
+class EnvironmentRecord(Part):
+    """What was rendered."""
+
+    mass: float
+    damping: float
+    stiffness: float
+    zero: float
+    wall: bool
+
+
+class LeastVirtualRecord(Part):
+    """The least virtual mass and damping with which the regular PID is stable, and their share of its own."""
+
+    share: float
+    mass: float
+    damping: float
+
+
+class FitRecord(Part):
+    """A number of the environment as it was felt."""
+
+    value: Number
+    asked: Number
+    standard_error: Number
+
+
+class MetricsRecord(Part):
+    """The measures of a run."""
+
+    non_overlap: Number
+    fits: dict[str, FitRecord]
+    offset: Number
+    residual: Number
+    ripple: Number
+    handle_energy: Number
+    environment_energy: Number
+    motor_energy: Number
+    handle_deficit: Number
+    environment_deficit: Number
+    peak_motor: Number
+    saturated: Number
+    peak_force: Number
+
+
+class SimulatedLoopRecord(Part):
+    """The linear sampled loop of device, hand and environment."""
+
+    stable: bool
+    spectral_radius: Number
+    hz: float
+
+
+class RunRecord(Part):
+    """One controller in one experiment."""
+
+    diverged_s: Number
+    metrics: MetricsRecord | None
+    loop: SimulatedLoopRecord
+    curve: Annotated[list[Annotated[list[float], Field(min_length=2, max_length=2)]], Field(min_length=1)]
+
+
+class DifferenceRecord(Part):
+    """By how much a firmware's command differs at most from the design's on what was measured, and when, s.
+
+    Both are in the precision of the firmware; a difference up to `tolerance` passes.
+    """
+
+    force: Number
+    time_s: float
+    tolerance: Number
+    precision: Literal["double", "single"]
+    passes: bool
+
+
+class ExperimentRecord(Part):
+    """An experiment with the runs of the regular PID and of the design."""
+
+    name: str
+    environment: EnvironmentRecord
+    axis: Literal["position", "velocity"]
+    samples: int
+    least_virtual: LeastVirtualRecord | None
+    baseline: RunRecord | None
+    design: RunRecord
+    difference: DifferenceRecord | None = None
+    quiet_stiffness: float | None = None
+
+
+class SimulationRecord(Document):
+    """Simulated experiments, in SI units and hertz: the object of simulation.json."""
+
+    SCHEMA = "vctune/simulation/1"
+
+    problem: SimulatedProblemRecord
+    gains: GainsRecord
+    coupling: AnyCouplingRecord
+    experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
+    versions: dict[str, str | None]
+    controller: str | None = None
+
+    @property
+    def units(self) -> Units:
+        """Of everything in it."""
+        return UNITS[self.problem.units]
+
+    def is_of(self, design: DesignRecord) -> bool:
+        """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""
+        if self.controller is not None:
+            return False
+        given = design.problem
+        if self.problem.sha256 != given.sha256 or (self.gains, self.coupling) != (design.gains, design.coupling):
+            return False
+        experiments = parse_problem(given.text, given.name, given.name).experiments
+        return self.problem.experiments_sha256 == experiments_digest(experiments)
+
+
+def simulation_beside(folder: Path, design: DesignRecord) -> SimulationRecord | None:
+    """Return what a folder's simulation.json holds if it is of this very design, else None.
+
+    Parameters
+    ----------
+    folder : where design.json is
+    design : its record
+    """
+    try:
+        record = simulation_of(read_json(folder / FILE, KIND, MAX_BYTES))
+    except InputError:
+        return None
+    return record if record.is_of(design) else None
+
+
+def simulation_of(value: Any) -> SimulationRecord:
+    """Return the record that the object of a simulation.json holds.
+
+    Raises
+    ------
+    InputError
+        If it is not one, listing the parts that are missing or wrong.
+    """
+    return as_record(value, SimulationRecord, FILE, kind=KIND, remedy="simulate again")

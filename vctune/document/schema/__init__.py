@@ -1,0 +1,1 @@
+"""What a file may hold: keys, types, ranges, defaults, and what may not stand together."""

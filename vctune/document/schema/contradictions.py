@@ -1,0 +1,109 @@
+"""What can be wrong in a problem file between values that are each right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import floor, inf, isfinite
+from typing import Any
+
+from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES, impossible_parts
+from vctune.document.schema.display_contradictions import impossible_display
+from vctune.document.schema.experiment_contradictions import impossible_experiments
+from vctune.document.schema.plausibility import in_finer_unit
+from vctune.document.schema.rotary_contradictions import missing_of_rotary
+from vctune.document.schema.validation import Contradiction
+from vctune.document.text.raw import number_at
+from vctune.model.device import PARTS
+from vctune.model.hands import HAND
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+
+MAX_DECADES = 12
+
+
+def contradictions(raw: dict[str, Any]) -> list[Contradiction]:
+    """Return what is wrong between values that are each right; works on whatever part of the document is valid."""
+    return [
+        *_empty_ranges(raw),
+        *_impossible_bands(raw),
+        *_impossible_numbers(raw),
+        *_impossible_criterion(raw),
+        *impossible_display(raw),
+        *impossible_experiments(raw),
+        *missing_of_rotary(raw),
+    ]
+
+
+def _empty_ranges(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    for key in (*KEYS, *SPRING_KEYS[3:], *HAND):
+        path = tuple(key.split("."))
+        low, high = number_at(raw, *path, "min"), number_at(raw, *path, "max")
+        if low is not None and high is not None and low > high:
+            yield path, f"min = {low:g} is above max = {high:g}; swap them"
+
+
+def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay") or 0.0
+    to_infinity = raw.get("device", {}).get("hold") == "lag" if isinstance(raw.get("device"), dict) else False
+    to_infinity = to_infinity and delay == 0 and not any(part in raw["device"] for part in PARTS)
+    for table in ("transparency", "stability"):
+        path = (table, "band_hz")
+        low, high = number_at(raw, *path, 0), number_at(raw, *path, 1)
+        endless = _is_infinite(raw, table, 1)
+        if low is not None and high is not None and low >= high:
+            yield path, f"the lower edge {low:g} Hz is not below the upper edge {high:g} Hz; a band needs a width"
+        if _is_infinite(raw, table, 0):
+            yield path, "the lower edge is infinite; use a finite one"
+        if low and high and high > low * 10.0**MAX_DECADES > 0:
+            yield path, f"from {low:g} to {high:g} Hz are more than {MAX_DECADES} decades; narrow it"
+        if high is not None and sample_time and sample_time > 0 and high > 0.5 / sample_time * (1 + 1e-12):
+            nyquist = 0.5 / sample_time
+            yield path, f"the upper edge {high:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it"
+        if table == "stability" and endless and not to_infinity:
+            yield path, 'the upper edge inf needs hold = "lag", delay = 0 and no parts of the device; use a finite one'
+
+
+def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
+    criterion = stability.get("criterion") if isinstance(stability, dict) else None
+    if criterion == "hands" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
+        yield (
+            ("uncertainty", "unmodelled"),
+            'is not proved in hands; leave it out, or ask for stability.criterion = "both" or "passive"',
+        )
+
+
+def _is_infinite(raw: dict[str, Any], table: str, edge: int) -> bool:
+    try:
+        return bool(raw[table]["band_hz"][edge] == inf)
+    except (KeyError, IndexError, TypeError):
+        return False
+
+
+def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    factor = number_at(raw, "stability", "safety_factor")
+    if factor is not None and isfinite(factor) and 0 < factor < 1:
+        yield ("stability", "safety_factor"), f"{factor:g} is below 1, where the handle is not absolutely stable"
+    weights = [number_at(raw, "transparency", "weights", term) for term in ("admittance", "tracking", "coupling")]
+    if all(weight == 0 for weight in weights):
+        yield ("transparency", "weights"), "all three are 0: nothing is left to optimise; give one a positive weight"
+    yield from _long_delays(raw)
+    yield from impossible_parts(raw)
+
+
+def _long_delays(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay")
+    if not (sample_time and delay and sample_time > 0 and isfinite(delay)):
+        return
+    samples, share = delay / sample_time, number_at(raw, "uncertainty", "delay") or 0.0
+    if samples > MAX_DELAY_SAMPLES:
+        unit, instead = in_finer_unit(delay, MAX_DELAY_SAMPLES * sample_time)
+        hint = f"; is it in {unit}? Then write {instead:g}" if instead < MAX_DELAY_SAMPLES * sample_time else ""
+        said = f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported{hint}"
+        yield ("device", "delay"), said
+    elif samples * (1 + share) > MAX_DELAY_SAMPLES and share < 1:
+        most = floor((MAX_DELAY_SAMPLES / samples - 1) * 1e6) / 1e6
+        yield (
+            ("uncertainty", "delay"),
+            f"{share:.12g} lets device.delay = {delay:.12g} s reach {samples * (1 + share):.12g} sample times; at most "
+            f"{MAX_DELAY_SAMPLES} are supported: write at most {most:g}, or a shorter device.delay",
+        )

@@ -1,0 +1,208 @@
+"""Defaults as formulas in the device's own scales, so that a change of units changes nothing.
+
+See document/README.md, section 1.
+
+With tau = T/2 + delay and the lags of actuator and velocity estimate, and Z = m/tau + b, the impedance at which the
+loop runs out of phase: the transparency band is [0.00025, 0.015]/tau, the stability band ends at 0.05/tau, a tenth of
+the sampling rate without delay, Z_0 = 2 pi f m at the transparency band's middle f, K_v <= 2 Z, K_p <= 2 Z/tau.
+The least K_v, 1e-8 m/T, is below 1e-5 Z at any delay that is supported, so that no delay moves it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+from math import inf, pi, sqrt
+from typing import Literal
+
+from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
+from vctune.document.schema.problem_schema import (
+    DeviceTable,
+    OperatorTable,
+    ProblemDocument,
+    StabilityTable,
+    TransparencyTable,
+    UncertaintyTable,
+)
+from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
+from vctune.model.hands import Hand, Hands, LeastOperator
+from vctune.model.loop.limits import lags
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.units import UnitSystem
+from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
+from vctune.model.transparency import Terms
+
+
+def resolve(document: ProblemDocument, default_name: str, yardstick: Transparency | None = None) -> Problem:
+    """Return the problem that a valid document states, every default filled in.
+
+    Parameters
+    ----------
+    document : the tables of a problem file, in its units
+    default_name : of the problem, where the document states none
+    yardstick : whose band and Z_0 replace the defaults of the objective; None for those of the device. The bounds have
+        the scales of the device in either case
+    """
+    hands = _hands(document.operator or OperatorTable(), document.device.units)
+    operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
+    counted = operator if document.stability.criterion != "hands" else None
+    device = replace(device_of(document.device), operator=counted)
+    late = lags(device, FLOATS)
+    lag = float(late.drive + late.estimate)
+
+    objective = document.transparency
+    f1, f2 = objective.band_hz or (0.00025 / lag, 0.015 / lag)
+    middle = 2 * pi * sqrt(f1 * f2)
+    Z_0 = objective.reference_impedance or device.mass * middle
+    own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
+    transparency = _on(yardstick, own, objective)
+    return Problem(
+        name=document.name if document.name is not None else default_name,
+        description=document.description,
+        device=device,
+        bounds=_bounds(document, device, lag, Z_0, middle),
+        transparency=transparency,
+        stability=_stability(document.stability, device, lag, transparency.band.min),
+        uncertainty=_uncertainty(document.uncertainty, device),
+        experiments=tuple(_experiment(table, device) for table in document.experiment),
+        hands=hands,
+    )
+
+
+def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, middle: float) -> Bounds:
+    """Return the ranges of the design variables.
+
+    Parameters
+    ----------
+    document : which states some
+    device : whose scales the others have
+    lag : of its loop, s
+    Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
+    """
+    gains, coupling = document.gains, document.coupling
+    if device.renders_force:
+        return Bounds(
+            velocity=_range(gains.velocity, 0.0, 0.0),
+            damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
+            stiffness=_range(coupling.stiffness, 1e-6 * Z_0 * middle, 1e6 * Z_0 * middle),
+            position=ABSENT,
+            mass=ABSENT,
+            drag=ABSENT,
+        )
+    loop_impedance = device.mass / lag + device.damping
+    least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
+    stated = (gains.velocity, gains.position, coupling.damping, coupling.mass)
+    dragged = document.stability.criterion != "passive" and not all(isinstance(each, float) for each in stated)
+    return Bounds(
+        velocity=_range(gains.velocity, least, 2 * loop_impedance),
+        position=_range(gains.position, 0.0, 2 * loop_impedance / lag),
+        damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+        mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+        drag=_range(coupling.drag, 0.0, Z_0 if dragged else 0.0),
+    )
+
+
+def _on(yardstick: Transparency | None, own: Transparency, table: TransparencyTable) -> Transparency:
+    """Return the objective whose band and Z_0 are a yardstick's where a table leaves them at their defaults."""
+    if yardstick is None:
+        return own
+    return replace(
+        own,
+        band=own.band if table.band_hz else yardstick.band,
+        reference_impedance=table.reference_impedance or yardstick.reference_impedance,
+    )
+
+
+def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
+    """Return the hands of a table; a plain number is the least, the greatest is then a human hand's, or as much.
+
+    What a human hand is to a rotary device nobody knows but who states it: there a plain number is all.
+    """
+    most = astuple(HUMAN_HANDS.high) if system == "linear" else (0.0, 0.0, 0.0)
+    each = (table.mass, table.damping, table.stiffness)
+    ranges = [
+        Range(value, max(value, high)) if isinstance(value, float) else Range(value.min, value.max)
+        for value, high in zip(each, most, strict=True)
+    ]
+    return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
+
+
+def _stability(table: StabilityTable, device: Device, lag: float, slowest: float) -> Stability:
+    """Return the demands; those of an impedance display are up to the Nyquist frequency.
+
+    Parameters
+    ----------
+    table : as stated
+    device, lag : whose loop it is, and its lag, s
+    slowest : lower edge of the transparency band, rad/s
+    """
+    if table.band_hz is not None:
+        low, high = table.band_hz
+        band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
+    else:
+        band = Band(slowest, 2 * pi * (0.5 / device.sample_time if device.renders_force else 0.05 / lag))
+    return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
+
+
+def device_of(table: DeviceTable) -> Device:
+    """Return the device of a table; a part that does nothing is none."""
+    velocity, actuator, sensor, structure = table.velocity, table.actuator, table.force_sensor, table.structure
+    own: Literal["measured", "difference"] = "difference" if table.display == "impedance" else "measured"
+    estimate = VelocityEstimate(own)
+    if velocity is not None:
+        estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)
+    sensed = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay) if sensor else None
+    flexible = None
+    if structure is not None:
+        flexible = Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio)
+    return Device(
+        table.mass,
+        table.damping,
+        table.sample_time,
+        table.delay,
+        table.hold,
+        velocity=None if estimate == VelocityEstimate() else estimate,
+        actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
+        force_sensor=None if sensed == ForceSensor() else sensed,
+        structure=flexible,
+        display=table.display,
+        units=table.units,
+    )
+
+
+def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
+    """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
+    widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
+    moving = tuple((key, width) for key, width in widths.items() if width > 0)
+    found = Uncertainty(moving, table.objective, tuple(table.unmodelled))
+    return found if found.unmodelled or any(device.number(key) for key, _ in moving) else None
+
+
+def _range(value: object, low: float, high: float) -> Range:
+    if value is None:
+        return Range(low, high)
+    if isinstance(value, float):
+        return Range(value, value)
+    return Range(value.min, value.max)  # type: ignore[attr-defined]
+
+
+def _experiment(table: ExperimentTable, device: Device) -> Experiment:
+    return Experiment(
+        name=table.name,
+        environment=Environment(**table.environment.model_dump()),
+        operator=Operator(**table.operator.model_dump()),
+        friction=_friction(table.friction, device) if table.friction else None,
+        sensors=_sensors(table.sensors),
+        limit=table.actuator.limit,
+        baseline=Baseline(**table.baseline.model_dump()) if table.baseline else None,
+    )
+
+
+def _friction(table: FrictionTable, device: Device) -> Friction:
+    stiction = table.coulomb if table.stiction is None else table.stiction
+    damping = sqrt(table.stiffness * device.mass) if table.damping is None else table.damping
+    return Friction(table.coulomb, stiction, table.stribeck_velocity, table.stiffness, damping)
+
+
+def _sensors(table: SensorsTable) -> Sensors:
+    return Sensors(table.position_resolution, table.force_noise, table.seed)

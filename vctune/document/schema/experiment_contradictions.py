@@ -1,0 +1,91 @@
+"""What can be wrong in an [[experiment]] between values that are each right."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import pi
+from typing import Any
+
+from vctune.document.schema.experiment_schema import EnvironmentTable, OperatorTable
+from vctune.document.schema.validation import Contradiction
+from vctune.document.text.raw import number_at
+
+LEAST_STROKE = 4
+MOST_SAMPLES = 5_000_000
+
+
+def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return what is wrong with the experiments, in whatever part of them is valid."""
+    tables = raw.get("experiment")
+    if not isinstance(tables, list):
+        return
+    names: list[object] = []
+    for index, table in enumerate(tables):
+        if not isinstance(table, dict):
+            continue
+        if isinstance(table.get("name"), str) and table["name"] in names:
+            yield ("experiment", index, "name"), f"{table['name']!r} is the name of another experiment; choose its own"
+        names.append(table.get("name"))
+        for path, message in (*_hand(raw, table), *_rendering(table), *_hardware(table)):
+            yield ("experiment", index, *path), message
+
+
+def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | None:
+    """Return a number of a table, its default where it is left out; None where it is not a number."""
+    given = table.get(group, {})
+    if isinstance(given, dict) and key not in given:
+        fields = model.model_fields.items()
+        return float(next(field.default for name, field in fields if key in (name, field.alias)))
+    return number_at(table, group, key)
+
+
+def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    start, end, speed, cycles, damping, stiffness = (
+        _value(table, OperatorTable, "operator", key)
+        for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
+    )
+    if damping == 0 and stiffness == 0:
+        yield ("operator",), "damping and stiffness are both 0: the hand does not move the handle; give it one of them"
+    if start is None or end is None:
+        return
+    if start == end:
+        yield ("operator",), f"from and to are both {start:g}: nothing moves; give them different places"
+        return
+    sample_time = number_at(raw, "device", "sample_time")
+    if not (sample_time and sample_time > 0 and speed and speed > 0):
+        return
+    samples = abs(end - start) / speed / sample_time
+    if samples < LEAST_STROKE:
+        yield (
+            ("operator", "speed"),
+            f"a stroke takes {samples:.3g} sample times; move slower or further: at least {LEAST_STROKE}",
+        )
+    if cycles and pi * cycles * samples > MOST_SAMPLES:
+        yield (
+            ("operator",),
+            f"about {pi * cycles * samples:.3g} samples; at most {MOST_SAMPLES}: fewer cycles, faster or less far",
+        )
+
+
+def _rendering(table: dict[str, Any]) -> Iterator[Contradiction]:
+    environment = table.get("environment", {})
+    stiffness = _value(table, EnvironmentTable, "environment", "stiffness")
+    if isinstance(environment, dict) and environment.get("wall") is True and stiffness == 0:
+        yield ("environment", "wall"), "a wall needs a stiffness"
+    if isinstance(environment, dict) and environment.get("wall") is True and environment.get("rule") == "trapezoid":
+        yield ("environment", "rule"), "a wall is passive by backward Euler alone; leave the rule out"
+    inertia = [number_at(table, "baseline", key) for key in ("mass", "damping")]
+    held = environment if isinstance(environment, dict) and environment.get("wall") is not True else {}
+    if inertia == [0, 0] and not any(
+        _value({"environment": held}, EnvironmentTable, "environment", key) for key in ("mass", "damping", "stiffness")
+    ):
+        yield (
+            ("baseline",),
+            "mass and damping are both 0: a free handle would have no limit to its speed; give one of them",
+        )
+
+
+def _hardware(table: dict[str, Any]) -> Iterator[Contradiction]:
+    coulomb, stiction = number_at(table, "friction", "coulomb"), number_at(table, "friction", "stiction")
+    if coulomb is not None and stiction is not None and stiction < coulomb:
+        yield ("friction", "stiction"), f"{stiction:g} is below coulomb = {coulomb:g}; swap them"

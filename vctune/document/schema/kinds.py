@@ -1,0 +1,85 @@
+"""The kind of device that gains, a design or a region are for; those of another kind than the problem's are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from vctune.document.reading import GainsFile, ProblemFile
+from vctune.document.records.gains_json import ProblemRecord
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError, Mistake
+from vctune.model.device import Display
+from vctune.model.numbers.units import UNITS, UnitSystem
+
+DISPLAYS: Mapping[Display, str] = MappingProxyType(
+    {"admittance": "an admittance display", "impedance": "an impedance display"}
+)
+
+
+def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
+    """Make sure that gains are for the kind of device that a problem has.
+
+    Parameters
+    ----------
+    file : the problem
+    given : the gains; units that they do not state are not compared
+
+    Raises
+    ------
+    InputError
+        If display or units differ, naming both.
+    """
+    lines = toml.Lines(given.text)
+    telling = ("coupling", "stiffness" if given.display == "impedance" else "mass")
+    keys = {"display": telling, "units": ("design", "units")}
+    mistakes = [
+        Mistake("other-kind", ".".join(keys[which]), message, lines.locate(keys[which]))
+        for which, message in _differences(file, given.display, given.units, "gains")
+    ]
+    if mistakes:
+        raise InputError(given.source, mistakes)
+
+
+def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, what: str) -> None:
+    """Make sure that what was made for a recorded problem is for the kind of device that a problem has.
+
+    Parameters
+    ----------
+    file : the problem
+    record : the problem that it was made for
+    source : the file that holds the record
+    what : it is, "design" or "region"
+
+    Raises
+    ------
+    InputError
+        If display or units differ, naming both.
+    """
+    table: Any = toml.parse(record.text, source).get("device")
+    device = table if isinstance(table, dict) else {}
+    display: Display = "impedance" if device.get("display") == "impedance" else "admittance"
+    differ = _differences(file, display, record.units, what)
+    if differ:
+        keys = {"display": "problem.text", "units": "problem.units"}
+        raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])
+
+
+def _differences(file: ProblemFile, display: Display, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
+    """Return what differs, "display" or "units", each with what to say."""
+    device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
+    verb = "are" if what == "gains" else "is"
+    sides = [("display", DISPLAYS[display], DISPLAYS[device.display])]
+    if units is not None:
+        sides.append(("units", _in_units(units), _in_units(device.units)))
+    return [
+        (key, f"the {what} {verb} for {one}, and {file.source} has {other} (device.{key}); {remedy}")
+        for key, one, other in sides
+        if one != other
+    ]
+
+
+def _in_units(system: UnitSystem) -> str:
+    units = UNITS[system]
+    return f"a {system} device, in {units.damping} and {units.stiffness}"

@@ -1,0 +1,134 @@
+"""The map of a log as written, log.toml: which column is what, in which unit, and what is known of the device."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Discriminator, Field, Tag
+
+from vctune.document.schema.fields import MOST, NotNegative, Positive, Table, Text
+from vctune.document.schema.problem_schema import ActuatorTable, ForceSensorTable, VelocityTable
+
+UNITS: dict[str, float] = {
+    "s": 1.0, "ms": 1e-3, "us": 1e-6,
+    "m": 1.0, "mm": 1e-3, "um": 1e-6, "rad": 1.0, "mrad": 1e-3, "deg": 0.017453292519943295,
+    "m/s": 1.0, "mm/s": 1e-3, "rad/s": 1.0, "deg/s": 0.017453292519943295,
+    "N": 1.0, "mN": 1e-3, "kN": 1e3, "Nm": 1.0, "mNm": 1e-3,
+}  # fmt: skip
+"""Units of a column by name, in SI units."""
+Unit = Literal[
+    "s",
+    "ms",
+    "us",
+    "m",
+    "mm",
+    "um",
+    "rad",
+    "mrad",
+    "deg",
+    "m/s",
+    "mm/s",
+    "rad/s",
+    "deg/s",
+    "N",
+    "mN",
+    "kN",
+    "Nm",
+    "mNm",
+]
+
+
+def _not_zero(value: float) -> float:
+    if value == 0:
+        raise ValueError("0 makes every sample the same; write SI units per unit of the column")
+    return value
+
+
+Scale = Annotated[float, Field(strict=True, ge=-MOST, le=MOST), AfterValidator(_not_zero)]
+
+
+class ColumnTable(Table):
+    """A column that needs more than its name."""
+
+    column: Text = Field(description="Its header in the CSV file.")
+    unit: Unit | None = Field(None, description="Its unit. Default: what its header ends with, as in position_mm.")
+    scale: Scale | None = Field(
+        None, description="SI units per unit of the column, in place of `unit`: a torque constant, metres per count."
+    )
+    quantum: Positive | None = Field(
+        None, description="Resolution, in the column's unit. Default: the least step between two samples."
+    )
+    limit: Positive | None = Field(None, description="Where it saturates, in the column's unit. Default: not known.")
+
+
+def _form(value: object) -> str:
+    return "<text>" if isinstance(value, str) else "<column>"
+
+
+Column = Annotated[
+    Annotated[Text, Tag("<text>")] | Annotated[ColumnTable, Tag("<column>")],
+    Discriminator(_form),
+]
+
+
+class ColumnsTable(Table):
+    """Which column is what: a header, or { column = ..., unit = ... }."""
+
+    time: Column | None = Field(None, description="When the row was sampled. Default: a column time_s, time_ms, ...")
+    position: Column | None = Field(None, description="Of the motor, as the encoder has it.")
+    command: Column | None = Field(None, description="Force that the firmware commands; held until the next sample.")
+    force: Column | None = Field(
+        None,
+        description="Force of the motor as it was measured: current by its constant. Without a command: measured or "
+        "commanded, whichever explains the log better.",
+    )
+    hand: Column | None = Field(None, description="Force of the hand on the handle, as sensed.")
+    handle: Column | None = Field(None, description="Position of the handle behind a spring, where it is measured too.")
+    reference: Column | None = Field(None, description="Position that the firmware was told; used as an instrument.")
+
+
+class KnownVelocityTable(VelocityTable):
+    """How the firmware knows the velocity of the motor."""
+
+    source: Literal["measured", "difference"] | None = Field(
+        None,
+        alias="from",
+        description="A sensor of its own, or the backward difference of the sampled position. Default: difference, "
+        "which is then said to be assumed.",
+    )
+
+
+class KnownDeviceTable(Table):
+    """What is known and need not be found: it is written to the device as it stands here."""
+
+    delay: NotNegative | None = Field(None, description="From sampling to actuation beyond the hold, s.")
+    delay_uncertainty: NotNegative = Field(0.0, description="Half-width of a known delay, s.")
+    velocity: KnownVelocityTable | None = Field(None, description="The firmware's velocity estimate.")
+    actuator: ActuatorTable | None = Field(None, description="The force loop, where its bandwidth is known.")
+    force_sensor: ForceSensorTable | None = Field(None, description="The force sensor, where it is known.")
+
+
+class ClassicalTable(Table):
+    """The classical inverse model beside it, for comparison: ordinary least squares, with its own intervals."""
+
+    filter_hz: Positive = Field(description="Corner of a fourth-order Butterworth low-pass, both ways, Hz.")
+    decimate: Annotated[int, Field(strict=True, ge=1, le=1000)] = Field(description="Every which sample is used.")
+
+
+class LogDocument(Table):
+    """What the columns of a log are. Without it they must be called time_s, position_m, command_N and the like."""
+
+    name: Text | None = Field(
+        None,
+        min_length=1,
+        max_length=200,
+        description="Of the device and of its folder. Default: the first log's stem.",
+    )
+    description: Text = Field("", description="Free text for the reader.")
+    rotary: bool = Field(
+        False, strict=True, description="Whether kg, m and N stand for kg m2, rad and N m; device.units then says so."
+    )
+    sample_time: Positive | None = Field(None, description="T, s. Default: the median step of the column time.")
+    columns: ColumnsTable = Field(default_factory=ColumnsTable)
+    device: KnownDeviceTable = Field(default_factory=KnownDeviceTable)
+    classical: ClassicalTable | None = Field(None)

@@ -1,0 +1,58 @@
+"""The unit of every number of a problem file, by what the number is and how the device moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vctune.document.schema.validation import KeyPath
+from vctune.model.numbers.keys import QUANTITIES as OF_VARIABLES
+from vctune.model.numbers.units import UNITS, Units
+
+QUANTITIES = {
+    "mass": ("mass", "handle_mass"),
+    "damping": ("damping", "drag", "kd", "reference_impedance"),
+    "stiffness": ("stiffness", "kp"),
+    "integral_gain": ("ki",),
+    "force": ("coulomb", "stiction", "limit", "force_noise"),
+    "position": ("zero", "from", "to", "position_resolution"),
+    "speed": ("stribeck_velocity", "speed"),
+    "time": ("sample_time", "delay"),
+    "frequency": ("band_hz", "bandwidth_hz", "filter_hz", "frequency_hz"),
+}
+"""Which keys are which quantity (`vctune.model.numbers.units`), whatever table they stand in."""
+SHARES = ("uncertainty", "weights")
+"""Tables of numbers without a unit."""
+
+
+def units_stated(raw: dict[str, Any]) -> Units:
+    """Return the units of a problem's tables, valid or not."""
+    device = raw.get("device")
+    return UNITS["rotary" if isinstance(device, dict) and device.get("units") == "rotary" else "linear"]
+
+
+def unit_of(path: KeyPath, units: Units) -> str:
+    """Return the unit of a number of a problem file, "" for one without.
+
+    Parameters
+    ----------
+    path : of its key
+    units : of the problem
+    """
+    names = [step for step in path if isinstance(step, str) and step not in ("min", "max")]
+    if not names or any(name in SHARES for name in names):
+        return ""
+    quantity = OF_VARIABLES.get(".".join(names)) or next(
+        (each for each, keys in QUANTITIES.items() if names[-1] in keys), ""
+    )
+    return units.of(quantity)
+
+
+def heading(name: str, unit: str) -> str:
+    """Return what heads a column: the name with its unit, unless the name itself says it.
+
+    Parameters
+    ----------
+    name : of the column
+    unit : "" for none
+    """
+    return f"{name} [{unit}]" if unit and "_hz" not in name else name

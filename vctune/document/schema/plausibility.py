@@ -1,0 +1,51 @@
+"""What is no mistake and yet probably not meant: a number in another unit, a name that a system keeps for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from vctune.document.text.codes import Note
+from vctune.document.text.output_files import RESERVED, folder_name
+from vctune.model.problem import Problem
+
+SLOWEST = 0.1
+"""Sample time from which on it is asked whether it is in seconds, s: twice that of the slowest example."""
+STIFFEST = 1e6
+"""Greatest stiffness of a hand from which on it is asked whether it is in SI units, N/m or N m/rad: ten times that of a
+stiff fixture, a thousand times that of a firm grip."""
+FIRM = 1e3
+"""Stiffness of a firm grip, N/m."""
+FINER = ((1e-6, "microseconds"), (1e-3, "milliseconds"))
+
+
+def doubts(problem: Problem) -> Iterator[Note]:
+    """Yield what is probably not meant.
+
+    Parameters
+    ----------
+    problem : a valid one
+    """
+    T, name = problem.device.sample_time, problem.name
+    if T >= SLOWEST:
+        unit, instead = in_finer_unit(T, SLOWEST)
+        yield Note("warn-sample-time", f"device.sample_time is {T:g} s; is it in {unit}? Then write {instead:g}")
+    stiffness = problem.hands_met.high.stiffness if problem.hands_met is not None else 0.0
+    if stiffness >= STIFFEST:
+        unit = problem.units.stiffness
+        said = f"operator.stiffness.max is {stiffness:g} {unit}; is it in {unit}? A firm grip has {FIRM:g} N/m"
+        yield Note("warn-stiffness", said)
+    if RESERVED.match(name.strip().lstrip(".")):
+        said = f"name {name!r} is that of a device on Windows; the folder is {folder_name(name)}: better choose another"
+        yield Note("warn-name", said)
+
+
+def in_finer_unit(value: float, most: float) -> tuple[str, float]:
+    """Return the unit in which a number of seconds may have been written instead, and what it is in seconds.
+
+    Parameters
+    ----------
+    value : as it is written
+    most : the greatest plausible time, s
+    """
+    scale, unit = next(((scale, unit) for scale, unit in reversed(FINER) if value * scale < most / 5), FINER[0])
+    return unit, float(f"{value * scale:.12g}")

@@ -1,0 +1,62 @@
+"""What a rotary device lacks: numbers whose defaults are of a hand or a length, which a linear device alone has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+
+from vctune.document.schema.experiment_schema import FrictionTable, OperatorTable
+from vctune.document.schema.number_units import unit_of, units_stated
+from vctune.document.schema.validation import Contradiction
+from vctune.model.hands import HAND
+from vctune.model.numbers.units import LINEAR, ROTARY
+from vctune.model.problem import HUMAN_HANDS
+
+
+def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    """Return what a rotary device's problem has to state: hands, where they are to be met, and those of experiments."""
+    if units_stated(raw) is not ROTARY:
+        return
+    if _hands_are_met(raw):
+        yield from _hands(raw.get("operator", {}))
+    tables = raw.get("experiment")
+    for index, table in enumerate(tables if isinstance(tables, list) else []):
+        stated = table if isinstance(table, dict) else {}
+        yield from _defaults(("experiment", index, "operator"), stated.get("operator", {}), OperatorTable)
+        yield from _defaults(("experiment", index, "friction"), stated.get("friction"), FrictionTable)
+
+
+def _hands_are_met(raw: dict[str, Any]) -> bool:
+    """Return whether hands of a box are to be met: on an impedance display any passive hand is in their place."""
+    stability, display = raw.get("stability", {}), raw["device"].get("display")
+    criterion = stability.get("criterion", "both") if isinstance(stability, dict) else "both"
+    return criterion == "hands" or (criterion == "both" and display != "impedance")
+
+
+def _hands(operator: Any) -> Iterator[Contradiction]:
+    if not isinstance(operator, dict):
+        return
+    lacking = [key for key in HAND if not isinstance(operator.get(key.partition(".")[2]), dict)]
+    if not lacking:
+        return
+    ends = (HUMAN_HANDS.high.mass, HUMAN_HANDS.high.damping, HUMAN_HANDS.high.stiffness)
+    of_a_grip = dict(zip(HAND, ends, strict=True))
+    written = ", ".join(f"{key.partition('.')[2]} = {{ min = 0, max = {of_a_grip[key]:g} r^2 }}" for key in lacking)
+    yield (
+        ("operator",),
+        f"a rotary device has no default hands, since they depend on how far from its axis it is held: write {written} "
+        'for a hand that holds it r metres from the axis, or ask for stability.criterion = "passive"',
+    )
+
+
+def _defaults(path: tuple[str | int, ...], stated: Any, table: type[BaseModel]) -> Iterator[Contradiction]:
+    """Return the keys of a table that are left out and whose defaults are in units of a linear device."""
+    if not isinstance(stated, dict):
+        return
+    for name, field in table.model_fields.items():
+        key = field.alias or name
+        unit, of_rotary = (unit_of((*path, key), units) for units in (LINEAR, ROTARY))
+        if key not in stated and isinstance(field.default, float) and field.default and unit != of_rotary:
+            yield (*path, key), f"is missing; a rotary device has no default for it: write a number of {of_rotary}"

@@ -1,0 +1,121 @@
+"""A problem as a document that states it, every default written out: the way back from `vctune.document.schema.defaults`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, fields, is_dataclass
+from math import inf, pi
+from typing import Any
+
+from vctune.model.device import Device, ForceSensor, VelocityEstimate
+from vctune.model.experiment import Experiment
+from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.problem import Band, Bounds, Problem, Range
+
+
+def statement(problem: Problem) -> dict[str, Any]:
+    """Return the document of a problem, as a problem file would state it.
+
+    Reading it gives the same problem, with edges of bands to the last place but one.
+    """
+    device = table_of(problem.device)
+    operator = device.pop("operator", None)
+    transparency, stability = problem.transparency, problem.stability
+    if problem.hands_met is not None:
+        low, high = asdict(problem.hands.low), asdict(problem.hands.high)
+        operator = {name: {"min": low[name], "max": high[name]} for name in low}
+    document: dict[str, Any] = {
+        "name": problem.name,
+        "description": problem.description,
+        "device": device,
+        **({"operator": operator} if operator else {}),
+        **_bounds(problem.bounds, stated_keys(problem.device)),
+        "transparency": {
+            "band_hz": _hz(transparency.band),
+            "reference_impedance": transparency.reference_impedance,
+            "norm": transparency.norm,
+            "weights": asdict(transparency.weights),
+        },
+        "stability": {
+            **({} if problem.device.renders_force else {"band_hz": _hz(stability.band)}),
+            "safety_factor": stability.safety_factor,
+            "max_sensitivity": stability.max_sensitivity,
+            "criterion": stability.criterion,
+        },
+    }
+    if problem.uncertainty is not None:
+        stated = problem.uncertainty
+        document["uncertainty"] = dict(stated.half_widths) | {"objective": stated.objective}
+        if stated.unmodelled:
+            document["uncertainty"]["unmodelled"] = [list(point) for point in stated.unmodelled]
+    if problem.experiments:
+        document["experiment"] = [_experiment(experiment) for experiment in problem.experiments]
+    return document
+
+
+def table_of(value: Any) -> dict[str, Any]:
+    """Return an object of the model as the table that states it, what is not there left out.
+
+    Parameters
+    ----------
+    value : a `Device`, one of its parts, `Range` and the like
+    """
+    table = {field.name: getattr(value, field.name) for field in fields(value)}
+    table = {
+        key: table_of(entry) if is_dataclass(entry) and not isinstance(entry, type) else entry
+        for key, entry in table.items()
+        if entry is not None
+    }
+    if isinstance(value, VelocityEstimate):
+        table["from"] = table.pop("source")
+        if "filter_hz" not in table:
+            del table["filter_order"]  # of a low-pass that is not there
+    elif isinstance(value, Device):
+        absent = {"display": not value.renders_force, "units": value.units == "linear"}
+        table = {key: entry for key, entry in table.items() if not absent.get(key)}
+    elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
+        del table["order"]
+    return table
+
+
+def stated_keys(device: Device) -> tuple[str, ...]:
+    """Return the keys of the variables that a device's problem states: an impedance display has no K_p."""
+    return (SPRING_KEYS[0], *SPRING_KEYS[2:]) if device.renders_force else KEYS
+
+
+def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:
+    def variable(range_: Range) -> float | dict[str, float]:
+        return range_.min if range_.fixed else asdict(range_)
+
+    tables: dict[str, Any] = {"gains": {}, "coupling": {}}
+    for table, name in (key.split(".") for key in keys):
+        tables[table][name] = variable(getattr(bounds, name))
+    return tables
+
+
+def _hz(band: Band) -> list[float]:
+    return [_edge(band.min), _edge(band.max)]
+
+
+def _edge(omega: float) -> float:
+    """Return a frequency in hertz: the short decimal that it was, if it was one."""
+    short = hertz(omega)
+    return short if omega == inf or 2 * pi * short == omega else omega / (2 * pi)
+
+
+def _experiment(experiment: Experiment) -> dict[str, Any]:
+    operator, sensors = asdict(experiment.operator), asdict(experiment.sensors)
+    operator["from"], operator["to"] = operator.pop("start"), operator.pop("end")
+    parts = {
+        "friction": experiment.friction and asdict(experiment.friction),
+        "actuator": {"limit": experiment.limit} if experiment.limit is not None else None,
+        "baseline": experiment.baseline and asdict(experiment.baseline),
+    }
+    return {
+        "name": experiment.name,
+        "environment": asdict(experiment.environment),
+        "operator": operator,
+        "sensors": sensors,
+        **{name: table for name, table in parts.items() if table is not None},
+    }

@@ -1,0 +1,269 @@
+"""From a TOML text to a valid document, or to everything that is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from difflib import get_close_matches
+from math import isnan
+from typing import Any, NamedTuple, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+
+from vctune.document.text import toml
+from vctune.document.text.codes import Code
+from vctune.document.text.errors import InputError, Mistake
+from vctune.document.text.hints import CALLED, commas_meant, number_meant
+
+MAX_MISTAKES = 25
+TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
+"""What tells the forms of a key apart, which is no part of its path."""
+LONG = 60
+
+KeyPath = tuple[str | int, ...]
+Contradiction = tuple[KeyPath, str]
+"""Path of a key, and what is wrong between its value and others that are each right."""
+
+
+class Fault(NamedTuple):
+    """What is wrong with a key of a document."""
+
+    path: KeyPath
+    message: str
+    code: Code
+
+
+MOVED: dict[KeyPath, str] = {
+    ("sensors", "velocity"): "is the device's now, of design and simulation alike: write it as [device.velocity] from",
+    ("sensors", "filter_hz"): "is the device's now, of design and simulation alike: write it in [device.velocity]",
+}
+"""Keys that earlier versions had, and where they are now."""
+PAIR_LISTS: dict[KeyPath, tuple[str, str]] = {
+    ("uncertainty", "unmodelled"): ("[Hz, radius]", "unmodelled = [[1.0, 0.02], [100.0, 0.1]]"),
+}
+"""Keys that are lists of pairs: what a pair is, and how all of it is written."""
+Check = Callable[[dict[str, Any]], list[Contradiction]]
+"""Finds what is wrong between values that are each right, in whatever part of a document is valid."""
+Document = TypeVar("Document", bound=BaseModel)
+
+
+def validated(model: type[Document], text: str, source: str, check: Check) -> Document:
+    """Return the document that a TOML text states.
+
+    Parameters
+    ----------
+    model : class of the document
+    text : TOML
+    source : what messages call it
+    check : finds what is wrong between values that are each right
+
+    Raises
+    ------
+    InputError
+        Listing every mistake in the order of the lines, each with dotted key, value and remedy.
+    """
+    document, faults = examined(model, toml.parse(text, source), check)
+    if document is None or faults:
+        raise refusal(faults, text, source)
+    return document
+
+
+def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[Document | None, list[Fault]]:
+    """Return the document that parsed TOML states, if it states one, and everything that is wrong with it.
+
+    Parameters
+    ----------
+    model : class of the document
+    raw : tables
+    check : finds what is wrong between values that are each right
+    """
+    between = [Fault(path, message, "contradiction") for path, message in check(raw)]
+    try:
+        return model.model_validate(raw), between
+    except ValidationError as error:
+        return None, [_fault(model, details) for details in error.errors(include_url=False)] + between
+
+
+def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
+    """Return the error that lists faults, the first `MAX_MISTAKES` of them, with their lines if there is a text.
+
+    Parameters
+    ----------
+    faults : at least one
+    text : that was read; None if there is no file
+    source : what the message calls it
+    """
+    lines = toml.Lines(text) if text is not None else None
+    listed = faults[:MAX_MISTAKES]
+    shown = [
+        Mistake(code, dotted(path), message, _line(lines, path) if lines else None) for path, message, code in listed
+    ]
+    more = (
+        [Mistake("more-mistakes", "", f"and {len(faults) - MAX_MISTAKES} more")] if len(faults) > MAX_MISTAKES else []
+    )
+    return InputError(source, [*sorted(shown, key=lambda mistake: mistake.line or 0), *more])
+
+
+def _line(lines: toml.Lines, path: KeyPath) -> int:
+    """Return the line of a key, or of the nearest table that should have held it."""
+    while path:
+        line = lines.locate(path)
+        if line is not None:
+            return line
+        path = path[:-1]
+    return 1
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a key as it is written: tables joined by dots, elements of lists in brackets."""
+    text = ""
+    for step in path:
+        name = step if isinstance(step, int) or re.fullmatch(r"[\w-]+", step) else json.dumps(step, ensure_ascii=False)
+        text += f"[{name}]" if isinstance(step, int) else f".{name}" if text else str(name)
+    return _short(text)
+
+
+def _fault(model: type[BaseModel], details: Any) -> Fault:
+    path = untagged(details["loc"])
+    value, context, kind = details["input"], details.get("ctx", {}), details["type"]
+    if kind == "extra_forbidden":
+        moved = MOVED.get(path[-2:])
+        return Fault(path, moved, "moved-key") if moved else Fault(path, _unknown(model, path), "unknown-key")
+    if isinstance(value, float) and isnan(value):
+        return Fault(path, "nan is not a number; write a number", "wrong-type")
+    if kind == "missing":
+        return Fault(path, f"is missing; {_documentation(model, path)}", "missing-key")
+    of_range, of_type = _range_messages(model, path), _type_messages(model, path)
+    if kind in of_range:
+        return Fault(path, of_range[kind](value, context), "out-of-range")
+    message = of_type[kind](value, context) if kind in of_type else f"{shown(value)}: {details['msg']}"
+    return Fault(path, message, "wrong-type")
+
+
+Message = Callable[[Any, dict[str, Any]], str]
+"""Makes a message of a value and what was asked of it."""
+
+
+def _range_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    return {
+        "value_error": lambda value, asked: str(asked["error"]),
+        "greater_than_equal": lambda value, asked: f"{shown(value)} is too small: must be at least {asked['ge']:g}",
+        "less_than": lambda value, asked: f"{shown(value)} is out of range: must be less than {asked['lt']:g}",
+        "less_than_equal": lambda value, asked: f"{shown(value)} is out of range: must be at most {asked['le']:g}",
+        "too_long": lambda value, asked: (
+            f"{shown(value)} has more than two numbers{commas_meant(value) or '; write ' + _pair(path)}"
+        ),
+        "string_pattern_mismatch": lambda value, asked: (
+            f"{shown(value)} has other characters than letters, digits, spaces and _.,+-"
+        ),
+        "string_too_short": lambda value, asked: f"is empty; {_documentation(model, path)}",
+        "string_too_long": lambda value, asked: f"{shown(value)} is too long: at most {asked['max_length']}",
+        "literal_error": lambda value, asked: f"{shown(value)} is not one of {asked['expected']}",
+    }
+
+
+def _type_messages(model: type[BaseModel], path: KeyPath) -> dict[str, Message]:
+    return {
+        "float_type": lambda value, asked: f"{shown(value)} is not a number{_number(model, path, value)}",
+        "int_type": lambda value, asked: f"{shown(value)} is not a whole number; write one without a point",
+        "bool_type": lambda value, asked: f"{shown(value)} is not true or false",
+        "list_type": lambda value, asked: f"{shown(value)} is not a list of {_elements(path)}",
+        "dict_type": lambda value, asked: f"{shown(value)} is not a table",
+        "string_type": lambda value, asked: f"{shown(value)} is not a text; put it in quotes",
+        "model_type": lambda value, asked: f"{shown(value)} is not a table",
+        "tuple_type": lambda value, asked: f"{shown(value)} is not a pair of numbers {_pair(path)}",
+    }
+
+
+def untagged(path: KeyPath) -> KeyPath:
+    """Return a path without the tags of what a key may hold."""
+    return tuple(step for step in path if step not in TAGS)
+
+
+def shown(value: Any) -> str:
+    """Return a value as a mistake quotes it."""
+    try:
+        text = json.dumps(value, ensure_ascii=False, default=str)
+    except ValueError:  # an integer of thousands of digits
+        return "this integer"
+    return _short(text)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONG else text[: LONG - 3] + "..."
+
+
+def _elements(path: KeyPath) -> str:
+    """Return what a list consists of, and how it is written."""
+    return f"pairs; write {PAIR_LISTS[path][1]}" if path in PAIR_LISTS else f"tables; write [[{dotted(path)}]]"
+
+
+def _pair(path: KeyPath) -> str:
+    """Return how the pair at a path, or that of which it is an element, is written."""
+    return next((form for key, (form, _) in PAIR_LISTS.items() if path[: len(key)] == key), "[lower, upper]")
+
+
+def _number(model: type[BaseModel], path: KeyPath, value: Any) -> str:
+    """Return what to write in the place of what is no number."""
+    meant = number_meant(value) if isinstance(value, str) else ""
+    return meant or f"; write a number{_or_range(model, path)}"
+
+
+def _or_range(model: type[BaseModel], path: KeyPath) -> str:
+    field = _field_at(model, path)
+    return " or { min = ..., max = ... }" if field and "Range" in str(field.annotation) else ""
+
+
+def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
+    table = _table_at(model, path[:-1])
+    fields = table.model_fields.items() if table else ()
+    return next((field for name, field in fields if path[-1] == (field.alias or name)), None)
+
+
+def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
+    """Return the table at a path: a key's own, that of each element of a list, or one that may be left out."""
+    table = model
+    for step in path:
+        if isinstance(step, int):
+            continue
+        field = next((field for name, field in table.model_fields.items() if step == (field.alias or name)), None)
+        if field is None:
+            return None
+        forms = (field.annotation, *get_args(field.annotation))
+        found = [form for form in forms if isinstance(form, type) and issubclass(form, BaseModel)]
+        if not found or "<number>" in str(field.annotation):
+            return None
+        table = found[0]
+    return table
+
+
+def _unknown(model: type[BaseModel], path: KeyPath) -> str:
+    """Return what is said of a key that there is not: which one was meant, or where it belongs."""
+    table = _table_at(model, path[:-1])
+    known = [field.alias or name for name, field in table.model_fields.items()] if table else ["min", "max"]
+    if CALLED.get(str(path[-1])) in known:
+        return f"unknown key; of a rotary device too it is called {CALLED[str(path[-1])]}"
+    meant = get_close_matches(str(path[-1]), known, n=1, cutoff=0.6)
+    if meant:
+        return f"unknown key; did you mean {meant[0]}?"
+    owner = next((name for name, field in _tables(model) if path[-1] in field), None)
+    where = f"it belongs in [{owner}]" if owner else f"known here: {', '.join(known)}"
+    return f"unknown key; {where}"
+
+
+def _tables(model: type[BaseModel]) -> Iterator[tuple[str, set[str]]]:
+    for name in model.model_fields:
+        table = _table_at(model, (name,))
+        if table:
+            yield name, set(table.model_fields)
+
+
+def _documentation(model: type[BaseModel], path: KeyPath) -> str:
+    table = _table_at(model, path[:-1])
+    if table is None or not isinstance(path[-1], str):
+        return f"write two numbers {_pair(path)}" if isinstance(path[-1], int) else "both min and max are needed"
+    field = _field_at(model, path)
+    text = (field.description if field else None) or (_table_at(model, path) or table).__doc__ or ""
+    return f"it is required: {text}" if field is None or field.is_required() else text

@@ -1,0 +1,268 @@
+"""The study file, read: a problem, the numbers of it that vary, and how they make points."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from itertools import combinations, pairwise
+from math import prod
+from pathlib import Path
+from typing import Any, Literal
+
+from vctune.document.axes import Axis, read_axis
+from vctune.document.building import plain
+from vctune.document.reading import ProblemFile, pose
+from vctune.document.schema.problem_schema import ProblemDocument
+from vctune.document.schema.statement import statement
+from vctune.document.schema.study_schema import StudyDocument
+from vctune.document.schema.validation import Contradiction, Fault, KeyPath, dotted, examined, refusal
+from vctune.document.text import toml
+from vctune.document.text.errors import InputError
+from vctune.document.text.raw import placed
+from vctune.model.problem import Problem, Transparency
+
+FORM_OF = dict.fromkeys((0, 1), "[lower, upper]") | dict.fromkeys(("min", "max"), "{ min = ..., max = ... }")
+"""What the problem must have for an element of a list or an end of a range to have a place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """How the axes make points.
+
+    Attributes
+    ----------
+    kind : every combination, a Latin hypercube, or the axes' lists side by side
+    n, seed : of a Latin hypercube
+    """
+
+    kind: Literal["grid", "lhs", "list"] = "grid"
+    n: int = 0
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Study:
+    """A problem solved at many points.
+
+    Attributes
+    ----------
+    name : of the study
+    document : the problem file, parsed
+    axes : what varies
+    yardstick : the objective of the problem as it is, whose band and Z_0 every point has unless an axis states others
+    sample : how the axes vary
+    """
+
+    name: str
+    document: dict[str, Any]
+    axes: tuple[Axis, ...]
+    yardstick: Transparency
+    sample: Sample = Sample()
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        if self.sample.kind == "lhs":
+            return self.sample.n
+        sizes = [axis.n or 0 for axis in self.axes]
+        return prod(sizes) if self.sample.kind == "grid" else sizes[0]
+
+    @property
+    def sha256(self) -> str:
+        """The digest that ties rows to their study: the problem and which of its numbers vary, not their values."""
+        said = {key: value for key, value in self.document.items() if key not in ("name", "description")}
+        text = json.dumps([said, [axis.key for axis in self.axes]], sort_keys=True, default=str)
+        return sha256(text.encode()).hexdigest()
+
+    def posed(self, values: Iterable[float]) -> dict[str, Any]:
+        """Return the document of the problem at a point, which may be none.
+
+        Where the document leaves a band or a range at its default, one of whose numbers varies, the other is that of
+        the default at this point, or of the yardstick.
+        """
+        return _posed(self.document, self.axes, values, self.yardstick)
+
+    def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
+        """Return the problem at a point, or None and why there is none."""
+        return pose(self.posed(values), self.name, self.yardstick)
+
+
+def read_study(path: Path) -> Study:
+    """Read a study file and the problem file that it names.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake of the study, or of the problem, with line, dotted key, value and remedy.
+    """
+    text = toml.read_text(path)
+    document, faults = examined(StudyDocument, toml.parse(text, str(path)), _contradictions)
+    if document is None or faults:
+        raise refusal(faults, text, str(path))
+    target = path.parent / document.problem
+    try:
+        problem_text = toml.read_text(target)
+    except InputError as error:
+        unread = Fault(("problem",), f"{target}: {error.mistakes[0].message}", "unreadable-file")
+        raise refusal([unread], text, str(path)) from None
+    name = path.stem.encode("utf-8", "replace").decode()
+    problem, (axes, sample) = toml.parse(problem_text, str(target)), _planned(document)
+    homeless = [fault for axis in axes for fault in _homeless(problem, axis)]
+    if homeless:
+        raise refusal(homeless, text, str(path))
+    own = _problem_faults(problem, axes)
+    if own:
+        raise refusal(own, problem_text, str(target))
+    yardstick, faults = _yardstick(problem, axes)
+    if yardstick is None:
+        raise refusal(faults, text, str(path))
+    return Study(name, problem, axes, yardstick, sample)
+
+
+def build_study(
+    problem: ProblemFile, axes: Mapping[str, Any], sample: Mapping[str, Any] | None = None, name: str = "study"
+) -> Study:
+    """Return the study of a problem whose axes and sample are stated as in a study file's tables.
+
+    Parameters
+    ----------
+    problem : read or built
+    axes : by dotted key: values, or `{"linear": [a, b], "n": n}`, or `{"log": [a, b], "n": n}`
+    sample : `kind`, and what it needs of `n` and `seed`; None for every combination
+    name : of the study
+
+    Raises
+    ------
+    InputError
+        Listing every mistake with dotted key, value and remedy.
+    """
+    raw = {"problem": problem.problem.name, "axes": plain(axes), "sample": plain(sample or {})}
+    document, faults = examined(StudyDocument, raw, _contradictions)
+    if document is None or faults:
+        raise refusal(faults, None, name)
+    tables, (axes_, sample_) = problem.document, _planned(document)
+    homeless = [fault for axis in axes_ for fault in _homeless(tables, axis)]
+    if homeless:
+        raise refusal(homeless, None, name)
+    return Study(name, tables, axes_, problem.problem.transparency, sample_)
+
+
+def _planned(document: StudyDocument) -> tuple[tuple[Axis, ...], Sample]:
+    """Return what a valid document varies, and how."""
+    sampled = document.sample.kind == "lhs"
+    axes = [read_axis(key, value, sampled=sampled)[0] for key, value in document.axes.items()]
+    sample = Sample(document.sample.kind, document.sample.n or 0, document.sample.seed or 0)
+    return tuple(axis for axis in axes if axis), sample
+
+
+def _posed(
+    document: dict[str, Any], axes: Sequence[Axis], values: Iterable[float], yardstick: Transparency | None = None
+) -> dict[str, Any]:
+    """Return the document with the values of axes in it, and the other ends of bands and ranges at their defaults."""
+    varied = dict(zip((axis.path for axis in axes), values, strict=True))
+    defaults = dict.fromkeys(path[:-1] for path in varied if _is_default(document, path, varied))
+    if not defaults:
+        return placed(document, varied.items())
+    others = placed(document, ((path, value) for path, value in varied.items() if path[:-1] not in defaults))
+    problem, _ = pose(others, "study", yardstick)
+    if problem is None:
+        return others
+    stated = statement(problem)
+    filled = placed(others, ((path, _at(stated, path)) for path in defaults))
+    return placed(filled, ((path, value) for path, value in varied.items() if path[:-1] in defaults))
+
+
+def _contradictions(raw: dict[str, Any]) -> list[Contradiction]:
+    """Return what is wrong with the axes, each by itself, with each other and with the sample."""
+    table, sample = (part if isinstance(part, dict) else {} for part in (raw.get("axes"), raw.get("sample")))
+    kind = sample.get("kind", "grid")
+    faults: list[Contradiction] = []
+    axes = []
+    for key, value in table.items():
+        axis, found = read_axis(key, value, sampled=kind == "lhs")
+        faults += found
+        axes += [axis] if axis else []
+    for one, other in combinations(axes, 2):
+        if one.path == other.path[: len(one.path)] or other.path == one.path[: len(other.path)]:
+            faults.append((("axes", other.key), f"varies the same number as {one.key}; leave one of them out"))
+    if kind == "list":
+        lists = [axis for axis in axes if axis.scale == "list"]
+        faults += [
+            (("axes", axis.key), "is a range; points side by side need lists") for axis in axes if axis not in lists
+        ]
+        faults += [
+            (
+                ("axes", axis.key),
+                f"has {axis.n} values, {lists[0].key} has {lists[0].n}; side by side they need as many",
+            )
+            for axis in lists
+            if axis.n != lists[0].n
+        ]
+    if kind == "lhs" and "n" not in sample:
+        faults.append((("sample",), "a Latin hypercube needs n, the number of points"))
+    if kind in ("grid", "list"):
+        faults += [(("sample", key), 'is of kind = "lhs"; leave it out') for key in ("n", "seed") if key in sample]
+    return faults
+
+
+def _homeless(problem: dict[str, Any], axis: Axis) -> list[Fault]:
+    """Return why an element of a list, or an end of a range, has no place in the problem."""
+    node: Any = problem
+    for i, (step, inner) in enumerate(pairwise(axis.path), 1):
+        owner, form = dotted(axis.path[:i]), FORM_OF.get(inner, "a table")
+        if step not in node and inner in FORM_OF:
+            return []
+        node = node.get(step, {})
+        if not isinstance(node, list if isinstance(inner, int) else dict) or (
+            isinstance(inner, int) and len(node) != 2
+        ):
+            return [_no_place(axis, f"{owner} in the problem is not {form}")]
+    return []
+
+
+def _is_default(document: dict[str, Any], path: KeyPath, varied: Mapping[KeyPath, float]) -> bool:
+    """Whether a path is of one number of a band or a range that the document leaves at its default."""
+    siblings = {other[-1] for other in varied if other[:-1] == path[:-1]}
+    return path[-1] in FORM_OF and len(siblings) == 1 and _at(document, path[:-1]) is None
+
+
+def _at(document: dict[str, Any], path: KeyPath) -> Any:
+    """Return what stands at a path of keys, None for nothing."""
+    node: Any = document
+    for step in path:
+        node = node.get(step) if isinstance(node, dict) else None
+    return node
+
+
+def _no_place(axis: Axis, message: str) -> Fault:
+    return Fault(("axes", axis.key), message, "contradiction")
+
+
+def _first(problem: dict[str, Any], axes: Sequence[Axis]) -> dict[str, Any]:
+    """Return the problem with the first value of each axis."""
+    return _posed(problem, axes, (axis.values[0] for axis in axes))
+
+
+def _yardstick(problem: dict[str, Any], axes: Sequence[Axis]) -> tuple[Transparency | None, list[Fault]]:
+    """Return the objective of the problem as it is or, where axes give what it lacks, at their first values."""
+    for document in (problem, _first(problem, axes)):
+        found, faults = pose(document, "study")
+        if found is not None:
+            return found.transparency, []
+    message = (
+        "neither the problem alone nor that at the first value of each axis is one, which all errors could be compared "
+        f"on: {dotted(faults[0].path)}: {faults[0].message}; begin with values that are possible"
+    )
+    return None, [Fault(("axes",), message, "contradiction")]
+
+
+def _problem_faults(problem: dict[str, Any], axes: Sequence[Axis]) -> list[Fault]:
+    """Return what is wrong with the problem wherever the axes stand."""
+    _, faults = examined(ProblemDocument, _first(problem, axes), lambda _raw: [])
+
+    def varied(path: KeyPath) -> bool:
+        return any(path == axis.path[: len(path)] or axis.path == path[: len(axis.path)] for axis in axes)
+
+    return [fault for fault in faults if not varied(fault.path)]

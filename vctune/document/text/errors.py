@@ -1,0 +1,74 @@
+"""What can be wrong with what the user gave, said so that the user can mend it."""
+
+from __future__ import annotations
+
+import unicodedata
+from dataclasses import dataclass
+
+from vctune.document.text.codes import Code, coded
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """One mistake in a document.
+
+    Attributes
+    ----------
+    code : what it is an instance of; `vctune explain CODE` tells more
+    key : dotted key, "" for the document as a whole
+    message : what is wrong, with the value, and what to do
+    line : line number from 1, or None
+    """
+
+    code: Code
+    key: str
+    message: str
+    line: int | None = None
+
+
+def printable(text: str) -> str:
+    """Return a text whose characters that do not print are escaped.
+
+    It stays one line, cannot steer a terminal or turn its direction, and fits into any document.
+    """
+    return "".join(char if is_plain(char) else _escaped(ord(char)) for char in text)
+
+
+def is_plain(char: str) -> bool:
+    """Whether a character prints as itself: no control, format, line separator, lone surrogate or noncharacter."""
+    return unicodedata.category(char) not in ("Cc", "Cf", "Cs", "Zl", "Zp") and ord(char) & 0xFFFE != 0xFFFE
+
+
+def _escaped(code: int) -> str:
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+class InputError(ValueError):
+    """What the user gave, a file, an option or a number, cannot be used; `mistakes` lists all that is wrong with it."""
+
+    def __init__(self, source: str, mistakes: list[Mistake]) -> None:
+        self.source = source
+        self.mistakes = mistakes
+        super().__init__(str(self))
+
+    @classmethod
+    def of(cls, source: str, code: Code, message: str, *, key: str = "", line: int | None = None) -> InputError:
+        """Return the error of a single mistake; the arguments are those of `Mistake`.
+
+        Parameters
+        ----------
+        source : path of the file, or what else is at fault
+        code : what the mistake is an instance of
+        message : what is wrong, by how much, and what to do
+        key : dotted; empty where no key is at fault
+        line : of the file, from 1; None where it has none
+        """
+        return InputError(source, [Mistake(code, key, message, line)])
+
+    def __str__(self) -> str:
+        return "\n".join(self._line(mistake) for mistake in self.mistakes)
+
+    def _line(self, mistake: Mistake) -> str:
+        place = self.source if mistake.line is None else f"{self.source}:{mistake.line}"
+        said = printable(": ".join(part for part in (place, mistake.key, mistake.message) if part))
+        return coded(said, mistake.code)

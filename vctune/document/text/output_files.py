@@ -1,0 +1,118 @@
+"""Files of one run: completed beside their places, then moved there in an order that never leaves two runs mixed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from vctune.document.text.errors import InputError, is_plain
+from vctune.interrupt import interrupt_deferred
+
+Content = str | bytes | memoryview
+MAX_NAME_BYTES = 100
+RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d) *(\.|$)", re.IGNORECASE)
+"""Names of devices on Windows, which no file or folder can have there."""
+
+
+def write_together(files: Mapping[Path, Content], stale: Iterable[Path] = (), aside: Iterable[Path] = ()) -> None:
+    """Write the files of one run in the place of those of an earlier run; SIGINT and SIGTERM wait meanwhile.
+
+    When all the new files are complete, the older ones go, the last first; then those to keep are renamed; then the
+    first is replaced; then the others come in their order. So the files that are there are of one run whenever the
+    process ends, even killed. The first has to be worth something alone, and the last should be the one that shows the
+    others.
+
+    Parameters
+    ----------
+    files : contents by place
+    stale : files of an earlier run that the new one has not; they go first
+    aside : files and folders that are not up to date any more but may be wanted, renamed from NAME.SUFFIX to
+        NAME.previous.SUFFIX, also where a new one takes their place
+
+    Raises
+    ------
+    InputError
+        If a place cannot be written; the older files are then untouched.
+    """
+    first, *others = files
+    renamed = {path: previous(path) for path in aside if path.exists()}
+    with interrupt_deferred():
+        complete: dict[Path, str] = {}
+        place = first
+        try:
+            for place in (*files, *stale, *(kept for path, kept in renamed.items() if not path.is_dir())):
+                if place.is_dir():
+                    raise IsADirectoryError(21, "Is a directory")
+            for place, content in files.items():
+                handle, complete[place] = tempfile.mkstemp(dir=place.parent, prefix=f".{place.name}.")
+                _fill(handle, content)
+                os.chmod(complete[place], 0o666 & ~_umask())
+            older = (place for place in reversed(others) if place not in renamed)
+            for place in (*stale, *renamed.values(), *older):
+                if place.is_dir():
+                    shutil.rmtree(place)
+                place.unlink(missing_ok=True)
+            for place, kept in renamed.items():
+                os.replace(place, kept)
+            for place in files:
+                os.replace(complete.pop(place), place)
+        except OSError as error:
+            raise _unwritable(place, error) from None
+        finally:
+            for name in complete.values():
+                Path(name).unlink(missing_ok=True)
+
+
+def previous(path: Path) -> Path:
+    """Return where `write_together` sets a file aside."""
+    return path.with_suffix(f".previous{path.suffix}")
+
+
+def make_folder(path: Path) -> None:
+    """Create a folder with its parents and make sure that it can be written to.
+
+    Raises
+    ------
+    InputError
+        If it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+    except UnicodeError:
+        message = "cannot be written in this locale's file names; set a UTF-8 locale or another name"
+        raise InputError.of(str(path), "cannot-write", message) from None
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def folder_name(name: str) -> str:
+    """Return a design's name as the name of one folder on any system.
+
+    Without separators, characters that do not print, leading dots or names of devices.
+    """
+    plain = "".join(char if is_plain(char) and char not in '/\\:*?"<>|' else "_" for char in name)
+    short = plain.encode()[:MAX_NAME_BYTES].decode(errors="ignore").strip().lstrip(".").rstrip(". ")
+    return f"_{short}" if RESERVED.match(short) else short or "design"
+
+
+def _fill(handle: int, content: Content) -> None:
+    with os.fdopen(handle, "wb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    return InputError.of(str(path), "cannot-write", f"cannot be written: {error.strerror}; choose another folder")

@@ -1,0 +1,142 @@
+"""TOML with line numbers: tomllib parses, and finds the line of a key by parsing beginnings of the text."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from vctune.document.text.errors import InputError
+from vctune.document.text.hints import hint_on_line
+
+MAX_BYTES = 100_000
+STDIN = Path("-")
+"""What stands for standard input in the place of a file."""
+
+KeyPath = Sequence[str | int]
+
+
+def read_text(path: Path) -> str:
+    """Return the text of a small UTF-8 file, or of standard input for "-".
+
+    Raises
+    ------
+    InputError
+        If it is missing, a directory, unreadable, longer than `MAX_BYTES` or not UTF-8.
+    """
+    source = str(called(path))
+    if path == STDIN and (sys.stdin is None or sys.stdin.buffer.closed):
+        raise InputError.of(source, "unreadable-file", "is closed, or has been read already; name a file")
+    try:
+        with sys.stdin.buffer if path == STDIN else path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise InputError.of(source, "unreadable-file", "no such file") from None
+    except IsADirectoryError:
+        raise InputError.of(source, "unreadable-file", "is a directory; name the .toml file in it") from None
+    except OSError as error:
+        raise InputError.of(source, "unreadable-file", f"cannot be read: {error.strerror}") from None
+    except ValueError:
+        raise InputError.of(source, "unreadable-file", "is no path: it contains a null character") from None
+    if len(data) > MAX_BYTES:
+        raise InputError.of(source, "unreadable-file", f"is longer than {MAX_BYTES} bytes; this is not a vctune file")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        message = f"is not UTF-8 text (byte 0x{data[error.start]:02x}); save it as UTF-8"
+        raise InputError.of(source, "unreadable-file", message, line=line) from None
+
+
+def called(path: Path) -> Path:
+    """Return what messages call a file: its path, or "stdin"."""
+    return Path("stdin") if path == STDIN else path
+
+
+def _is_json(text: str) -> bool:
+    """Whether a text that is no TOML begins as a JSON object."""
+    return text.lstrip().startswith("{")
+
+
+def parse(text: str, source: str) -> dict[str, Any]:
+    """Parse TOML.
+
+    Parameters
+    ----------
+    text : of a file
+    source : what messages call it
+
+    Returns
+    -------
+    dict
+        Tables and values by their keys.
+
+    Raises
+    ------
+    InputError
+        With the line of the first syntax error.
+    """
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\(at (?:line (\d+), column \d+|end of document)\)", str(error))
+        line = int(found[1]) if found and found[1] else text.count("\n") + 1
+        message = re.sub(r"\s*\(at .*\)$", "", str(error))
+        hint = hint_on_line(text.splitlines()[line - 1]) if line <= len(text.splitlines()) else ""
+        hint = "; this is JSON: the gains of a design.json are in the gains.toml beside it" if _is_json(text) else hint
+        raise InputError.of(source, "not-toml", f"not valid TOML: {message[:200]}{hint}", line=line) from None
+    except RecursionError:
+        raise InputError.of(source, "not-toml", "not valid TOML: nested too deeply") from None
+    except ValueError:
+        raise InputError.of(source, "not-toml", "not valid TOML: a number has thousands of digits") from None
+
+
+class Lines:
+    """Where the keys of a TOML text are.
+
+    tomllib gives no positions, but parses beginnings of the text: the last line of the longest parsable beginning
+    that lacks a key is the line before it. Whether a beginning has a key grows with its length, so a bisection finds
+    the place in a few parses, which are remembered for the next key.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._lines = [line + "\n" for line in text.split("\n")]
+        self._parsed: dict[int, dict[str, Any] | None] = {}
+
+    def locate(self, path: KeyPath) -> int | None:
+        """Return the line on which the key at `path` starts, or None if the text does not have it."""
+        without, having = 0, len(self._lines)
+        if not self._has(having, path):
+            return None
+        while (probe := self._parsable_between(without, having)) is not None:
+            if self._has(probe, path):
+                having = probe
+            else:
+                without = probe
+        return without + 1
+
+    def _beginning(self, count: int) -> dict[str, Any] | None:
+        if count not in self._parsed:
+            try:
+                self._parsed[count] = tomllib.loads("".join(self._lines[:count]))
+            except (ValueError, RecursionError):
+                self._parsed[count] = None
+        return self._parsed[count]
+
+    def _has(self, count: int, path: KeyPath) -> bool:
+        node: Any = self._beginning(count)
+        for step in path:
+            try:
+                node = node[step]
+            except (KeyError, IndexError, TypeError):
+                return False
+        return True
+
+    def _parsable_between(self, without: int, having: int) -> int | None:
+        middle = (without + having) // 2
+        outwards = chain(range(middle, having), range(middle - 1, without, -1))
+        return next((n for n in outwards if n > without and self._beginning(n) is not None), None)

@@ -1,0 +1,202 @@
+"""What was identified, as the object of identification.json."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from vctune.document.records.identification_json import (
+    BoundedRecord,
+    CandidateRecord,
+    CheckRecord,
+    EstimateRecord,
+    ExcitationRecord,
+    FrictionRecord,
+    IdentificationRecord,
+    NumberRecord,
+    RecordingRecord,
+    stated,
+)
+from vctune.document.schema.number_units import unit_of
+from vctune.document.schema.statement import table_of
+from vctune.document.text.codes import Note, coded
+from vctune.identification.box import Bounded
+from vctune.identification.excitation import Excitation
+from vctune.identification.identify import Identified
+from vctune.identification.motion.motion_study import MotionStudy
+from vctune.identification.record_study import RecordStudy
+from vctune.identification.response.periodic_study import PeriodicStudy
+from vctune.identification.response.physics import antiresonance_hz
+from vctune.identification.response.response_fit import ResponseFit
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.units import UNITS, Units, UnitSystem
+
+
+def identification_record(
+    found: Identified, description: str, versions: Mapping[str, str | None], next_one: Excitation | None
+) -> IdentificationRecord:
+    """Return the record of an identification.
+
+    Parameters
+    ----------
+    found : Identified
+    description : free text of the user's
+    versions : of what determines the result
+    next_one : a multisine for what is still uncertain; None if it was not asked for
+    """
+    rotary = found.records[0].recording.rotary
+    units: UnitSystem = "rotary" if rotary else "linear"
+    numbers = [_bounded(each, UNITS[units]) for each in found.bounds]
+    device = replace(found.device, units=units).with_numbers({each.key: each.value for each in numbers})
+    return IdentificationRecord(
+        name=found.name,
+        description=description,
+        rotary=rotary,
+        sample_time=float(device.sample_time),
+        device=table_of(device),
+        assumed=["velocity"] if any(note.code == "remark-assumed-velocity" for note in found.remarks) else [],
+        numbers=numbers,
+        unmodelled=[list(point) for point in found.unmodelled],
+        friction=_friction(found),
+        force_noise=None if found.force_noise is None else float(f"{found.force_noise:.6g}"),
+        excitation=None if next_one is None else _excitation(next_one),
+        recordings=[_recording(study) for study in found.records],
+        warnings=[note.line for note in found.remarks if _is_warning(note)],
+        remarks=[note.line for note in found.remarks if not _is_warning(note)],
+        versions=dict(versions),
+    )
+
+
+def _is_warning(note: Note) -> bool:
+    return note.code.startswith("warn-")
+
+
+def _bounded(found: Bounded, units: Units) -> BoundedRecord:
+    value, share = stated(found.value, found.low, found.high)
+    return BoundedRecord(
+        key=found.key,
+        unit=unit_of(tuple(found.key.split(".")), units),
+        value=value,
+        low=float(found.low),
+        high=float(found.high),
+        share=share,
+        limit=found.limit,
+        estimates=[
+            EstimateRecord(source=e.source, value=float(e.value), sigma=float(e.sigma)) for e in found.estimates
+        ],
+    )
+
+
+def _excitation(made: Excitation) -> ExcitationRecord:
+    return ExcitationRecord(
+        period=made.force.size * made.sample_time,
+        periods=made.periods,
+        lines_hz=[float(hertz) for hertz in made.lines_hz],
+        peak=made.peak,
+        speed=made.speed,
+        spread=made.spread,
+        reasons=list(made.reasons),
+    )
+
+
+def _friction(found: Identified) -> FrictionRecord | None:
+    if found.friction is None:
+        return None
+    kind = found.friction
+    rise = (kind.stiction, kind.stribeck_velocity)
+    stiction, speed = (None if each is None else float(f"{each:.6g}") for each in rise)
+    return FrictionRecord(coulomb=float(f"{kind.coulomb:.6g}"), stiction=stiction, stribeck_velocity=speed)
+
+
+def _recording(study: RecordStudy) -> RecordingRecord:
+    if study.motion is not None:
+        return _moved(study, study.motion)
+    assert study.periodic is not None
+    return _repeated(study, study.periodic)
+
+
+def _moved(study: RecordStudy, motion: MotionStudy) -> RecordingRecord:
+    fit, classical = motion.directional, motion.classical
+    others = [] if classical is None else list(classical.checks)
+    both = motion.symmetric
+    numbers = [_number(name, fit.value(name), fit.sigma(name)) for name in fit.names]
+    numbers += [_number(f"{name}, both ways alike", both.value(name), both.sigma(name)) for name in both.names]
+    return RecordingRecord(
+        source=study.recording.name,
+        sha256=study.recording.sha256,
+        samples=fit.samples[1],
+        used=fit.samples[0],
+        sample_time=study.sample_time,
+        kind="any motion",
+        cutoff_hz=fit.cutoff_hz,
+        residual=fit.residual,
+        residual_share=study.residual_share,
+        chi2=study.chi2,
+        numbers=numbers,
+        derived=[]
+        if classical is None
+        else [_number("residual share, classical recipe", classical.residual_share, None)],
+        checks=[
+            CheckRecord(name=coded(check.name, check.code), value=check.value, sigma=check.sigma)
+            for check in (*motion.checks, *others)
+        ],
+        candidates=[],
+        remarks=[note.line for note in study.remarks],
+    )
+
+
+def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
+    fit, measured = periodic.fit, periodic.measured
+    numbers = [_number(name, fit.numbers[name], fit.sigma(name)) for name in fit.names]
+    if periodic.drive is not None:
+        drive = periodic.drive
+        numbers.append(_number("command to force, lag", drive.lag, drive.lag_sigma))
+        numbers.append(_number("command to force, delay", drive.delay, drive.delay_sigma))
+    return RecordingRecord(
+        source=study.recording.name,
+        sha256=study.recording.sha256,
+        samples=len(study.recording),
+        used=measured.period * measured.periods,
+        sample_time=study.sample_time,
+        kind=f"{measured.periods} periods of {measured.period * study.sample_time:g} s, {fit.position.size} lines",
+        cutoff_hz=None,
+        residual=None,
+        residual_share=study.residual_share,
+        chi2=study.chi2,
+        numbers=numbers,
+        derived=_derived(fit, study.recording.units),
+        checks=[],
+        candidates=[
+            CandidateRecord(
+                structure=str(each.candidate),
+                chosen=each is fit,
+                chi2=each.chi2,
+                model_error=[float(share) for share in each.model_errors],
+            )
+            for each in periodic.candidates
+        ],
+        remarks=[note.line for note in study.remarks],
+    )
+
+
+def _derived(fit: ResponseFit, units: Units) -> list[NumberRecord]:
+    """Return what a reader knows a structure by: both masses, its stiffness and where it resonates."""
+    structure = fit.device.structure
+    low = antiresonance_hz(fit.device)
+    if structure is None or low is None:
+        return []
+    parts = mechanism(fit.device, structure, FLOATS)
+    found = {
+        "motor mass": parts.motor,
+        "handle mass": parts.handle,
+        "stiffness": parts.stiffness,
+        "antiresonance, Hz": low,
+        "resonance, Hz": structure.frequency_hz,
+        f"damping between them, {units.damping}": parts.viscosity,
+    }
+    return [_number(name, float(value), None) for name, value in found.items()]
+
+
+def _number(name: str, value: float, sigma: float | None) -> NumberRecord:
+    return NumberRecord(name=name, value=float(value), sigma=None if sigma is None else float(sigma))

@@ -1,0 +1,1 @@
+"""A recording of any motion, fitted in time."""

@@ -1,0 +1,93 @@
+"""Friction for the simulation: Coulomb's, and Stribeck's curve where the data show one (README, section 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log, sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.identification.motion.covariance import robust_covariance
+from vctune.identification.motion.motion import MEMORY, SYMMETRIC, FittedSamples, MotionFit, motion_fit
+from vctune.identification.motion.signals import Signals
+from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
+
+CLEAR = 4.0
+"""How many standard deviations the rise at low speed must have: its velocity is chosen after the data were seen."""
+TRIED = 24
+"""Velocities of the curve that are tried, from a hundredth of the peak speed to a half."""
+WITHIN = 12
+"""A rise that is more than so many times Coulomb's friction is none of Stribeck's."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionFound:
+    """Friction as the simulation has it.
+
+    Attributes
+    ----------
+    coulomb : at high speed, N
+    stiction, stribeck_velocity : at vanishing speed, N, and where one becomes the other, m/s; None where the data do
+        not show it
+    """
+
+    coulomb: float
+    stiction: float | None = None
+    stribeck_velocity: float | None = None
+
+
+def friction_of(signals: Signals, fit: MotionFit, known: dict[str, float]) -> FrictionFound | None:
+    """Return the friction that a motion shows; None for none.
+
+    Parameters
+    ----------
+    signals : of the recording
+    fit : of its motion, the same both ways
+    known : delays that need not be found
+    """
+    coulomb = fit.value("coulomb")
+    if coulomb <= 2 * fit.sigma("coulomb"):
+        return None
+    delays = known | {name: fit.value(name) for name in ("delay", "sensor_delay") if name in fit.names}
+    whole, samples = motion_fit(signals, fit.cutoff_hz, SYMMETRIC, delays, slow=0.0)
+    tried = {speed: _risen(signals, whole, samples, speed)[1].power for speed in _speeds(signals.velocity)}
+    sensitivity, best = _risen(signals, whole, samples, min(tried, key=lambda speed: tried[speed]))
+    sigma = _sigma(samples, sensitivity, best)
+    if not (CLEAR * sigma < best.rise < WITHIN * best.coulomb) or best.coulomb <= 0:
+        return FrictionFound(coulomb)
+    return FrictionFound(best.coulomb, best.coulomb + best.rise, best.speed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Risen:
+    power: float
+    rise: float
+    coulomb: float
+    speed: float
+    left: Floats
+
+
+def _speeds(v: Floats) -> Sequence[float]:
+    top = float(np.abs(v).max())
+    return [float(each) for each in np.exp(np.linspace(log(0.01 * top), log(0.5 * top), TRIED))]
+
+
+def _risen(signals: Signals, fit: MotionFit, samples: FittedSamples, speed: float) -> tuple[Floats, _Risen]:
+    """Return the sensitivity and the fit with a rise of the friction towards low speed too."""
+    T, cutoff, v = signals.sample_time, fit.cutoff_hz, signals.velocity
+    column = spectrum(np.sign(v) * np.exp(-((v / speed) ** 2)), T)
+    rise = filtered(column, lambda w: smooth(w, cutoff), stride(cutoff, T))[samples.rows]
+    Z = np.column_stack([samples.sensitivity, rise])
+    theta = np.linalg.lstsq(Z, samples.measured, rcond=None)[0]
+    left = samples.measured - Z @ theta
+    coulomb = float(theta[fit.names.index("coulomb")])
+    return Z, _Risen(float(left @ left), float(theta[-1]), coulomb, speed, left)
+
+
+def _sigma(samples: FittedSamples, Z: Floats, risen: _Risen) -> float:
+    """Return the standard deviation of the rise."""
+    reach = round(min(MEMORY / samples.step, 0.1 * len(Z)))
+    covariance = robust_covariance(Z * risen.left[:, None], Z.T @ Z, reach)
+    return sqrt(max(float(covariance[-1, -1]), 0.0))

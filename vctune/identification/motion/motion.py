@@ -1,0 +1,237 @@
+"""Any motion: what force is left when mass, viscous and Coulomb friction have had their share (README, section 2).
+
+    F(t - delay) + f_h(t + sensor) = m a + b_+ v_+ + b_- v_- + c_+ [v > 0] - c_- [v < 0]
+
+linear in all but the delays, which are found by Gauss and Newton. Both sides go through the same low-pass, the signs of
+the velocity too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+from vctune.identification.motion.covariance import robust_covariance
+from vctune.identification.motion.signals import Signals, acceleration
+from vctune.identification.motion.spectral_filters import Complex, edge, filtered, smooth, stride
+
+DIRECTIONAL = ("mass", "damping_forwards", "damping_backwards", "coulomb_forwards", "coulomb_backwards")
+SYMMETRIC = ("mass", "damping", "coulomb", "offset")
+MEMORY = 1.0
+"""How long residuals are correlated, s: half and twice change the intervals of the test data by less than a fifth."""
+SLOW = 0.05
+"""Share of the peak speed below which friction is not Coulomb's and the sign of the velocity is in doubt."""
+LEAST_KEPT = 0.3
+"""With less than this share of the samples away from turns, turns are kept."""
+STEPS = 60
+STRIDE = 4.0
+"""Most that a delay changes at once, sample times."""
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class MotionFit:
+    """A regression.
+
+    Attributes
+    ----------
+    names : of the numbers, in the order of `values`; the delays last
+    values : shape (p,), SI units
+    covariance : shape (p, p), of correlated residuals
+    cutoff_hz : of the low-pass on both sides
+    samples : how many were used, and of the log's samples how many there are
+    residual, force : root mean squares, N
+    """
+
+    names: tuple[str, ...]
+    values: Floats
+    covariance: Floats
+    cutoff_hz: float
+    samples: tuple[int, int]
+    residual: float
+    force: float
+
+    def value(self, name: str) -> float:
+        """Return a number by its name."""
+        return float(self.values[self.names.index(name)])
+
+    def sigma(self, name: str) -> float:
+        """Return its standard deviation."""
+        at = self.names.index(name)
+        return sqrt(max(float(self.covariance[at, at]), 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class FittedSamples:
+    """What a regression was made of, and what came of it: samples as many as the cut-off asks for.
+
+    Attributes
+    ----------
+    rows : their places among every `stride` sample of the log
+    step : from one of these to the next, s
+    measured, fitted : N
+    sensitivity : of the fitted force to each number, shape (samples, p)
+    """
+
+    rows: NDArray[np.int64]
+    step: float
+    measured: Floats
+    fitted: Floats
+    sensitivity: Floats
+
+    @property
+    def time(self) -> Floats:
+        """When they were taken, s."""
+        return np.asarray(self.rows * self.step, dtype=np.float64)
+
+    @property
+    def left(self) -> Floats:
+        """What the fit leaves of the force, N."""
+        return self.measured - self.fitted
+
+
+def motion_fit(
+    signals: Signals, cutoff_hz: float, names: Sequence[str], known: Mapping[str, float], slow: float = SLOW
+) -> tuple[MotionFit, FittedSamples]:
+    """Fit a recording.
+
+    Parameters
+    ----------
+    signals : Signals
+    cutoff_hz : of the low-pass on both sides, at most `HIGHEST` of the sampling rate
+    names : `DIRECTIONAL` or `SYMMETRIC`
+    known : delays that are not to be found, by "delay" and "sensor_delay", s
+    slow : share of the peak speed below which samples are not used
+
+    Returns
+    -------
+    MotionFit
+        Of the numbers in `names` and the delays that are not known.
+    FittedSamples
+        What it was made of.
+    """
+    delays = _delays(signals, known)
+    free = [name for name in delays if name not in known]
+    every, used = stride(cutoff_hz, signals.sample_time), _kept(signals, cutoff_hz, slow)
+    kept = used[::every]
+    step, linear = signals.sample_time, len(names)
+    sensitivity = np.empty((int(kept.sum()), linear + len(free)))
+    for at, column in enumerate(_regressors(signals, cutoff_hz, names, every)):
+        sensitivity[:, at] = column[kept]
+    for _ in range(STEPS):
+        force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+        moved = np.linalg.lstsq(sensitivity, force, rcond=None)[0][linear:]
+        delays = {
+            **delays,
+            **{
+                name: delays[name] + float(np.clip(change, -STRIDE * step, STRIDE * step))
+                for name, change in zip(free, moved, strict=True)
+            },
+        }
+        if not free or np.abs(moved).max() < 1e-4 * step:
+            break
+    force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
+    theta = np.linalg.lstsq(sensitivity[:, :linear], force, rcond=None)[0]
+    residual = force - sensitivity[:, :linear] @ theta
+    information = sensitivity.T @ sensitivity
+    fit = MotionFit(
+        names=(*names, *free),
+        values=np.array([*theta, *(delays[name] for name in free)]),
+        covariance=_covariance(sensitivity, residual, information, kept, cutoff_hz, step * every),
+        cutoff_hz=cutoff_hz,
+        samples=(int(used.sum()), signals.position.size),
+        residual=float(np.sqrt(np.mean(residual**2))),
+        force=float(np.sqrt(np.mean(force**2))),
+    )
+    return fit, FittedSamples(np.flatnonzero(kept), step * every, force, force - residual, sensitivity)
+
+
+def _delays(signals: Signals, known: Mapping[str, float]) -> dict[str, float]:
+    wanted = {"delay": signals.command, "sensor_delay": signals.hand}
+    return {name: known.get(name, 0.0) for name, column in wanted.items() if column is not None}
+
+
+def _covariance(
+    sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
+) -> Floats:
+    """Return the covariance, residuals in their place in time: what was dropped is 0."""
+    scores = np.zeros((kept.size, sensitivity.shape[1]))
+    for score, slope in zip(scores.T, sensitivity.T, strict=True):
+        score[kept] = slope * residual
+    reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
+    return robust_covariance(scores, information, reach)
+
+
+def _pushed(
+    signals: Signals,
+    cutoff_hz: float,
+    delays: Mapping[str, float],
+    free: Sequence[str],
+    kept: Flags,
+    slopes: Floats,
+) -> Floats:
+    """Return the force at the samples that count; `slopes` is filled with those of the fitted force by free delays."""
+    every = stride(cutoff_hz, signals.sample_time)
+    force = np.zeros(len(slopes))
+    for name, column, sign in (("delay", "command", -1j), ("sensor_delay", "hand", 1j)):
+        if column not in signals.spectra:
+            continue
+        late = delays[name]
+
+        def through(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
+
+        def slope(omega: Floats, late: float = late, sign: complex = sign) -> Complex:
+            return np.asarray(-sign * omega * np.exp(sign * omega * late) * smooth(omega, cutoff_hz))
+
+        force += filtered(signals.spectra[column], through, every)[kept]
+        if name in free:
+            slopes[:, free.index(name)] = filtered(signals.spectra[column], slope, every)[kept]
+    return force
+
+
+def _kept(signals: Signals, cutoff_hz: float, least: float) -> Flags:
+    """Return which samples count: neither at an end nor at a turn."""
+    T, v = signals.sample_time, signals.velocity
+    kept = np.ones(v.size, dtype=bool)
+    margin = edge(cutoff_hz, 4 * T, T)
+    kept[:margin] = kept[-margin:] = False
+    slow = np.abs(v) < least * np.abs(v[kept]).max(initial=0.0)
+    half = int(0.25 / cutoff_hz / T)
+    counted = np.concatenate([np.zeros(half + 1, dtype=np.int64), np.cumsum(slow)])
+    counted = np.append(counted, np.full(half, counted[-1]))
+    away = kept & (counted[2 * half + 1 :] == counted[: -2 * half - 1])
+    return away if away.sum() >= LEAST_KEPT * kept.sum() else kept
+
+
+def _regressors(signals: Signals, cutoff_hz: float, names: Sequence[str], every: int) -> Iterator[Floats]:
+    """Return a column for each name."""
+    a = acceleration(signals.spectra["position"], cutoff_hz, every)
+    return regressors_of(a, lambda way: filtered(signals.spectra[way], lambda w: smooth(w, cutoff_hz), every), names)
+
+
+def regressors_of(a: Floats, behind: Callable[[str], Floats], names: Sequence[str]) -> Iterator[Floats]:
+    """Return what each number multiplies, one after the other.
+
+    Parameters
+    ----------
+    a : acceleration behind the low-pass, m/s2
+    behind : gives a column of `WAYS` behind the low-pass
+    names : `DIRECTIONAL` or `SYMMETRIC`
+    """
+    made: dict[str, Callable[[], Floats]] = {
+        "mass": lambda: a,
+        "damping": lambda: behind("forwards") + behind("backwards"),
+        "damping_forwards": lambda: behind("forwards"),
+        "damping_backwards": lambda: behind("backwards"),
+        "coulomb": lambda: behind("ahead") - behind("back"),
+        "coulomb_forwards": lambda: behind("ahead"),
+        "coulomb_backwards": lambda: -behind("back"),
+        "offset": lambda: behind("always"),
+    }
+    return (made[name]() for name in names)

@@ -1,0 +1,140 @@
+"""Other ways to the same numbers: blocks of the log, an instrument, the classical recipe (README, section 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats, Recording
+from vctune.document.schema.log_schema import ClassicalTable
+from vctune.document.text.codes import Code
+from vctune.identification.motion.motion import DIRECTIONAL, MEMORY, FittedSamples, MotionFit, regressors_of
+from vctune.identification.motion.signals import Signals, acceleration, speed, ways
+from vctune.identification.motion.spectral_filters import filtered, smooth, spectrum, stride
+
+BLOCKS = 400
+"""Resamplings; half and twice as many change a deviation by a twentieth."""
+SEED = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A number by another way.
+
+    Attributes
+    ----------
+    code : of the way
+    name : of the number and of the way
+    value : SI units
+    sigma : standard deviation that this way has; None if it has none of its own
+    """
+
+    code: Code
+    name: str
+    value: float
+    sigma: float | None
+
+
+def bootstrap(fit: MotionFit, samples: FittedSamples) -> Check | None:
+    """Return the mass from blocks of the log drawn at random, and its deviation; None of a log that has no two blocks.
+
+    Parameters
+    ----------
+    fit : of the motion
+    samples : what it was made of
+    """
+    length = max(1, round(MEMORY / samples.step))
+    count = samples.rows.size // length
+    if count < 2:
+        return None
+    Z, y = samples.sensitivity[: count * length], samples.left[: count * length]
+    blocks = Z.reshape(count, length, -1)
+    squares = np.einsum("bli,blj->bij", blocks, blocks)
+    crossed = np.einsum("bli,bl->bi", blocks, y.reshape(count, length))
+    drawn = np.random.default_rng(SEED).integers(0, count, (BLOCKS, count))
+    moved = np.array(
+        [np.linalg.lstsq(squares[rows].sum(axis=0), crossed[rows].sum(axis=0), rcond=None)[0][0] for rows in drawn]
+    )
+    value, sigma = fit.value("mass") + float(moved.mean()), float(moved.std(ddof=1))
+    return Check("check-blocks", "mass, blocks of the log at random", value, sigma)
+
+
+def instrumental(signals: Signals, fit: MotionFit, samples: FittedSamples) -> Check | None:
+    """Return the mass with the reference's motion as an instrument, which no noise of the loop is in; None without one.
+
+    Parameters
+    ----------
+    signals : of the recording
+    fit : of its motion, each way
+    samples : what it was made of
+    """
+    if signals.reference is None:
+        return None
+    T, cutoff = signals.sample_time, fit.cutoff_hz
+    every, low_pass = stride(cutoff, T), lambda omega: smooth(omega, cutoff)
+    reference = spectrum(signals.reference - signals.reference.mean(), T)
+    a, columns = acceleration(reference, cutoff, every), ways(speed(reference, cutoff))
+    made = regressors_of(a, lambda way: filtered(spectrum(columns[way], T), low_pass, every), DIRECTIONAL)
+    instruments, regressors = (
+        np.column_stack([column[samples.rows] for column in made]),
+        samples.sensitivity[:, : len(DIRECTIONAL)],
+    )
+    theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ samples.measured, rcond=None)[0]
+    return Check("check-instrument", "mass, reference as instrument", float(theta[0]), None)
+
+
+@dataclass(frozen=True, slots=True)
+class Classical:
+    """The inverse model by ordinary least squares, with the deviations that it believes in.
+
+    Attributes
+    ----------
+    checks : mass, damping, Coulomb friction and offset
+    residual_share : norm of the residual over that of the force
+    """
+
+    checks: tuple[Check, ...]
+    residual_share: float
+
+
+def classical(recording: Recording, sample_time: float, recipe: ClassicalTable) -> Classical | None:
+    """Return the classical inverse model: filtered both ways, central differences, decimated, white residuals.
+
+    Parameters
+    ----------
+    recording : with a force on the motor; None is returned without
+    sample_time : s
+    recipe : filter and decimation
+    """
+    from scipy.signal import butter, decimate, filtfilt
+
+    force = recording.values("command") if "command" in recording.channels else recording.values("force")
+    if force is None:
+        return None
+    b, a = butter(4, 2 * recipe.filter_hz * sample_time)
+    position = filtfilt(b, a, recording.channels["position"].values)
+    v = np.gradient(position, sample_time)
+    acceleration = np.gradient(v, sample_time)
+    columns: list[Floats] = [acceleration, v, np.sign(v), np.ones(v.size)]
+    if recipe.decimate > 1:
+
+        def shorter(values: Floats) -> Floats:
+            return np.asarray(decimate(values, recipe.decimate, ftype="fir"))
+
+        columns, force = [shorter(each) for each in columns], shorter(force)
+    Z, y = np.column_stack(columns)[EDGE:-EDGE], force[EDGE:-EDGE]
+    theta = np.linalg.lstsq(Z, y, rcond=None)[0]
+    left = y - Z @ theta
+    variance = float(left @ left) / (y.size - theta.size) * np.diag(np.linalg.inv(Z.T @ Z))
+    names = ("mass", "damping", "coulomb", "offset")
+    checks = tuple(
+        Check("check-classical", f"{name}, classical recipe", float(value), sqrt(float(each)))
+        for name, value, each in zip(names, theta, variance, strict=True)
+    )
+    return Classical(checks, float(np.linalg.norm(left) / np.linalg.norm(y)))
+
+
+EDGE = 5
+"""Decimated samples at each end that the filters spoil."""

@@ -1,0 +1,212 @@
+"""A recording of any motion: fits at several cut-offs, each way and both, and what they come to (README, section 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from vctune.document.log import LogMap
+from vctune.document.recording import Floats, Recording
+from vctune.document.text.errors import InputError, Mistake
+from vctune.identification.box import COULOMB_SHARE, Estimate
+from vctune.identification.known import known_delays
+from vctune.identification.motion.friction_fit import FrictionFound, friction_of
+from vctune.identification.motion.motion import DIRECTIONAL, SYMMETRIC, FittedSamples, MotionFit, motion_fit
+from vctune.identification.motion.motion_checks import Check, Classical, bootstrap, classical, instrumental
+from vctune.identification.motion.signals import Signals, acceleration_noise, cutoffs, signals_of, speed
+from vctune.identification.motion.signals import signals as turned_signals
+from vctune.identification.motion.spectral_filters import HIGHEST, smooth, spectrum
+from vctune.model.device import Actuator
+
+UNEXPLAINED = 0.6
+"""Greatest residual, of the force, with which a log is one of a mass with friction at all."""
+SUSPICIOUS = 0.05
+"""Residual, of the force, from which on it is tried whether the two columns are swapped."""
+CLEAR = 2.0
+"""Difference between the directions, in standard deviations, from which on they are two."""
+MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
+"""What a haptic device can weigh, kg and, if it is rotary, kg m2."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotionStudy:
+    """What a recording of any motion says.
+
+    Attributes
+    ----------
+    directional, symmetric : fits with friction each way, and the same both ways
+    samples : of the directional one
+    others : directional fits at other cut-offs
+    force_noise : standard deviation of a sample of the sensed force, N; None without one
+    checks : other ways to the mass
+    classical : the classical inverse model, where it was asked for
+    friction : for the simulation; None for none
+    speed : root mean square of it, m/s
+    position_noise : standard deviation of a position sample, m
+    chi2 : power of the residual over that of the encoder's noise in it
+    sharp_chi2 : the same at the highest cut-off, and its degrees of freedom: where two models differ most
+    """
+
+    directional: MotionFit
+    symmetric: MotionFit
+    samples: FittedSamples
+    others: tuple[MotionFit, ...]
+    force_noise: float | None
+    checks: tuple[Check, ...]
+    classical: Classical | None
+    friction: FrictionFound | None
+    speed: float
+    position_noise: float
+    chi2: float
+    sharp_chi2: tuple[float, float]
+
+    def encoder_noise(self, hertz: Floats, sample_time: float) -> Floats:
+        """Return the root mean square of the encoder's noise in the force, of each bin of a spectrum, N.
+
+        Parameters
+        ----------
+        hertz : of the bins, evenly spaced from 0
+        sample_time : of the log, s
+        """
+        omega = 2 * np.pi * hertz
+        share = smooth(omega, self.directional.cutoff_hz) * omega**2 * abs(self.directional.value("mass"))
+        return share * self.position_noise / np.sqrt(0.5 / sample_time / (hertz[1] - hertz[0]))
+
+    def estimates(self, source: str) -> list[Estimate]:
+        """Return what it says of the numbers of a problem file."""
+        fit, text = self.directional, f"{source}: motion"
+        found = [Estimate("mass", fit.value("mass"), fit.sigma("mass"), text, self._excess("mass"))]
+        found += self._dampings(text)
+        for name, key in (("delay", "delay"), ("sensor_delay", "force_sensor.delay")):
+            if name in fit.names:
+                found.append(Estimate(key, fit.value(name), fit.sigma(name), text, self._excess(name)))
+        return found
+
+    def _excess(self, name: str) -> tuple[float, float]:
+        """Return by how much the other cut-offs differ beyond their own spread, below and above."""
+        own, below, above = self.directional.value(name), 0.0, 0.0
+        for fit in self.others:
+            beyond = abs(fit.value(name) - own) - 2 * fit.sigma(name) - 2 * self.directional.sigma(name)
+            if beyond > 0:
+                below, above = (max(below, beyond), above) if fit.value(name) < own else (below, max(above, beyond))
+        return float(below), float(above)
+
+    def _dampings(self, text: str) -> list[Estimate]:
+        """Return the damping, or one each way where the directions differ."""
+        fit = self.directional
+        ways = [fit.names.index(f"damping_{way}") for way in ("forwards", "backwards")]
+        difference = fit.values[ways[0]] - fit.values[ways[1]]
+        C = fit.covariance
+        variance = C[ways[0], ways[0]] + C[ways[1], ways[1]] - 2 * C[ways[0], ways[1]]
+        coulomb = float(COULOMB_SHARE * abs(self.symmetric.value("coulomb")) / self.speed)
+        if abs(difference) > CLEAR * sqrt(max(variance, 0.0)):
+            found = [
+                (fit.value(f"damping_{way}"), fit.sigma(f"damping_{way}"), way) for way in ("forwards", "backwards")
+            ]
+        else:
+            found = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
+        return [Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb)) for value, sigma, way in found]
+
+
+def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, known: LogMap) -> MotionStudy:
+    """Study a recording.
+
+    Parameters
+    ----------
+    recording : checked
+    sample_time : s
+    actuator : between command and motor, where it is known
+    known : delays that need not be found
+
+    Returns
+    -------
+    MotionStudy
+        Fits at several cut-offs, SI units.
+
+    Raises
+    ------
+    InputError
+        If no mass and friction explain the force.
+    """
+    signals = signals_of(recording, sample_time, actuator)
+    delays = known_delays(known)
+    usable = cutoffs(signals)
+    if not usable:
+        message = "the encoder's noise hides the acceleration at every cut-off; move faster, or use a finer encoder"
+        raise InputError.of(recording.source, "log-unexplained", message, key=recording.channels["position"].header)
+    fits = {cutoff: motion_fit(signals, cutoff, DIRECTIONAL, delays)[0] for cutoff in usable}
+    best = min(fits, key=lambda cutoff: fits[cutoff].sigma("mass"))
+    samples = motion_fit(signals, best, DIRECTIONAL, delays)[1]  # again: those of all fits at once are too many
+    _check_explained(recording, signals, fits[best], delays)
+    hand, recipe = recording.values("hand"), known.document.classical
+    symmetric = motion_fit(signals, best, SYMMETRIC, delays)[0]
+    checks = (bootstrap(fits[best], samples), instrumental(signals, fits[best], samples))
+    return MotionStudy(
+        directional=fits[best],
+        symmetric=symmetric,
+        samples=samples,
+        others=tuple(fit for cutoff, fit in fits.items() if cutoff != best and cutoff >= best / 8.5),
+        force_noise=None if hand is None else force_noise(hand),
+        checks=tuple(each for each in checks if each is not None),
+        classical=None if recipe is None else classical(recording, sample_time, recipe),
+        friction=friction_of(signals, symmetric, delays),
+        speed=float(np.sqrt(np.mean(signals.velocity**2))),
+        position_noise=signals.noise,
+        chi2=_chi2(signals, fits[best]),
+        sharp_chi2=(_chi2(signals, fits[max(fits)]), 2 * max(fits) * sample_time * fits[max(fits)].samples[0]),
+    )
+
+
+def _chi2(signals: Signals, fit: MotionFit) -> float:
+    return (fit.residual / (abs(fit.value("mass")) * acceleration_noise(signals, fit.cutoff_hz))) ** 2
+
+
+def _check_explained(recording: Recording, signals: Signals, fit: MotionFit, delays: Mapping[str, float]) -> None:
+    mass, left = fit.value("mass"), fit.residual / fit.force
+    headers = {role: channel.header for role, channel in recording.channels.items()}
+    pushed = headers.get("force", headers.get("command", headers.get("hand", "")))
+    faults, units = [], recording.units
+    found = f"the {units.mass_name} comes out as {mass:.3g} {units.mass}"
+    other = _swapped(signals, delays) if left > SUSPICIOUS else None
+    swapped = other is not None and other < 0.3 * left
+    if left > UNEXPLAINED or swapped:
+        hint = f"; is {units.translated('a force')} missing (a hand's), or is one of another axis?"
+        hint = ": are the two columns swapped?" if swapped else hint
+        message = (
+            f"{left:.0%} of {pushed} is explained by no {units.mass_name} and friction of {headers['position']}{hint}"
+        )
+        faults.append(Mistake("log-unexplained", pushed, message))
+    elif mass <= 0:
+        message = f"{found}: {pushed} pushes against the motion; turn one sign by scale = -1"
+        faults.append(Mistake("log-unexplained", pushed, message))
+    elif not MASSES[recording.rotary][0] <= mass <= MASSES[recording.rotary][1]:
+        message = (
+            f"{found}, which is no haptic device: is {headers['position']} or {pushed} off by 1000? write its unit or "
+            "scale"
+        )
+        faults.append(Mistake("log-unexplained", pushed, message))
+    if faults:
+        raise InputError(recording.source, faults)
+
+
+def _swapped(signals: Signals, delays: Mapping[str, float]) -> float | None:
+    """Return the share of the residual with force and position in each other's place."""
+    if signals.command is None:
+        return None
+    T, position = signals.sample_time, signals.command
+    v = speed(spectrum(position - position.mean(), T), HIGHEST / T)
+    turned = turned_signals(position, signals.position, T, 0.0, v, is_command=signals.is_command)
+    usable = cutoffs(turned)
+    if not usable:
+        return None
+    fit = motion_fit(turned, usable[min(2, len(usable) - 1)], SYMMETRIC, delays)[0]
+    return fit.residual / fit.force
+
+
+def force_noise(hand: Floats) -> float:
+    """Return the standard deviation of a force sample, from its third difference: what moves faster than any hand."""
+    third = np.diff(hand, 3)
+    return float(1.4826 * np.median(np.abs(third)) / sqrt(20))

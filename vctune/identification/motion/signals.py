@@ -1,0 +1,216 @@
+"""A recording as a regression sees it: columns, derivatives, and what of them is the encoder's noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import ceil, log, sqrt
+from types import MappingProxyType
+
+import numpy as np
+
+from vctune.document.recording import Floats, Recording
+from vctune.identification.motion.spectral_filters import (
+    HIGHEST,
+    Spectrum,
+    drive,
+    edge,
+    filtered,
+    smooth,
+    spectrum,
+    stride,
+)
+from vctune.model.device import Actuator, Device
+
+WAYS = ("forwards", "backwards", "ahead", "back", "always")
+"""What friction goes with."""
+
+ATTENUATION = 1e-4
+"""Greatest share of the acceleration's power that may be the encoder's noise: it takes as much from the mass."""
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """A recording as the regression sees it.
+
+    Attributes
+    ----------
+    position : shape (n,), m
+    command : the force on the motor, as commanded or as measured, N; None without one that moves
+    hand : the hand's force as sensed, N; None without
+    reference : position that was asked for, m; None without
+    sample_time : s
+    is_command : whether the force is a command, held between samples
+    actuator : of a held command, where it is known
+    noise : standard deviation of a position sample, m
+    velocity : behind the highest cut-off that its noise bears, m/s: says which way the device moves
+    spectra : of position, command and hand, the command's behind hold and actuator, and of what `WAYS` names
+    """
+
+    position: Floats
+    command: Floats | None
+    hand: Floats | None
+    reference: Floats | None
+    sample_time: float
+    is_command: bool
+    actuator: Actuator | None
+    noise: float
+    velocity: Floats
+    spectra: Mapping[str, Spectrum]
+
+
+def signals(
+    position: Floats,
+    force: Floats | None,
+    sample_time: float,
+    noise: float,
+    velocity: Floats,
+    *,
+    hand: Floats | None = None,
+    reference: Floats | None = None,
+    is_command: bool = False,
+    actuator: Actuator | None = None,
+) -> Signals:
+    """Return columns with their spectra; what they are, `Signals` says.
+
+    Parameters
+    ----------
+    position, force : m and N, shape (n,); no force where none moves
+    sample_time : s
+    noise : standard deviation of a position sample, m
+    velocity : m/s
+    hand, reference : N and m; None without
+    is_command : whether the force is a command, held between samples
+    actuator : of a held command, where it is known
+    """
+    columns = {"position": position - position.mean()} | ways(velocity)
+    columns |= {} if hand is None else {"hand": hand}
+    spectra = {name: spectrum(values, sample_time) for name, values in columns.items()}
+    if force is not None:
+        pushed = spectrum(force, sample_time)
+        if is_command:
+            through = drive(Device(1.0, 0.0, sample_time, 0.0, actuator=actuator), pushed.omega())
+            pushed = replace(pushed, lines=pushed.lines * through)
+        spectra["command"] = pushed
+    return Signals(
+        position, force, hand, reference, sample_time, is_command, actuator, noise, velocity, MappingProxyType(spectra)
+    )
+
+
+def ways(velocity: Floats) -> dict[str, Floats]:
+    """Return what friction goes with: the velocity each way, its sign each way, and what is always there."""
+    ahead, back = np.maximum(np.sign(velocity), 0.0), np.maximum(np.sign(-velocity), 0.0)
+    columns = (velocity * ahead, velocity * back, ahead, back, np.ones(velocity.size))
+    return dict(zip(WAYS, columns, strict=True))
+
+
+def acceleration(position: Spectrum, cutoff_hz: float, every: int = 1) -> Floats:
+    """Return the acceleration behind the low-pass, m/s2.
+
+    Parameters
+    ----------
+    position : about its mean, m or rad
+    cutoff_hz : of the low-pass, Hz
+    every : which samples
+    """
+    return filtered(position, lambda w: -(w**2) * smooth(w, cutoff_hz), every)
+
+
+def speed(position: Spectrum, cutoff_hz: float) -> Floats:
+    """Return the velocity behind the low-pass, m/s.
+
+    Parameters
+    ----------
+    position : about its mean, m or rad
+    cutoff_hz : of the low-pass, Hz
+    """
+    return filtered(position, lambda w: 1j * w * smooth(w, cutoff_hz))
+
+
+def cutoffs(signals: Signals) -> list[float]:
+    """Return cut-offs at which the encoder's noise spoils no acceleration, the highest first, Hz."""
+    T, found = signals.sample_time, []
+    for halvings in range(7):
+        cutoff = HIGHEST / T / 2**halvings
+        if edge(cutoff, 0.0, T) * 4 > signals.position.size:
+            break
+        every = stride(cutoff, T)
+        margin = ceil(edge(cutoff, 0.0, T) / every)
+        a = acceleration(signals.spectra["position"], cutoff, every)[margin:-margin]
+        if acceleration_noise(signals, cutoff) ** 2 < ATTENUATION * float(np.mean(a**2)):
+            found.append(cutoff)
+    return found
+
+
+def acceleration_noise(signals: Signals, cutoff_hz: float) -> float:
+    """Return the standard deviation of an acceleration behind the low-pass, of the encoder alone, m/s2.
+
+    Parameters
+    ----------
+    signals : of the recording
+    cutoff_hz : of the low-pass, Hz
+    """
+    omega = np.linspace(0, np.pi / signals.sample_time, 4096)
+    return signals.noise * sqrt(float(np.mean((omega**2 * smooth(omega, cutoff_hz)) ** 2)))
+
+
+def signals_of(recording: Recording, sample_time: float, actuator: Actuator | None) -> Signals:
+    """Return what the regression needs of a recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    sample_time : s
+    actuator : between command and motor, where it is known
+    """
+    force, held = recording.values("force"), False
+    if force is None:
+        force, held = recording.values("command"), True
+    if force is not None and np.ptp(force) == 0:
+        force = None
+    position = recording.channels["position"]
+    noise = position_noise(position.values, position.quantum)
+    centred = spectrum(position.values - position.values.mean(), sample_time)
+    return signals(
+        position.values,
+        force,
+        sample_time,
+        noise,
+        _velocity(centred, noise),
+        hand=recording.values("hand"),
+        reference=recording.values("reference"),
+        is_command=held,
+        actuator=actuator if held else None,
+    )
+
+
+def _velocity(position: Spectrum, noise: float) -> Floats:
+    """Return the velocity behind the highest cut-off at which its noise is a hundredth of it."""
+    omega = np.linspace(0, np.pi / position.sample_time, 4096)
+    cutoff = HIGHEST / position.sample_time
+    for _ in range(7):
+        v = speed(position, cutoff)
+        unsure = noise * sqrt(float(np.mean((omega * smooth(omega, cutoff)) ** 2)))
+        if unsure < 0.01 * float(np.sqrt(np.mean(v**2))):
+            break
+        cutoff /= 2
+    return v
+
+
+def position_noise(position: Floats, quantum: float | None) -> float:
+    """Return the standard deviation of a position sample: of its rounding, and of what stands above half of Nyquist.
+
+    Parameters
+    ----------
+    position : m
+    quantum : as stated, m; None for the least step between samples
+    """
+    step = np.abs(np.diff(position))
+    least = float(step[step > 0].min(initial=np.inf)) if quantum is None else quantum
+    rounding = least / sqrt(12) if np.isfinite(least) else 0.0
+    third = np.diff(position, 3)
+    spectrum = np.abs(np.fft.rfft(third * np.hanning(third.size))) ** 2
+    theta = np.linspace(0, np.pi, spectrum.size)
+    top = spectrum[-spectrum.size // 4 :] / (2 * np.sin(theta[-spectrum.size // 4 :] / 2)) ** 6
+    white = sqrt(float(np.median(top)) / log(2) / (0.375 * third.size))
+    return max(rounding, white) if quantum is not None or white > 0 else rounding

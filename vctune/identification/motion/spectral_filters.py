@@ -1,0 +1,133 @@
+"""Filters without phase, by their frequency response: the same for every column, so that none leads another.
+
+What a low-pass leaves needs no more samples than its cut-off asks for: `stride` says which to keep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import ceil, log
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+from vctune.model.device import Device
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import FLOATS
+
+Complex = NDArray[np.complex128]
+Response = Callable[[Floats], Any]
+"""A frequency response, real or complex, of omega, rad/s."""
+HIGHEST = 0.08
+"""Greatest cut-off as a share of the sampling rate: what is left at the Nyquist frequency is 1e-6. Twice: 1 %."""
+REACH = 1.1
+"""Reach of the kernel in units of 1/cut-off: beyond it is less than 1e-14 of its height."""
+LONGEST = 64
+"""Greatest stride."""
+BEHIND = 1 << 16
+"""Zeros behind a long column, samples: longer than the lowest cut-off's kernel, the longest delay and an actuator's
+ringing together."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Of a column with zeros behind it.
+
+    Attributes
+    ----------
+    lines : shape (size // 2 + 1,)
+    samples, size : of the column, and with its zeros
+    sample_time : s
+    """
+
+    lines: Complex
+    samples: int
+    size: int
+    sample_time: float
+
+    def omega(self, every: int = 1) -> Floats:
+        """Return the frequencies up to the Nyquist frequency of every which sample, rad/s."""
+        numbers = np.arange(self.size // (2 * every) + 1, dtype=np.float64)
+        return numbers * (2 * np.pi / (self.size * self.sample_time))
+
+
+def spectrum(values: Floats, sample_time: float) -> Spectrum:
+    """Return the spectrum of a column, to be filtered as often as one likes.
+
+    Parameters
+    ----------
+    values : shape (n,)
+    sample_time : s
+    """
+    from scipy.fft import next_fast_len
+
+    needed = values.size + min(values.size, BEHIND)
+    size = LONGEST * next_fast_len(ceil(needed / LONGEST), real=True)
+    return Spectrum(np.fft.rfft(values, size), values.size, size, sample_time)
+
+
+def smooth(omega: Floats, cutoff_hz: float) -> Floats:
+    """Return a Gaussian low-pass whose power is halved at its cut-off.
+
+    Parameters
+    ----------
+    omega : rad/s
+    cutoff_hz : Hz
+    """
+    return np.exp(-0.5 * log(2) * (omega / (2 * np.pi * cutoff_hz)) ** 2)
+
+
+def stride(cutoff_hz: float, sample_time: float) -> int:
+    """Return every which sample says all that is left behind a low-pass: what it folds back is 1e-6.
+
+    Parameters
+    ----------
+    cutoff_hz : of the low-pass, Hz
+    sample_time : s
+    """
+    every = 1
+    while every < LONGEST and 2 * every * cutoff_hz * sample_time <= HIGHEST * (1 + 1e-9):
+        every *= 2
+    return every
+
+
+def filtered(column: Spectrum, response: Response, every: int = 1) -> Floats:
+    """Return a column behind a filter of any response; its ends, a reach of the kernel long, are not of the log.
+
+    Parameters
+    ----------
+    column : its spectrum
+    response : of omega, rad/s
+    every : which samples are returned; a power of two, at most `LONGEST`
+    """
+    omega = column.omega(every)
+    values = np.fft.irfft(column.lines[: omega.size] * response(omega), column.size // every)
+    return np.asarray(values[: ceil(column.samples / every)] / every)
+
+
+def edge(cutoff_hz: float, delay: float, sample_time: float) -> int:
+    """Return how many samples at each end of a filtered column are not of the log alone.
+
+    Parameters
+    ----------
+    cutoff_hz : of the low-pass, Hz
+    delay : by which the column is shifted, s
+    sample_time : s
+    """
+    return ceil((REACH / cutoff_hz + abs(delay)) / sample_time) + 1
+
+
+def drive(device: Device, omega: Floats) -> Complex:
+    """Return A H e^(-s delay) of a device, from the held command to the motor's force.
+
+    Parameters
+    ----------
+    device : its sample time, delay, hold and actuator are used
+    omega : rad/s
+    """
+    rest = replace(device, structure=None, velocity=None, force_sensor=None)
+    at = device_response(rest, omega, FLOATS).drive
+    return np.asarray(at.re - 1j * omega * at.lag)

@@ -1,0 +1,1 @@
+"""A periodic excitation: its response, and the physics fitted to it."""

@@ -1,0 +1,147 @@
+"""A response and a candidate for it: the errors of any numbers, and the search for the least."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import log, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+from vctune.identification.motion.spectral_filters import drive
+from vctune.identification.response.physics import SCALED, Candidate, compliances, device_of, held_compliance
+from vctune.identification.response.response import Complex, Lines, Response
+from vctune.model.device import Actuator, Device
+
+Ints = NDArray[np.int64]
+FLOOR = (1e-5, 10.0)
+"""Range of the model-error floor, a share of the response."""
+EVALUATIONS = 100
+"""Of a search; what has not ended by then is no good start."""
+DECADES = 5.0
+"""How far a number that cannot be 0 may go in one search, as a logarithm."""
+OUTLYING = 1.0
+"""Greatest relative spread of a line that is used; beyond it the line is noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitTask:
+    """A response and a candidate: the residuals of any numbers.
+
+    Attributes
+    ----------
+    measured, candidate, actuator : what is fitted by what
+    left_out : lines that are not looked at; None for none
+    aliased : the sampled response of the command over the continuous one
+    """
+
+    measured: Response
+    candidate: Candidate
+    actuator: Actuator | None
+    left_out: Ints | None = None
+    aliased: Complex | float = 1.0
+
+    def numbers(self, at: Floats) -> dict[str, float]:
+        """Return the numbers of a point of the search."""
+        named = zip(self.candidate.names, at, strict=True)
+        return {name: float(np.exp(value)) if name in SCALED else float(value) for name, value in named}
+
+    def outputs(self, at: Floats) -> tuple[Device, Complex, Complex]:
+        """Return the device of a point, and what it says of position and handle, m/N."""
+        numbers, measured = self.numbers(at), self.measured
+        omega = measured.position.omega
+        device = device_of(numbers, measured.sample_time, self.actuator)
+        rubbed = numbers["coulomb"] * measured.friction
+        motor, handle = compliances(device, omega)
+        if measured.input == "force":
+            pushed = np.exp(-1j * omega * device.delay) - rubbed
+            return device, motor * pushed, handle * pushed
+        pushed = drive(device, omega) * self.aliased - rubbed
+        return device, motor * pushed, handle * pushed
+
+    def sampled(self, at: Floats) -> FitTask:
+        """Return the task with the aliasing of the samples, which hardly depends on the numbers, taken from a point."""
+        if self.measured.input == "force":
+            return self
+        device, omega = self.outputs(at)[0], self.measured.position.omega
+        continuous = compliances(device, omega)[0] * drive(device, omega)
+        return replace(self, aliased=held_compliance(device, omega) / continuous)
+
+    def errors(self, at: Floats) -> tuple[Complex, Floats, Ints]:
+        """Return relative errors of the used lines of all outputs, their relative spreads, and whose they are."""
+        _, motor, handle = self.outputs(at)
+        pairs: list[tuple[Complex, Lines]] = [(motor, self.measured.position)]
+        if self.measured.handle is not None:
+            pairs.append((handle, self.measured.handle))
+        used = [lines.spread < OUTLYING for _, lines in pairs]
+        if self.left_out is not None:
+            used = [mask & ~np.isin(np.arange(mask.size), self.left_out) for mask in used]
+        errors = [(model / lines.ratio - 1)[mask] for (model, lines), mask in zip(pairs, used, strict=True)]
+        spreads = [lines.spread[mask] for (_, lines), mask in zip(pairs, used, strict=True)]
+        owners = [np.full(mask.sum(), i) for i, mask in enumerate(used)]
+        return np.concatenate(errors), np.concatenate(spreads), np.concatenate(owners)
+
+    def residuals(self, at: Floats, model_errors: Floats) -> Floats:
+        """Return them over their standard deviation, real parts and imaginary parts one after the other.
+
+        Parameters
+        ----------
+        at : numbers of the candidate as `point` has them, shape (n,)
+        model_errors : of each output, relative, shape (outputs,)
+        """
+        errors, spread, owners = self.errors(at)
+        weighed = errors * sqrt(2) / np.hypot(spread, np.maximum(model_errors, FLOOR[0])[owners])
+        return np.concatenate([weighed.real, weighed.imag])
+
+
+def point(numbers: Mapping[str, float], candidate: Candidate) -> Floats:
+    """Return the numbers of a candidate as the search has them: those of `SCALED` by their logarithms.
+
+    Parameters
+    ----------
+    numbers : by name, SI units
+    candidate : says which, and in what order
+    """
+    return np.array([log(numbers[name]) if name in SCALED else numbers[name] for name in candidate.names])
+
+
+def solved_from(task: FitTask, start: Floats, model_errors: Floats) -> Floats:
+    """Return the point of the least weighted squares that is found from a start.
+
+    Parameters
+    ----------
+    task : what is fitted to what
+    start : as `point` has it, shape (n,)
+    model_errors : of each output, relative, shape (outputs,)
+    """
+    from scipy.optimize import least_squares
+
+    names, T = task.candidate.names, task.measured.sample_time
+    scale = scale_of(start, names, task.measured)
+    lower = np.array([-2 * T if name == "delay" else 0.0 for name in names])
+    upper = np.full(start.size, np.inf)
+    logs = np.array([name in SCALED for name in names])
+    lower[logs], upper[logs] = start[logs] - DECADES, start[logs] + DECADES
+    inside = np.maximum(start, lower + 1e-9 * scale)
+    solved = least_squares(
+        task.residuals, inside, args=(model_errors,), bounds=(lower, upper), x_scale=scale, max_nfev=EVALUATIONS
+    )
+    return np.asarray(solved.x)
+
+
+def scale_of(at: Floats, names: tuple[str, ...], measured: Response) -> Floats:
+    """Return how large a change of each number is: the search's own units.
+
+    Parameters
+    ----------
+    at : as `point` has it, shape (n,)
+    names : of the numbers, n of them
+    measured : the response, whose frequencies and friction set the units
+    """
+    numbers = dict(zip(names, at, strict=True))
+    drag = np.exp(numbers["mass"]) * float(measured.position.omega[0])
+    pushed = 1 / float(np.median(np.abs(measured.friction)) + 1e-300)
+    sizes = {"damping": drag, "handle_damping": drag, "coulomb": pushed, "delay": measured.sample_time}
+    return np.array([0.1 if name in SCALED else 0.01 if name == "damping_ratio" else sizes[name] for name in names])

@@ -1,0 +1,121 @@
+"""A recording of a periodic excitation: its response, the structure that was chosen, and what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import hypot, pi, sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.document.schema.device_contradictions import FASTEST
+from vctune.identification.box import COULOMB_SHARE, Bounded, Estimate, box
+from vctune.identification.motion.drive_fit import DriveFit
+from vctune.identification.response.response import Response
+from vctune.identification.response.response_fit import ResponseFit
+from vctune.model.device import Device
+
+TOLD = 3.0
+"""How many deviations a lag must be from none: no interval of a box is wider."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicStudy:
+    """What a periodic recording says.
+
+    Attributes
+    ----------
+    measured : the averaged response
+    fit, candidates : the structure that was chosen, and all of them
+    drive : from command to force; None where only one of them was recorded
+    """
+
+    measured: Response
+    fit: ResponseFit
+    candidates: tuple[ResponseFit, ...]
+    drive: DriveFit | None
+
+    @property
+    def left(self) -> Floats:
+        """By how much the fit differs from each line of the position, relatively."""
+        return np.abs(self.fit.position / self.measured.position.ratio - 1)
+
+    @property
+    def lag(self) -> tuple[float, float] | None:
+        """The actuator's lag and its deviation, s; None where none was looked for."""
+        if self.drive is not None:
+            return self.drive.lag, self.drive.lag_sigma
+        return (self.fit.numbers["lag"], self.fit.sigma("lag")) if "lag" in self.fit.numbers else None
+
+    @property
+    def lag_told(self) -> bool:
+        """Whether the lag is told from none, and is long enough to do anything."""
+        if self.lag is None:
+            return False
+        lag, sigma = self.lag
+        return lag > max(TOLD * sigma, self.measured.sample_time / (2 * pi * FASTEST))
+
+
+def periodic_estimates(study: PeriodicStudy, source: str, T: float) -> list[Estimate]:
+    """Return what a periodic record says of the numbers of a problem file, where the handle has no damping.
+
+    Parameters
+    ----------
+    study : of the recording
+    source : its name, for the reader
+    T : sample time, s
+    """
+    fit, found = study.fit, []
+    numbers, text = fit.numbers, f"{source}: response"
+
+    def add(key: str, value: float, sigma: float, how: str = "", excess: float = 0.0) -> None:
+        found.append(Estimate(key, value, sigma, text + how, (excess, excess)))
+
+    add("mass", numbers["mass"], fit.sigma("mass"))
+    late, sigma = numbers["delay"], fit.sigma("delay")
+    if study.drive is not None:
+        late, sigma = late + study.drive.delay - T / 2, hypot(sigma, study.drive.delay_sigma)
+    if study.lag is not None and study.lag_told:
+        add("actuator.bandwidth_hz", *_bandwidth(*study.lag))
+    elif study.lag is not None:
+        late, sigma = late + study.lag[0], hypot(sigma, study.lag[1])
+    add("delay", late, sigma)
+    alike = [fit]
+    if fit.candidate.load:
+        alike += [other for other in study.candidates if other.candidate == replace(fit.candidate, load=False)]
+    for each in alike:
+        how = f", {each.candidate}" if len(alike) > 1 else ""
+        extra = each.numbers.get("handle_damping", 0.0)
+        variance = each.sigma("damping") ** 2 + (each.sigma("handle_damping") ** 2 if each.candidate.load else 0.0)
+        coulomb = COULOMB_SHARE * each.numbers["coulomb"] / each.speed
+        add("damping", each.numbers["damping"] + extra, sqrt(variance), how, coulomb)
+        if "damping_ratio" in each.numbers:
+            add("structure.damping_ratio", each.numbers["damping_ratio"], each.sigma("damping_ratio"), how)
+    if "handle_mass" in numbers:
+        add("structure.handle_mass", numbers["handle_mass"], fit.sigma("handle_mass"))
+        add("structure.frequency_hz", numbers["frequency_hz"], fit.sigma("frequency_hz"))
+    return found
+
+
+def _bandwidth(lag: float, sigma: float) -> tuple[float, float]:
+    return 1 / (2 * pi * lag), sigma / (2 * pi * lag * lag)
+
+
+def behind_force(
+    study: PeriodicStudy, T: float, device: Device, bounds: Sequence[Bounded]
+) -> tuple[Device, list[Bounded]]:
+    """Return device and box as the recorded force sees them: a measured one has the actuator and its delay behind it.
+
+    Parameters
+    ----------
+    study : of the recording
+    T : sample time, s
+    device, bounds : from the command on
+    """
+    if study.measured.input == "command":
+        return device, list(bounds)
+    own = periodic_estimates(replace(study, drive=None), "", T)
+    delay = box([each for each in own if each.key == "delay"], T)[0]
+    others = [each for each in bounds if each.key not in ("delay", "actuator.bandwidth_hz")]
+    return replace(device, delay=delay.value, actuator=None), [*others, delay]

@@ -1,0 +1,118 @@
+"""The device as the fit of a response has it: its numbers, by structure, and what they make of a line."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import ceil, pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.sampled_loop import pulse_transfer
+from vctune.document.recording import Floats
+from vctune.model.device import Actuator, Device, Structure
+from vctune.model.hands import LeastOperator
+from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.numbers.arithmetic import FLOATS
+
+Complex = NDArray[np.complex128]
+RIGID = ("mass", "damping", "coulomb", "delay")
+SPRING = ("handle_mass", "frequency_hz", "damping_ratio")
+SCALED = ("mass", "handle_mass", "frequency_hz", "lag")
+"""Numbers that cannot be 0, and are found by their logarithms."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A structure that may be the device's.
+
+    Attributes
+    ----------
+    masses : 1 or 2
+    lag : whether a first-order actuator is between command and motor
+    load : whether the handle has a damping of its own, which a problem file cannot say
+    """
+
+    masses: int
+    lag: bool
+    load: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its numbers."""
+        return (
+            RIGID
+            + (SPRING if self.masses == 2 else ())
+            + (("handle_damping",) if self.load else ())
+            + (("lag",) if self.lag else ())
+        )
+
+    def __str__(self) -> str:
+        parts = ["one mass", "two masses"][self.masses - 1], "actuator" * self.lag, "damped handle" * self.load
+        return ", ".join(part for part in parts if part)
+
+
+def device_of(numbers: Mapping[str, float], sample_time: float, actuator: Actuator | None = None) -> Device:
+    """Return the device that some numbers make.
+
+    Parameters
+    ----------
+    numbers : by name, as `Candidate.names`
+    sample_time : s
+    actuator : one that is known
+    """
+    structure = None
+    if "handle_mass" in numbers:
+        damped = numbers.get("handle_damping")
+        load = None if damped is None else LeastOperator(0.0, damped)
+        structure = Structure(numbers["handle_mass"], numbers["frequency_hz"], numbers["damping_ratio"], load)
+    if "lag" in numbers:
+        actuator = Actuator(1 / (2 * pi * numbers["lag"]))
+    return Device(
+        numbers["mass"], numbers["damping"], sample_time, numbers["delay"], actuator=actuator, structure=structure
+    )
+
+
+def compliances(device: Device, omega: Floats) -> tuple[Complex, Complex]:
+    """Return what motor and handle move by for a force on the motor, m/N.
+
+    Parameters
+    ----------
+    device : the mechanism
+    omega : rad/s, > 0
+    """
+    at = device_response(
+        Device(device.mass, device.damping, device.sample_time, structure=device.structure), omega, FLOATS
+    )
+    s = 1j * omega
+    Z_1 = at.damping + s * at.mass
+    if at.spring is None:
+        motor = 1 / (s * Z_1)
+        return motor, motor
+    y = omega**2 * at.spring.y_c + 1j * omega * at.spring.y_k
+    Z_2 = (at.spring.damping or 0.0) + s * at.spring.mass
+    carried = 1 + y * Z_2
+    motor = 1 / (s * (Z_1 + Z_2 / carried))
+    return motor, motor / carried
+
+
+def held_compliance(device: Device, omega: Floats) -> Complex:
+    """Return what the motor moves by, at the samples, for a command that is held between them, m/N: exact.
+
+    Parameters
+    ----------
+    device : with its delay and actuator; a delay below 0 is a sample earlier and the rest of it later
+    omega : rad/s, 0 < omega <= pi/T
+    """
+    T = device.sample_time
+    early = max(0, ceil(-float(device.delay) / T))
+    there = replace(device, delay=float(device.delay) + early * T, velocity=None, force_sensor=None)
+    return np.asarray(pulse_transfer(there, omega, position=True)[1] * np.exp(1j * omega * T * early))
+
+
+def antiresonance_hz(device: Device) -> float | None:
+    """Return where the motor hardly moves: the handle on its spring alone, Hz; None of a rigid device."""
+    if device.structure is None:
+        return None
+    return sqrt(mechanism(device, device.structure, FLOATS).stiffness / device.structure.handle_mass) / (2 * pi)

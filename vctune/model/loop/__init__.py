@@ -1,0 +1,1 @@
+"""The velocity loop at a frequency, and what it asks of the coupling."""

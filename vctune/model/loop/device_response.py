@@ -1,0 +1,201 @@
+"""What a device contributes to its loop at a frequency: constants that no gain is in (README, sections 1 and 12).
+
+An ideal device is a mass and a damping, and a hold with its delay. What else there is, an actuator, a velocity
+estimate, a force sensor, a spring between motor and handle, comes beside them, and costs nothing where it is not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from vctune.model.device import Device, Structure
+from vctune.model.loop.filters import FilterResponse, actuator_response, force_sensor_response, velocity_estimate
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair
+
+
+class DriveResponse(NamedTuple):
+    """Hold, delay and actuator at a frequency, A H = re - j omega lag; both parts are even and smooth at omega = 0.
+
+    Attributes
+    ----------
+    re : Re A H
+    lag : -Im A H / omega, s, which tends to T/2 + delay and the actuator's lag for omega -> 0
+    """
+
+    re: Number
+    lag: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """The handle on its spring: its impedance Z_2 and the spring's admittance y = omega^2 y_c + j omega y_k.
+
+    Attributes
+    ----------
+    mass, damping : of the handle with what it is loaded with, kg and N s/m; None without a load
+    y_c, y_k : c/(k^2 + (omega c)^2) and k/(k^2 + (omega c)^2), s m/N and m/N
+    total, own_mass : of the device and of its handle, without a load, kg
+    bent, bent_im : g = omega^2 mu/(k + j omega c), in which no mass is: real and imaginary part; y = j g/(omega mu)
+    """
+
+    mass: Number
+    damping: Number | None
+    y_c: Number
+    y_k: Number
+    total: Number
+    own_mass: Number
+    bent: Number
+    bent_im: Number
+
+
+class DeviceResponse(NamedTuple):
+    """A device at a frequency.
+
+    Attributes
+    ----------
+    omega : rad/s
+    mass, damping : of the motor's part, all of the device if it is rigid, kg and N s/m
+    drive : A H
+    estimate : F, from the motor's velocity to the firmware's; None for 1
+    sensor : F_s, from the hand's force to what is sensed; None for 1
+    spring : between motor and handle; None if rigid
+    operator : b_h, the damping of the least operator, N s/m; None without one
+    factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
+    """
+
+    omega: Number
+    mass: Number
+    damping: Number
+    drive: DriveResponse
+    estimate: FilterResponse | None = None
+    sensor: FilterResponse | None = None
+    spring: Spring | None = None
+    operator: Number | None = None
+    factor: Pair | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanism:
+    """A structure's two masses and what is between them.
+
+    Attributes
+    ----------
+    motor, handle : kg
+    damping : of the handle, N s/m, None for none; the motor's is the device's
+    stiffness, viscosity : of the spring between them, N/m and N s/m
+    """
+
+    motor: Number
+    handle: Number
+    damping: Number | None
+    stiffness: Number
+    viscosity: Number
+
+
+def mechanism(device: Device, structure: Structure, ops: Arithmetic) -> Mechanism:
+    """Return the masses and the spring of a structure whose free resonance is given.
+
+    With mu the mass that both swing with against each other, k = mu (2 pi f)^2 and c = 2 zeta mu 2 pi f.
+
+    Parameters
+    ----------
+    device : its numbers in the arithmetic
+    structure : of the device
+    ops : arithmetic of both
+    """
+    motor, handle, swing = device.motor_mass, structure.handle_mass, 2 * ops.pi * structure.frequency_hz
+    reduced = motor * handle / device.mass
+    load = structure.load
+    return Mechanism(
+        motor=motor,
+        handle=handle if load is None else handle + load.mass,
+        damping=None if load is None else load.damping,
+        stiffness=reduced * (swing * swing),
+        viscosity=2 * structure.damping_ratio * reduced * swing,
+    )
+
+
+def hold_response(device: Device, omega: Number, ops: Arithmetic) -> DriveResponse:
+    """Evaluate H = hold(j omega) e^{-j omega delay} (with the 1/T that paper eq. 9 lacks).
+
+    Parameters
+    ----------
+    device : only sample_time, delay and hold are used
+    omega : rad/s, may be 0; a number or an array of any shape
+    ops : arithmetic of omega and of the device's numbers
+
+    Returns
+    -------
+    DriveResponse
+        Both parts of the shape of omega.
+    """
+    half = device.sample_time / 2
+    if device.hold == "zoh":
+        modulus = ops.sinc(omega * half)
+        phase = omega * device.loop_lag
+        return DriveResponse(modulus * ops.cos(phase), device.loop_lag * modulus * ops.sinc(phase))
+    squared = 1 + (omega * half) * (omega * half)
+    if ops.is_zero(device.delay):
+        return DriveResponse(1 / squared, half / squared)
+    phase = omega * device.delay
+    cos, sinc = ops.cos(phase), ops.sinc(phase)
+    return DriveResponse(
+        (cos - omega * half * ops.sin(phase)) / squared,
+        (half * cos + device.delay * sinc) / squared,
+    )
+
+
+def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceResponse:
+    """Evaluate everything about a device that its gains have no part in.
+
+    Parameters
+    ----------
+    device : Device
+    omega : rad/s, may be 0; a number or an array of any shape
+    ops : arithmetic of omega and of the device's numbers
+
+    Returns
+    -------
+    DeviceResponse
+        Its numbers of the shape of omega; those that do not depend on it may be plain.
+    """
+    drive = hold_response(device, omega, ops)
+    operator = None if device.operator is None else device.operator.damping
+    if device.ideal:
+        return DeviceResponse(omega, device.mass, device.damping, drive, operator=operator)
+    omega2 = omega * omega
+    if device.actuator is not None:
+        late = actuator_response(device.actuator, omega, ops)
+        re = drive.re * late.re - omega2 * (drive.lag * late.lag)
+        drive = DriveResponse(re, drive.lag * late.re + drive.re * late.lag)
+    estimate, sensor, mass, spring = None, None, device.mass, None
+    if device.velocity is not None:
+        estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)
+    if device.force_sensor is not None:
+        sensor = force_sensor_response(device.force_sensor, omega, ops)
+    if device.structure is not None:
+        parts = mechanism(device, device.structure, ops)
+        loss = omega * parts.viscosity
+        below = 1 / (parts.stiffness * parts.stiffness + loss * loss)
+        rate = 2 * ops.pi * device.structure.frequency_hz
+        stiff, lossy = rate * rate, 2 * device.structure.damping_ratio * rate * omega
+        flat = omega2 / (stiff * stiff + lossy * lossy)
+        mass = parts.motor
+        spring = Spring(
+            parts.handle,
+            parts.damping,
+            parts.viscosity * below,
+            parts.stiffness * below,
+            device.mass,
+            device.structure.handle_mass,
+            stiff * flat,
+            -lossy * flat,
+        )
+    factor = None
+    if device.unmodelled is not None:
+        radius = device.unmodelled.share * ops.interpolated(omega / (2 * ops.pi), device.unmodelled.radii)
+        phase = device.unmodelled.phase
+        factor = Pair(1 + radius * ops.cos(phase), radius * ops.sin(phase))
+    return DeviceResponse(omega, mass, device.damping, drive, estimate, sensor, spring, operator, factor)

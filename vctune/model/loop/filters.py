@@ -1,0 +1,171 @@
+"""What makes a device less than ideal, at a frequency: velocity estimate, actuator, force sensor (README, section 12).
+
+All have gain 1 at rest, so that what they take away, not what they leave, is worked out: nothing cancels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+
+
+@dataclass(frozen=True, slots=True)
+class FilterResponse:
+    """A transfer function re - j omega lag of gain 1 at rest; both parts are even and smooth at omega = 0.
+
+    Attributes
+    ----------
+    re : Re, which vanishes far above a low-pass, while what it takes away does so far below it
+    curvature : (1 - Re)/omega^2, s^2
+    lag : -Im/omega, s
+    """
+
+    re: Number
+    curvature: Number
+    lag: Number
+
+    def times(self, other: FilterResponse, omega2: Number) -> FilterResponse:
+        """Return the product of two at a frequency, of which omega^2 is given, (rad/s)^2.
+
+        Parameters
+        ----------
+        other : at the same frequency
+        omega2 : omega^2 there, (rad/s)^2
+        """
+        one, two = self, other
+        crossed = one.curvature * two.curvature * omega2
+        return FilterResponse(
+            one.re * two.re - omega2 * (one.lag * two.lag),
+            one.curvature + two.curvature + one.lag * two.lag - crossed,
+            one.lag * two.re + one.re * two.lag,
+        )
+
+
+def low_pass(bandwidth_hz: Number, order: int, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return 1/(1 + s/w) for order 1 and w^2/(s^2 + sqrt(2) w s + w^2) for order 2, with w = 2 pi bandwidth_hz.
+
+    Parameters
+    ----------
+    bandwidth_hz : Hz, > 0
+    order : 1 or 2
+    omega : rad/s, >= 0
+    ops : arithmetic of both
+    """
+    time = 1 / (2 * ops.pi * bandwidth_hz)
+    x, time2 = omega * time, time * time
+    x2 = x * x
+    if order == 1:
+        below = 1 / (1 + x2)
+        return FilterResponse(below, time2 * below, time * below)
+    below = 1 / (1 + x2 * x2)
+    return FilterResponse((1 - x2) * below, time2 * (1 + x2) * below, ops.sqrt(2 * time2) * below)
+
+
+def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return e^(-s delay).
+
+    Parameters
+    ----------
+    delay : s, >= 0
+    omega : rad/s, >= 0
+    ops : arithmetic of both
+    """
+    turn = omega * delay
+    half = ops.sinc(turn / 2)
+    return FilterResponse(ops.cos(turn), delay * delay / 2 * (half * half), delay * ops.sinc(turn))
+
+
+def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return a = 1 - e^(-2 pi f T) of the firmware's low-pass y += a (x - y), and 1 - a.
+
+    Parameters
+    ----------
+    filter_hz : f, Hz
+    sample_time : T, s
+    ops : arithmetic of both
+    """
+    x = 2 * ops.pi * filter_hz * sample_time
+    return x * ops.phi_1(x), ops.exp(-x)
+
+
+def velocity_estimate(
+    estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
+) -> FilterResponse | None:
+    """Return F, from the true velocity to the firmware's, at z = e^(j omega T); None where they are the same.
+
+    A backward difference of the position is the mean velocity of the last sample interval, (1 - e^(-sT))/(sT).
+
+    Parameters
+    ----------
+    estimate : how the firmware knows the velocity
+    sample_time : T, s
+    omega : rad/s, >= 0
+    ops : arithmetic of all numbers
+    """
+    theta, T, found = omega * sample_time, sample_time, None
+    half = ops.sinc(theta / 2)
+    if estimate.source == "difference":
+        found = FilterResponse(ops.sinc(theta), T * T * ops.sinc_curvature(theta), T / 2 * (half * half))
+    one = firmware_low_pass(estimate, T, omega, ops)
+    if one is not None:
+        for _ in range(estimate.filter_order):
+            found = one if found is None else found.times(one, omega * omega)
+    return found
+
+
+def firmware_low_pass(
+    estimate: VelocityEstimate, sample_time: Number, omega: Number, ops: Arithmetic
+) -> FilterResponse | None:
+    """Return one of the firmware's low-passes of the velocity at z = e^(j omega T); None without one.
+
+    Parameters
+    ----------
+    estimate : how the firmware knows the velocity
+    sample_time : T, s
+    omega : rad/s, >= 0
+    ops : arithmetic of all numbers
+    """
+    if estimate.filter_hz is None:
+        return None
+    theta, T = omega * sample_time, sample_time
+    half = ops.sinc(theta / 2)
+    a, p = smoothing(estimate.filter_hz, T, ops)
+    chord2 = half * half * (theta * theta)  # |1 - e^(-j theta)|^2
+    below = 1 / (a * a + p * chord2)
+    return FilterResponse(
+        a * (a + p * chord2 / 2) * below,
+        p * (1 + p) / 2 * (T * T) * (half * half) * below,
+        a * p * T * ops.sinc(theta) * below,
+    )
+
+
+def actuator_response(actuator: Actuator, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return A, from the commanded force to the force on the motor, at j omega.
+
+    Parameters
+    ----------
+    actuator : its bandwidth in numbers of the arithmetic
+    omega : rad/s, >= 0
+    ops : arithmetic of both
+    """
+    return low_pass(actuator.bandwidth_hz, actuator.order, omega, ops)
+
+
+def force_sensor_response(sensor: ForceSensor, omega: Number, ops: Arithmetic) -> FilterResponse | None:
+    """Return F_s, from the hand's force to the sensed force, at j omega; None where they are the same.
+
+    Parameters
+    ----------
+    sensor : its bandwidth and its delay in numbers of the arithmetic
+    omega : rad/s, >= 0
+    ops : arithmetic of all of these
+    """
+    found = None
+    if sensor.bandwidth_hz is not None:
+        found = low_pass(sensor.bandwidth_hz, sensor.order, omega, ops)
+    if not ops.is_zero(sensor.delay):
+        delay = pure_delay(sensor.delay, omega, ops)
+        found = delay if found is None else found.times(delay, omega * omega)
+    return found

@@ -1,0 +1,86 @@
+"""The impedances of a velocity loop at a frequency: what is known of it, and its controller's (README, section 1)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import DeviceResponse
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import Pair
+
+
+class LoopResponse(NamedTuple):
+    """The loop's impedances, each times a common real scale, with what must not be formed by subtraction.
+
+    With an integrator C_0 grows like 1/omega, so everything carries the scale omega and is then regular down to
+    omega = 0; without one the scale is 1.
+
+    Attributes
+    ----------
+    C_scaled : F_s C_0 = q D times the scale, N s/m with the scale 1, N/m with omega
+    D_scaled : D times the scale
+    miss_scaled : D - C_0 = (1 - G_he) D times the scale; Z_d of an ideal device
+    numerator : N = G_hh D, 1; None where it is 1
+    scale2 : the scale squared
+    im_C_conj_D_scaled : scale * Im(F_s C_0 conj D), which is scale * |D|^2 Im q (model/README.md, section 5)
+    im_slope : that over omega, regular at omega = 0; None where it does not vanish there
+    resistance : Re(N conj D) + b_h |N|^2, not scaled, N s/m: |D|^2 Re G_hh, and of a rigid device in the hand of its
+        least operator Re(D + Z_h)
+    operator_relief : 2 b_h Re(F_s C_0 conj N), by which an operator eases the conditions, (N s/m)^2, not scaled; None
+        without one
+    """
+
+    C_scaled: Pair
+    D_scaled: Pair
+    miss_scaled: Pair
+    numerator: Pair | None
+    scale2: Number
+    im_C_conj_D_scaled: Number
+    im_slope: Number | None
+    resistance: Number
+    operator_relief: Number | None
+
+
+class Impedance(NamedTuple):
+    """An impedance: its real part, and all of it scaled."""
+
+    re: Number
+    scaled: Pair
+
+
+def controller_impedance(at: DeviceResponse, gains: Gains, re: Number, lag: Number, *, integral: bool) -> Impedance:
+    """Return A H (X K_v + K_p/s) with A H X = re - j omega lag.
+
+    Parameters
+    ----------
+    at : the device at a frequency, of which omega and A H are used
+    gains : K_v and K_p, N s/m and N/m
+    re, lag : of A H X, the latter in s
+    integral : whether the law has its term K_p/s
+
+    Returns
+    -------
+    Impedance
+        Its real part, N s/m, never scaled; all of it, with the integrator times omega.
+    """
+    proportional = gains.velocity * re
+    if not integral:
+        return Impedance(proportional, Pair(proportional, -(gains.velocity * lag * at.omega)))
+    re_C = proportional - gains.position * at.drive.lag
+    im = -(gains.velocity * lag * (at.omega * at.omega) + gains.position * at.drive.re)
+    return Impedance(re_C, Pair(re_C * at.omega, im))
+
+
+def G_hh_abs2(loop: LoopResponse) -> Number:
+    """Return |G_hh|^2 = |N|^2/|D|^2 (paper eq. 10), (m/(N s))^2."""
+    above = loop.scale2 if loop.numerator is None else loop.scale2 * loop.numerator.abs2()
+    return above / loop.D_scaled.abs2()
+
+
+def tracking_abs2(loop: LoopResponse) -> Number:
+    """Return |1 - G_he|^2 = |(D - C_0)/D|^2: by how much the device misses the velocity that it is told.
+
+    See model/README.md, section 2.
+    """
+    return loop.miss_scaled.abs2() / loop.D_scaled.abs2()

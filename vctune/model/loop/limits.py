@@ -1,0 +1,126 @@
+"""Exact limits of R and Re Z_c at the ends of the frequency axis (model/README.md, section 6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from vctune.model.device import Device
+from vctune.model.gains import Coupling, Gains
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+
+
+@dataclass(frozen=True, slots=True)
+class EndLimit:
+    """Re Z_c and R at an end, both divided by the same positive power of omega where both vanish.
+
+    Attributes
+    ----------
+    coupling : the limit of Re Z_c
+    required : the limit of R; inf where no coupling will do
+    """
+
+    coupling: Number
+    required: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Lags:
+    """What a device's parts come to for omega -> 0; s, and kg for the spring's loss.
+
+    Attributes
+    ----------
+    drive : tau, of hold, delay and actuator
+    estimate, sensor : of the velocity estimate and of the force sensor
+    loss : c/k^2 of the spring, m s/N
+    compliance : 1/k, m/N
+    """
+
+    drive: Number
+    estimate: Number
+    sensor: Number
+    loss: Number
+    compliance: Number
+
+
+def lags(device: Device, ops: Arithmetic) -> Lags:
+    """Return a device's lags for omega -> 0: of a low-pass 1/w or sqrt(2)/w, of a difference T/2.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    ops : arithmetic of its numbers
+    """
+    at = device_response(device, 0 * device.sample_time, ops)
+    spring = at.spring
+    return Lags(
+        drive=at.drive.lag,
+        estimate=0 if at.estimate is None else at.estimate.lag,
+        sensor=0 if at.sensor is None else at.sensor.lag,
+        loss=0 if spring is None else spring.y_c,
+        compliance=0 if spring is None else spring.y_k,
+    )
+
+
+def low_frequency_limit(device: Device, gains: Gains, coupling: Coupling, ops: Arithmetic = FLOATS) -> EndLimit:
+    """Return the limits for omega -> 0 (any hold).
+
+    With K_p > 0, R -> (b + tau_s K_p)^2/(4 (b + k)) with k = K_v - tau K_p + K_p^2 c/k_s^2 while Re Z_c -> b_0: tau is
+    the drive's lag, tau_s the force sensor's, k_s and c the spring's between motor and handle. With K_p = 0, R vanishes
+    like omega^2, and so does Re Z_c when there is no drag: the ratio then tends to
+    (m_c^2/b_c) 4 (b + K_v)^2/(K_v M^2), M = m + b tau - K_v tau_F + (b + K_v) tau_s with the velocity estimate's lag
+    tau_F. With K_p > 0 and b = tau_s = 0, R vanishes like omega^4. In the hand of an operator of damping b_h
+
+        R -> ((b + tau_s K_p)^2 - 4 b_h Re(C conj N))/(4 (b + k + b_h n^2)),   n = 1 + K_p/k_s,
+
+    and -b_h K_v/(b + b_h + K_v) with K_p = 0.
+
+    Where the loop's resistance is not positive R is given as inf.
+
+    Parameters
+    ----------
+    device, gains, coupling : in numbers of any arithmetic that can compare with 0
+    ops : that arithmetic
+    """
+    at, b = lags(device, ops), device.damping
+    mass = device.mass
+    K_v, K_p, b_0 = gains.velocity, gains.position, coupling.drag
+    integral = not _is_zero(K_p)
+    told = K_v - at.drive * K_p if integral else K_v
+    n = 1 + K_p * at.compliance
+    operator = device.operator.damping if device.operator is not None else 0
+    resistance = b + told + K_p * K_p * at.loss + operator * (n * n)
+    series = coupling.mass * coupling.mass / coupling.damping if _is_zero(b_0) else b_0
+    if resistance < 0 or _is_zero(resistance):
+        return EndLimit(series, inf)
+    late = b + at.sensor * K_p if integral else b
+    if not _is_zero(operator):
+        # Re(C conj N) of C -> told - tau_s K_p - j K_p/omega and N -> n + j omega n'
+        slope = at.loss * -K_p + at.compliance * (b + told)
+        met = (told - at.sensor * K_p) * n - K_p * slope if integral else K_v
+        return EndLimit(b_0, ((late * late if integral else 0) - 4 * operator * met) / (4 * resistance))
+    if integral:
+        return EndLimit(series, 0) if _is_zero(late) else EndLimit(b_0, late * late / (4 * resistance))
+    inertia = mass + b * at.drive - K_v * at.estimate + at.sensor * (b + K_v)
+    return EndLimit(series, K_v * inertia * inertia / (4 * resistance * resistance) if _is_zero(b_0) else 0)
+
+
+def high_frequency_limit(device: Device, gains: Gains, coupling: Coupling) -> EndLimit:
+    """Return the limits for omega -> inf of an ideal device, hold "lag" without delay.
+
+    R -> 2 m K_v/((b + b_h) T), Re Z_c -> b_c + b_0.
+
+    Parameters
+    ----------
+    device, gains, coupling : in numbers of any arithmetic that can compare with 0
+    """
+    needed = 2 * device.mass * gains.velocity / device.sample_time
+    damping = device.damping if device.operator is None else device.damping + device.operator.damping
+    required = needed / damping if not _is_zero(damping) else inf
+    series = 0 if _is_zero(coupling.mass) else coupling.damping
+    return EndLimit(series + coupling.drag, required)
+
+
+def _is_zero(x: Number) -> bool:
+    return bool(x == 0)

@@ -1,0 +1,99 @@
+"""Llewellyn's absolute stability as a demand on the coupling (model/README.md, sections 4 and 5, paper eqs. 12 and 19).
+
+With G_hh = N/D and q = C/D (`vctune.model.loop.loop`), in the hand of an operator that always contains Z_h,
+
+    Re Z_c >= R = (|C||D| - Re(C conj D) - 2 Re Z_h Re(C conj N))/(2 (Re(N conj D) + Re Z_h |N|^2)),
+
+which is condition 3 of model/README.md, section 4 for Z_h = 0. The operator's mass is not in it: any reactance may
+be in the hand anyway. See model/README.md, section 9.
+"""
+
+from __future__ import annotations
+
+from vctune.model.loop.impedances import LoopResponse
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair, re_conj_product
+
+
+def moduli(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return |C||D|, scaled twice."""
+    C, D = loop.C_scaled, loop.D_scaled
+    return ops.modulus(C.re, C.im) * ops.modulus(D.re, D.im)
+
+
+def modulus_excess(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return (|q| - Re q) |D|^2 = |C||D| - Re(C conj D), (N s/m)^2, without cancellation.
+
+    With P = Re(C conj D) and Q = Im(C conj D) it is Q^2/(|C||D| + P) wherever P > 0.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies, not scaled.
+    """
+    product = moduli(loop, ops)
+    P = re_conj_product(loop.C_scaled, loop.D_scaled)
+    return ops.where_positive(
+        P,
+        lambda: loop.im_C_conj_D_scaled * loop.im_C_conj_D_scaled / (product + P),
+        lambda: (product - P) / loop.scale2,
+    )
+
+
+def llewellyn_demand(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return 2 (Re(N conj D) + Re Z_h |N|^2) R, (N s/m)^2; without an operator `modulus_excess`.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies, not scaled.
+    """
+    excess = modulus_excess(loop, ops)
+    return excess if loop.operator_relief is None else excess - loop.operator_relief
+
+
+def required_resistance(loop: LoopResponse, ops: Arithmetic) -> Number:
+    """Return R, the least admissible Re Z_c, N s/m: (|q| - Re q)/(2 Re G_hh) without an operator.
+
+    See model/README.md, section 4. No coupling is admissible where the loop's resistance is negative, every passive one
+    where R <= 0 otherwise.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    ops : arithmetic of its numbers
+
+    Returns
+    -------
+    Number
+        Of the shape of the loop's frequencies; divided by 0 where the resistance is 0.
+    """
+    return llewellyn_demand(loop, ops) / (2 * loop.resistance)
+
+
+def rollett_factor(loop: LoopResponse, Z_c: Pair, ops: Arithmetic) -> Number:
+    """Return Rollett's K = (2 Re p11 Re p22 - Re p12 p21)/|p12 p21|, at least 1 where ratio is.
+
+    See model/README.md, section 4.
+
+    Of the two-port that has absorbed the least operator, everything times |D + Z_h N|^2.
+
+    Parameters
+    ----------
+    loop : the velocity loop at some frequencies
+    Z_c : the coupling's impedance there, N s/m
+    ops : arithmetic of both
+    """
+    product = moduli(loop, ops) / loop.scale2
+    excess = 2 * loop.resistance * Z_c.re + re_conj_product(loop.C_scaled, loop.D_scaled) / loop.scale2
+    return (excess if loop.operator_relief is None else excess + loop.operator_relief) / product

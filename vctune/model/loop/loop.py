@@ -1,0 +1,65 @@
+"""The velocity loop at a frequency (model/README.md, sections 1, 2 and 12; paper eqs. 7, 9, 10, 11).
+
+With C_0 = A H (K_v + K_p/s), C_f = A H (K_v F + K_p/s), the motor's part W = m_1 s + b + C_f, the handle's Z_2 and the
+admittance y of the spring between them,
+
+    N = 1 + y W,   D = W + Z_2 N,   G_hh = N/D,   G_he = C_0/D,   q = F_s C_0/D.
+
+A rigid device has y = Z_2 = 0 and N = 1; if it is ideal too, F_s C_0 = C_f = C_0 = C and D = Z_d + C.
+"""
+
+from __future__ import annotations
+
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import DeviceResponse
+from vctune.model.loop.impedances import LoopResponse, controller_impedance
+from vctune.model.loop.loop_parts import loop_with_parts, perturbed_loop
+from vctune.model.numbers.arithmetic import Arithmetic
+from vctune.model.numbers.pair import Pair
+
+
+def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResponse:
+    """Evaluate the velocity loop of a device at a frequency.
+
+    Parameters
+    ----------
+    at : the device at omega > 0, or >= 0 in ball arithmetic
+    gains : K_v, K_p; without K_p, for certain, the law has no integrator
+    ops : arithmetic of both
+
+    Returns
+    -------
+    LoopResponse
+        Its numbers of the shape of omega; those that do not depend on it may be plain.
+    """
+    if at.factor is not None:
+        return perturbed_loop(at, at.factor, gains)
+    if not (at.estimate is None and at.sensor is None and at.spring is None):
+        return loop_with_parts(at, gains, ops)
+    omega, b, integral = at.omega, at.damping, not ops.is_zero(gains.position)
+    loop, reactance = controller_impedance(at, gains, *at.drive, integral=integral), at.mass * omega
+    re_C, C, scale2, im_slope = loop.re, loop.scaled, 1, None
+    if integral:
+        Z_d, scale2 = Pair(b * omega, reactance * omega), omega * omega
+        # re_C without the scale, so that this carries the scale once, not twice
+        im = b * C.im - Z_d.im * re_C
+        if ops.is_zero(b):
+            im_slope = -(reactance * re_C)
+    else:
+        Z_d = Pair(b, reactance)
+        im_slope = -(at.mass * re_C + b * (gains.velocity * at.drive.lag))
+        im = omega * im_slope
+    resistance, operator_relief = b + re_C, None
+    if at.operator is not None:
+        resistance, operator_relief = resistance + at.operator, 2 * at.operator * re_C
+    return LoopResponse(
+        C_scaled=C,
+        D_scaled=Z_d + C,
+        miss_scaled=Z_d,
+        numerator=None,
+        scale2=scale2,
+        im_C_conj_D_scaled=im,
+        im_slope=im_slope,
+        resistance=resistance,
+        operator_relief=operator_relief,
+    )

@@ -1,0 +1,1 @@
+"""Arithmetic: what formulas are evaluated in, and the units that numbers are in."""

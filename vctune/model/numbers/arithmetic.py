@@ -1,0 +1,177 @@
+"""The few operations a formula needs beyond + - * /, for each kind of number.
+
+Every formula of `vctune.model` takes an `Arithmetic` and is then evaluated on NumPy arrays (scan, margins, figures),
+CasADi symbols (the NLP), Arb balls and intervals on arrays with or without their derivatives (the proof).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import pi
+from typing import Any, Protocol
+
+import numpy as np
+
+Number = Any
+"""A float, a NumPy array, a CasADi symbol, an Arb ball or series, an `Enclosure` or a `Jet`."""
+
+
+class Arithmetic(Protocol):
+    """Elementary functions of one kind of number."""
+
+    @property
+    def pi(self) -> Number: ...
+    @property
+    def precision(self) -> float:
+        """How much of a number rounding takes, relative."""
+
+    @property
+    def arrays(self) -> ArrayArithmetic | None:
+        """The arithmetic itself where its numbers are arrays, None where they are single."""
+
+    def is_zero(self, x: Number) -> bool:
+        """Return whether a number is 0 for certain, so that what it multiplies can be left out."""
+
+    def sqrt(self, x: Number) -> Number: ...
+    def modulus(self, re: Number, im: Number) -> Number:
+        """Return |re + j im|, whose derivatives are bounded by those of its parts, at 0 too."""
+
+    def exp(self, x: Number) -> Number: ...
+    def sin(self, x: Number) -> Number: ...
+    def cos(self, x: Number) -> Number: ...
+    def sinc(self, x: Number) -> Number:
+        """Return sin(x)/x, continued by 1 at x = 0."""
+
+    def sinc_curvature(self, x: Number) -> Number:
+        """Return (1 - sin(x)/x)/x^2, continued by 1/6 at x = 0."""
+
+    def phi_1(self, x: Number) -> Number:
+        """Return (1 - e^-x)/x, the mean of e^-t over [0, x], continued by 1 at x = 0.
+
+        This is the function phi_1(z) = (e^z - 1)/z of exponential integrators at z = -x.
+        """
+
+    def phi_2(self, x: Number) -> Number:
+        """Return (x - 1 + e^-x)/x^2, continued by 1/2 at x = 0.
+
+        This is the function phi_2(z) = (e^z - 1 - z)/z^2 of exponential integrators at z = -x.
+        """
+
+    def where_positive(self, x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        """Return yes() where x > 0 and no() elsewhere."""
+
+    def interpolated(self, x: Number, table: tuple[tuple[float, float], ...]) -> Number:
+        """Return at x > 0 what is straight between the points of a table on logarithmic axes, constant beyond."""
+
+    def within(self, radius: Number) -> Number:
+        """Return the numbers between -radius and radius, enclosed; 0 where nothing is."""
+
+    def magnitude(self, x: Number) -> float:
+        """Return a number that no |x|, of all elements, exceeds; of plain numbers about that."""
+
+
+class ArrayArithmetic(Arithmetic, Protocol):
+    """Elementary functions of numbers that are arrays, and what only these have."""
+
+    def stacked(self, numbers: Sequence[Number]) -> Number:
+        """Return numbers as one with another axis in front, plain ones among them too."""
+
+    def matmul(self, a: Number, b: Number) -> Number:
+        """Return the products of matrices whose rows and columns are the first two axes."""
+
+
+SERIES_BELOW = 0.05
+"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
+a factor 2 more is lost, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. Twice: what the series of eight
+terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
+
+
+CURVATURE_BELOW = 0.5
+"""Where sinc_curvature changes from its series to its formula, whose two subtractions lose a factor 20/x^2 of the
+precision. Half: a factor 4 more is lost. Twice: what the series of seven terms leaves out, 2e-19 here, would be 3e-15,
+no longer less than rounding."""
+
+
+def sinc_curvature_series(x2: Number) -> Number:
+    """Return 1/3! - x^2/5! + x^4/7! - ... + x^12/15!, of x^2; what is left out is between -x^14/17! and 0."""
+    total: Number = 1
+    for n in (14, 12, 10, 8, 6, 4):
+        total = 1 - x2 * total / (n * (n + 1))
+    return total / 6
+
+
+class _FloatArithmetic:
+    """Double precision, elementwise over NumPy arrays."""
+
+    pi = pi
+    precision = 2.0**-53
+
+    @property
+    def arrays(self) -> ArrayArithmetic:
+        return self
+
+    @staticmethod
+    def stacked(numbers: Sequence[Number]) -> Number:
+        return np.stack(np.broadcast_arrays(*numbers))
+
+    @staticmethod
+    def matmul(a: Number, b: Number) -> Number:
+        return np.einsum("ij...,jk...->ik...", a, b)
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return bool(np.all(x == 0))
+
+    sqrt = staticmethod(np.sqrt)
+    exp = staticmethod(np.exp)
+
+    @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return np.sqrt(re * re + im * im)
+
+    sin = staticmethod(np.sin)
+    cos = staticmethod(np.cos)
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return np.sin(x) / x if np.all(x) else np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))
+
+    @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        small = np.abs(x) < CURVATURE_BELOW
+        safe = np.where(small, 1.0, x)
+        return np.where(small, sinc_curvature_series(x * x), (1 - np.sin(safe) / safe) / safe**2)
+
+    @staticmethod
+    def phi_1(x: Number) -> Number:
+        safe = np.where(x == 0, 1.0, x)
+        return np.where(x == 0, 1.0, -np.expm1(-safe) / safe)
+
+    @staticmethod
+    def phi_2(x: Number) -> Number:
+        safe = np.where(np.abs(x) < SERIES_BELOW, 1.0, x)
+        series = 0.5 + x * (
+            -1 / 6 + x * (1 / 24 + x * (-1 / 120 + x * (1 / 720 + x * (-1 / 5040 + x * (1 / 40320 - x / 362880)))))
+        )
+        return np.where(np.abs(x) < SERIES_BELOW, series, (safe + np.expm1(-safe)) / safe**2)
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(x > 0, yes(), no())
+
+    @staticmethod
+    def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
+        at, value = np.log(np.array(table)).T
+        return np.exp(np.interp(np.log(x), at, value))
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return 0.0
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        return float(np.max(np.abs(x)))
+
+
+FLOATS: ArrayArithmetic = _FloatArithmetic()

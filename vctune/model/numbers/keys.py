@@ -1,0 +1,25 @@
+"""The design variables by their keys in a problem file; light enough for the command line."""
+
+from __future__ import annotations
+
+from vctune.model.numbers.units import Units
+
+KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.mass", "coupling.drag")
+"""K_v, K_p, b_c, m_c, b_0 of an admittance display."""
+SPRING_KEYS = ("gains.velocity", "gains.position", "coupling.damping", "coupling.stiffness")
+"""K_v, K_p, which is 0, b_c, k_c of an impedance display."""
+SYMBOLS = dict(zip(KEYS, ("K_v", "K_p", "b_c", "m_c", "b_0"), strict=True)) | {SPRING_KEYS[3]: "k_c"}
+QUANTITIES = dict(zip(KEYS, ("damping", "stiffness", "damping", "mass", "damping"), strict=True)) | {
+    SPRING_KEYS[3]: "stiffness"
+}
+"""What stands for each variable in equations, and which quantity it is (`vctune.model.numbers.units`)."""
+
+
+def labelled(key: str, units: Units) -> str:
+    """Return the symbol of a variable with its unit, by its key."""
+    return f"{SYMBOLS[key]}, {units.of(QUANTITIES[key])}"
+
+
+def keys_of(count: int) -> tuple[str, ...]:
+    """Return the keys of a design that has so many numbers."""
+    return KEYS if count == len(KEYS) else SPRING_KEYS

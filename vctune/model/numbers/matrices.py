@@ -1,0 +1,296 @@
+"""Small matrices of any numbers, and their functions that a sampled system takes.
+
+Matrices are tuples of rows; a 0 that is there by structure is the integer 0, takes no part in products, and stays
+exactly 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cache
+from itertools import count
+from math import ceil, comb, factorial, inf, log2, pi
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.numbers.arithmetic import Arithmetic, ArrayArithmetic, Number
+
+Matrix = tuple[tuple[Number, ...], ...]
+Vector = tuple[Number, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A matrix in one number of two more axes, where arrays are: an operation is then one for all of its entries.
+
+    Attributes
+    ----------
+    entries : of shape (n, m, ...)
+    nonzero : which of them are not 0 by structure
+    ops : arithmetic of the entries
+    """
+
+    entries: Number
+    nonzero: NDArray[np.bool_]
+    ops: ArrayArithmetic
+
+    def mapped(self, entries: Number, other: Block) -> Block:
+        """Return other entries, 0 by structure where they are in both matrices."""
+        return Block(entries, self.nonzero | other.nonzero, self.ops)
+
+    def times(self, other: Block) -> Block:
+        """Return the product."""
+        return Block(self.ops.matmul(self.entries, other.entries), self.nonzero @ other.nonzero, self.ops)
+
+
+AnyMatrix = TypeVar("AnyMatrix", Matrix, Block)
+
+
+def blocked(matrix: Matrix, ops: Arithmetic) -> Any:
+    """Return a matrix as a `Block` in an arithmetic of arrays, as it is in another.
+
+    Parameters
+    ----------
+    matrix : of numbers of the arithmetic
+    ops : the arithmetic
+    """
+    arrays = ops.arrays
+    if arrays is None:
+        return matrix
+    nonzero = np.array([[not nothing(entry) for entry in row] for row in matrix])
+    flat = arrays.stacked([entry for row in matrix for entry in row])
+    return Block(flat[np.arange(len(matrix) * len(matrix[0])).reshape(len(matrix), -1)], nonzero, arrays)
+
+
+def rows_of(matrix: Matrix | Block) -> Matrix:
+    """Return a matrix as rows, what is 0 by structure as the integer 0."""
+    if not isinstance(matrix, Block):
+        return matrix
+    return tuple(
+        tuple(matrix.entries[i, j] if entry else 0 for j, entry in enumerate(row))
+        for i, row in enumerate(matrix.nonzero.tolist())
+    )
+
+
+LEFT_OUT = 2.0**-10
+"""What Taylor's polynomial of e^A, A of norm at most 1/2, leaves out, as a share of rounding; it is enclosed. Half and
+twice it are the same order mostly: 15 for doubles, 29 for 128 bits."""
+
+
+def exponential_less_one(matrix: Matrix, ops: Arithmetic) -> Matrix:
+    """Return e^A - 1 by scaling, Taylor's polynomial, what it leaves out enclosed, and squaring.
+
+    Parameters
+    ----------
+    matrix : A
+    ops : arithmetic of its entries
+    """
+    norm = norm_of(matrix, ops)
+    halvings = max(0, ceil(log2(norm)) + 1) if 0 < norm < inf else 0
+    small = blocked(scaled(matrix, 2.0**-halvings), ops)
+    total = term = small
+    x = norm / 2.0**halvings
+    # an entry that is 0 in A may first differ from it in the power that is as high as A has rows
+    last = next(n for n in count(len(matrix)) if not x ** (n + 1) / factorial(n + 1) > LEFT_OUT * ops.precision * x)
+    for order in range(2, last + 1):
+        term = shared(product(term, small), order)
+        total = added(total, term)
+    rest = ops.within(1.1 * x ** (last + 1) / factorial(last + 1))
+    found = _each(total, rest)
+    for _ in range(halvings):
+        found = added(scaled(found, 2), product(found, found))
+    return rows_of(found)
+
+
+COTH_WITHIN = 2.0
+"""Norm up to which (A/2) coth(A/2) is found by its series, whose radius is 2 pi. Half of it takes an inverse more,
+twice of it three times as many terms."""
+
+
+def half_coth(matrix: Matrix, ops: Arithmetic) -> Matrix:
+    """Return f(A) = (A/2) coth(A/2) = 1 + A^2/12 - A^4/720 + ..., doubled by f(2A) = f(A) + (A/2)^2/f(A).
+
+    Parameters
+    ----------
+    matrix : A, no eigenvalue of which is 2 pi j times an integer other than 0
+    ops : arithmetic of its entries
+    """
+    norm = norm_of(matrix, ops)
+    halvings = max(0, ceil(log2(norm / COTH_WITHIN))) if 0 < norm < inf else 0
+    half = blocked(scaled(matrix, 2.0**-halvings) if halvings else matrix, ops)
+    square = product(half, half)
+    ratio = (norm / 2.0**halvings / (2 * pi)) ** 2  # |B_2k|/(2k)! = 2 zeta(2k)/(2 pi)^2k
+    last = next(n for n in count(len(matrix)) if not 3.7 * ratio ** (n + 1) > LEFT_OUT * ops.precision * ratio)
+    term = shared(square, 2)
+    found = shared(term, 6)
+    for k in range(2, last + 1):
+        term = shared(product(term, square), (2 * k - 1) * (2 * k))
+        number = bernoulli(2 * k)
+        # from B_36 on a numerator is no double: rounding it and its product is the unit that enclosures add for one
+        numerator = number.numerator if ops.arrays is None else float(number.numerator)
+        found = added(found, shared(scaled(term, numerator), number.denominator))
+    one, quarter = identity(len(matrix)), rows_of(scaled(square, 0.25))
+    total = added(one, rows_of(_each(found, ops.within(3.7 * ratio ** (last + 1)))))
+    for _ in range(halvings):
+        total = added(total, product(quarter, inverse(total)))
+        quarter = scaled(quarter, 4)
+    return total
+
+
+@cache
+def bernoulli(n: int) -> Fraction:
+    """Return the Bernoulli number B_n."""
+    if n == 0:
+        return Fraction(1)
+    return -sum((comb(n + 1, k) * bernoulli(k) for k in range(n)), Fraction(0)) / (n + 1)
+
+
+def identity(n: int) -> Matrix:
+    """Return the matrix 1."""
+    return tuple(tuple(1 if i == j else 0 for j in range(n)) for i in range(n))
+
+
+def inverse(matrix: Matrix) -> Matrix:
+    """Return 1/A by elimination in the order of its rows: A must not be far from triangular, or from 1."""
+    n = len(matrix)
+    rows = [[*row, *one] for row, one in zip(matrix, identity(n), strict=True)]
+    for i in range(n):
+        pivot = rows[i][i]
+        rows[i] = [entry if nothing(entry) else 1 if j == i else entry / pivot for j, entry in enumerate(rows[i])]
+        for k in range(n):
+            factor = rows[k][i]
+            if k != i and not nothing(factor):
+                rows[k] = [
+                    0 if j == i else add(a, times(-factor, b))
+                    for j, (a, b) in enumerate(zip(rows[k], rows[i], strict=True))
+                ]
+    return tuple(tuple(row[n:]) for row in rows)
+
+
+def minors(rows: Sequence[Sequence[Number]]) -> dict[int, Number]:
+    """Return the determinants of n rows of n + 1 columns without one of them, by the column that is left out.
+
+    Expanded row by row without a division; those that are 0 by structure are absent.
+
+    Parameters
+    ----------
+    rows : of numbers that can be added and multiplied; None for 0
+    """
+    width = len(rows) + 1
+    found: dict[int, Number] = {0: None}
+    for row in rows:
+        wider: dict[int, Number] = {}
+        for columns, minor in found.items():
+            for j, entry in enumerate(row):
+                if entry is None or columns >> j & 1:
+                    continue
+                term = entry if minor is None else minor * entry
+                if (columns >> j).bit_count() % 2:
+                    term = term.scaled(-1)
+                both = columns | 1 << j
+                wider[both] = wider[both] + term if both in wider else term
+        found = wider
+    everything = (1 << width) - 1
+    return {(everything ^ columns).bit_length() - 1: minor for columns, minor in found.items()}
+
+
+def characteristic(psi: Matrix) -> tuple[Vector, list[Matrix]]:
+    """Return det(x - psi) and the adjugate of x - psi, by Faddeev and LeVerrier.
+
+    Parameters
+    ----------
+    psi : n x n
+
+    Returns
+    -------
+    coefficients : of x^0 to x^(n-1); that of x^n is 1
+    adjugate : matrices that are its coefficients, of x^0 to x^(n-1)
+    """
+    n = len(psi)
+    matrix, matrices, coefficients = identity(n), [identity(n)], []
+    for k in range(1, n + 1):
+        moved = product(psi, matrix)
+        trace: Number = 0
+        for i in range(n):
+            trace = add(trace, moved[i][i])
+        c = trace / -k
+        coefficients.append(c)
+        if k < n:
+            matrix = tuple(
+                tuple(add(entry, c) if i == j else entry for j, entry in enumerate(row)) for i, row in enumerate(moved)
+            )
+            matrices.append(matrix)
+    return tuple(reversed(coefficients)), matrices[::-1]
+
+
+def _each(matrix: AnyMatrix, rest: Number) -> AnyMatrix:
+    """Return A and, in each entry that is not 0 by structure, another number."""
+    if isinstance(matrix, Block):
+        return matrix.mapped(matrix.entries + rest, matrix)
+    return tuple(tuple(entry if nothing(entry) else entry + rest for entry in row) for row in matrix)
+
+
+def norm_of(matrix: Matrix, ops: Arithmetic) -> float:
+    """Return a number that no row sum of |A| exceeds."""
+    return max(sum(ops.magnitude(entry) for entry in row if not nothing(entry)) for row in matrix)
+
+
+def nothing(x: Number) -> bool:
+    return type(x) is int and x == 0
+
+
+def add(a: Number, b: Number) -> Number:
+    return b if nothing(a) else a if nothing(b) else a + b
+
+
+def times(a: Number, b: Number) -> Number:
+    return 0 if nothing(a) or nothing(b) else a * b
+
+
+def dot(a: Iterable[Number], b: Iterable[Number]) -> Number:
+    total: Number = 0
+    for x, y in zip(a, b, strict=True):
+        total = add(total, times(x, y))
+    return total
+
+
+def applied(matrix: Matrix, vector: Vector) -> Vector:
+    """Return A x."""
+    return tuple(dot(row, vector) for row in matrix)
+
+
+def product(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
+    """Return A B."""
+    if isinstance(a, Block):
+        return a.times(b)
+    columns = tuple(zip(*b, strict=True))
+    return tuple(tuple(dot(row, column) for column in columns) for row in a)
+
+
+def added(a: AnyMatrix, b: AnyMatrix) -> AnyMatrix:
+    """Return A + B."""
+    if isinstance(a, Block):
+        return a.mapped(a.entries + b.entries, b)
+    return tuple(tuple(add(x, y) for x, y in zip(one, two, strict=True)) for one, two in zip(a, b, strict=True))
+
+
+def scaled(matrix: AnyMatrix, factor: Number) -> AnyMatrix:
+    """Return A times a number."""
+    if isinstance(matrix, Block):
+        return matrix.mapped(matrix.entries * factor, matrix)
+    return tuple(tuple(times(entry, factor) for entry in row) for row in matrix)
+
+
+def shared(matrix: AnyMatrix, count: Number) -> AnyMatrix:
+    """Return A divided by a number."""
+    if isinstance(matrix, Block):
+        return matrix.mapped(matrix.entries / count, matrix)
+    return tuple(tuple(entry if nothing(entry) else entry / count for entry in row) for row in matrix)
+
+
+def column(matrix: Matrix, index: int) -> Vector:
+    return tuple(row[index] for row in matrix)

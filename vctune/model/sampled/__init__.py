@@ -1,0 +1,1 @@
+"""The loop exactly as it is sampled, let go and in a hand."""

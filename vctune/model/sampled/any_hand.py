@@ -1,0 +1,258 @@
+"""What an impedance display must offer for any passive hand, in sampled time (model/README.md, section 15).
+
+With y, s and F of `impedance_display`, the motor of a rigid device answers with a point of the disc around 1/(2b) of
+that radius at each frequency and at each of its aliases omega_n = omega + 2 pi n/T, independently, so that
+
+    G_y = sum over n of 4 s^2/(omega_n T)^2 A(j omega_n) e^{-j (theta + omega_n delay)} (1 + u_n)/(2b),   |u_n| <= 1:
+
+a disc too, of centre c and radius r. Without an actuator both sums are closed; a delay that is no whole number of
+samples turns the aliases against each other and costs more than its size. The disc's image under G/(1 + K_v F G) gives
+
+    R/s^2 = [r - Re c - (|c|^2 - r^2) K_v Re F]/s^2 / (1 + 2 K_v Re(F c) + K_v^2 |F|^2 (|c|^2 - r^2)).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.filters import actuator_response
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.impedance_display import Required, firmware_filter
+
+ALIASES = 24
+"""Pairs of aliases that are added up one by one behind an actuator or a spring; those beyond are bounded. With half of
+them R is known to a thousandth at the Nyquist frequency, with twice as many to a tenth of that."""
+
+
+class InAnyHand(NamedTuple):
+    """R/s^2 in any passive hand, (lost + K_v lost_slope)/(1 + K_v size_slope + K_v^2 size_square)."""
+
+    lost: Number
+    lost_slope: Number
+    size_slope: Number
+    size_square: Number
+
+
+class AnyHand(NamedTuple):
+    """What y answers a force with, in any passive hand: a disc of centre c and radius r at each frequency.
+
+    Attributes
+    ----------
+    short : (r - Re c)/s^2
+    beyond : (|c|^2 - r^2)/s^2
+    centre : c
+    low_pass : F there; None for 1
+    sine2 : s^2
+    """
+
+    short: Number
+    beyond: Number
+    centre: Pair
+    low_pass: Pair | None
+    sine2: Number
+
+    @property
+    def of_velocity(self) -> InAnyHand:
+        """What is lost, and its size, as polynomials in K_v."""
+        low_pass, inside = self.low_pass, self.beyond * self.sine2
+        if low_pass is None:
+            return InAnyHand(self.short, -self.beyond, 2 * self.centre.re, inside)
+        along = low_pass.re * self.centre.re - low_pass.im * self.centre.im
+        return InAnyHand(self.short, -(self.beyond * low_pass.re), 2 * along, low_pass.abs2() * inside)
+
+    def required(self, gains: Gains) -> Required:
+        """Return R/s^2, of which only K_v counts."""
+        K_v, of = gains.velocity, self.of_velocity
+        return Required(of.lost + K_v * of.lost_slope, 1 + K_v * of.size_slope + K_v * K_v * of.size_square)
+
+
+def any_hand(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> AnyHand:
+    """Return what any passive hand at the handle makes of a device.
+
+    Parameters
+    ----------
+    device : b > 0, in numbers of the arithmetic
+    whole : N, whole samples of its delay
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    fractional : whether a part of a sample remains
+    """
+    disc, sine = _disc(device, whole, theta, ops, fractional=fractional), ops.sin(theta / 2)
+    return AnyHand(*disc, firmware_filter(device, theta, ops), sine * sine)
+
+
+class _Disc(NamedTuple):
+    """The first three of `AnyHand`."""
+
+    short: Number
+    beyond: Number
+    centre: Pair
+
+
+def _disc(device: Device, whole: Number, theta: Number, ops: Arithmetic, *, fractional: bool) -> _Disc:
+    if device.actuator is not None or device.structure is not None:
+        return _sum_of_aliases(device, theta, ops)
+    b, steps, half = device.least_damping, whole + 1, ops.sinc(theta / 2)
+
+    def turned(n: Number) -> tuple[Number, Pair]:
+        """Return (1 - cos n theta)/(2 s^2) and e^{-j n theta}."""
+        chord = n * (ops.sinc(theta * (n * 0.5)) / half)
+        return chord * chord, Pair(ops.cos(theta * n), -ops.sin(theta * n))
+
+    short, centre = turned(steps)
+    if not fractional:
+        return _Disc(short / b, 0, centre.scaled(1 / (2 * b)))
+    part = device.delay / device.sample_time - whole
+    later, turn = turned(steps + 1)
+    short, centre = (1 - part) * short + part * later, centre.scaled(1 - part) + turn.scaled(part)
+    return _Disc(short / b, -(part * (1 - part)) / (b * b), centre.scaled(1 / (2 * b)))
+
+
+class _Alias(NamedTuple):
+    """What the motor answers a force with at one frequency, the delays turned: a disc around centre of that radius.
+
+    Attributes
+    ----------
+    centre : A e^{-j psi} C
+    radius : |A| rho
+    """
+
+    centre: Pair
+    radius: Number
+
+
+def _sum_of_aliases(device: Device, theta: Number, ops: Arithmetic) -> _Disc:
+    """Return the disc of a device with an actuator or a structure: c = h B + s^2 C', r = h |B| + s^2 R'.
+
+    The first alias has the weight h = (2 s/theta)^2, every other one (2 s/(theta + 2 pi n))^2.
+    """
+    near, short = _first_alias(device, theta, ops)
+    others, radius = Pair(0 * theta, 0 * theta), 0 * theta
+    for n in (sign * k for k in range(1, ALIASES + 1) for sign in (-1, 1)):
+        at = theta + 2 * ops.pi * n
+        alias, inverse = _alias(device, theta, at, ops), 2 / at
+        weight = inverse * inverse
+        others, radius = others + alias.centre.scaled(weight), radius + alias.radius * weight
+    reach, rest = _beyond_the_last(device, ops)
+    off, rest = ops.within(ops.magnitude(reach)), ops.magnitude(rest) / 2
+    others, radius = Pair(others.re + off, others.im + off), radius + (rest + ops.within(rest))
+    sine, half = ops.sin(theta / 2), ops.sinc(theta / 2)
+    square, h = sine * sine, half * half
+    beyond = h * h * near.beyond + 2 * h * (near.centre.re * others.re + near.centre.im * others.im)
+    beyond = beyond - 2 * h * near.radius * radius + square * (others.abs2() - radius * radius)
+    centre = near.centre.scaled(h) + others.scaled(square)
+    return _Disc(short + (radius - others.re), beyond, centre)
+
+
+def _alias(device: Device, theta: Number, at: Number, ops: Arithmetic) -> _Alias:
+    """Return what the motor answers at omega = at/T; in hands of all kinds Z_s beside Z_x is a disc around 1/(2 g)."""
+    drive = drive_at(device, theta, at, ops)
+    size = 1 if device.actuator is None else ops.sqrt(drive.abs2())
+    rho, reactance, g = motor_disc(device, at / device.sample_time, ops)
+    if g is None:
+        return _Alias(drive.scaled(rho), size * rho)
+    centre = drive * Pair(1 + 2 * g * device.damping, -(2 * g * reactance))
+    return _Alias(centre.scaled(rho), size * rho)
+
+
+def drive_at(device: Device, theta: Number, at: Number, ops: Arithmetic) -> Pair:
+    """Return A e^{-j (theta + omega delay)}, from the held force to the motor's at one alias, a sample late.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    theta : omega T, rad
+    at : that of the alias, theta + 2 pi n
+    ops : arithmetic of all of these
+    """
+    turn = theta + at * (device.delay / device.sample_time)
+    delayed = Pair(ops.cos(turn), -ops.sin(turn))
+    if device.actuator is None:
+        return delayed
+    omega = at / device.sample_time
+    A = actuator_response(device.actuator, omega, ops)
+    return delayed * Pair(A.re, -(omega * A.lag))
+
+
+def motor_disc(device: Device, omega: Number, ops: Arithmetic) -> tuple[Number, Number, Number | None]:
+    """Return rho, omega m_1 and g = Re 1/Z_s: the motor's admittance is in the disc of radius rho around C.
+
+    C = rho (1 + 2 g (b - j omega m_1)). Of a rigid device they are 1/(2 b), omega m and None.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    omega : rad/s
+    ops : arithmetic of both
+    """
+    b, reactance = device.damping, omega * device.motor_mass
+    if device.structure is None:
+        return 1 / (2 * device.least_damping), reactance, None
+    loss = _loss(device, omega, ops)
+    g = omega * omega * loss
+    return 1 / (2 * b + 2 * g * (b * b + reactance * reactance)), reactance, g
+
+
+def _loss(device: Device, omega: Number, ops: Arithmetic) -> Number:
+    """Return g/omega^2 = c/(k^2 + (omega c)^2) of the spring."""
+    assert device.structure is not None
+    parts = mechanism(device, device.structure, ops)
+    return parts.viscosity / (parts.stiffness * parts.stiffness + (omega * parts.viscosity) * (omega * parts.viscosity))
+
+
+class _First(NamedTuple):
+    """The first alias: its disc, and (|centre|^2 - radius^2)/s^2."""
+
+    centre: Pair
+    radius: Number
+    beyond: Number
+
+
+def _first_alias(device: Device, theta: Number, ops: Arithmetic) -> tuple[_First, Number]:
+    """Return the first alias and h (radius - Re centre)/s^2 = (2/theta)^2 (radius - Re centre), regular at 0."""
+    T, b = device.sample_time, device.damping
+    omega, d = theta / T, device.delay / T
+    alias, (rho, reactance, g) = _alias(device, theta, theta, ops), motor_disc(device, omega, ops)
+    turn = theta * (1 + d)
+    if device.actuator is None:
+        passed, chord = Pair(ops.cos(turn), -ops.sin(turn)), (1 + d) * ops.sinc(turn / 2)
+        short, size2 = 2 * (chord * chord), 1
+    else:
+        A = actuator_response(device.actuator, omega, ops)
+        passed = Pair(ops.cos(turn), -ops.sin(turn)) * Pair(A.re, -(omega * A.lag))
+        size2 = passed.abs2()
+        size = ops.sqrt(size2)
+        slope = A.re * ((1 + d) * ops.sinc(turn)) + A.lag / T * ops.cos(turn)  # -Im/theta
+        short = 4 * ops.where_positive(
+            passed.re,
+            lambda: slope * slope / (size + passed.re),
+            lambda: (size - passed.re) / (theta * theta),
+        )
+    if g is None:
+        return _First(alias.centre, alias.radius, 0), rho * short
+    loss, half, across = _loss(device, omega, ops) / (T * T), ops.sinc(theta / 2), b * b + reactance * reactance
+    short = rho * (short - 8 * loss * (passed.re * b + passed.im * reactance))
+    beyond = 16 * loss * size2 * (rho * rho) * (b + g * across) / (half * half)
+    return _First(alias.centre, alias.radius, beyond), short
+
+
+def _beyond_the_last(device: Device, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return bounds of |C'| and of R' of all aliases beyond the last that is added up.
+
+    Their weights sum to at most 2/(pi^2 N), and A, rho and the bound of |C| fall from the first of them on.
+    """
+    omega = (2 * ALIASES + 1) * ops.pi / device.sample_time
+    weight = 2 / (ops.pi * ops.pi * ALIASES)
+    if device.actuator is not None:
+        A = actuator_response(device.actuator, omega, ops)
+        weight = weight * ops.sqrt(A.re * A.re + (omega * A.lag) * (omega * A.lag))
+    rho, reactance, g = motor_disc(device, omega, ops)
+    if g is None:
+        return weight * rho, weight * rho
+    b = device.damping
+    along = ops.where_positive(reactance - b, lambda: (1 + 2 * g * b) * rho, lambda: 1 / b)
+    return weight * (along + 1 / reactance), weight * rho

@@ -1,0 +1,153 @@
+"""An impedance display, motion in and force out, in sampled time (model/README.md, section 15).
+
+The firmware measures a position x and commands the force -(f_c + K_v F y), where y = (1 - z^-1) x/T is the differenced
+position, F its low-pass and f_c the coupling's force. The environment and the coupling,
+
+    Z_c = b_c F + k_c T/(1 - z^-1) = b_c F + k_c T/2 - j k_c (T/2) cot(theta/2),
+
+are met through y, with which all is an admittance: the loop is stable with every environment that is passive in (f, y)
+if Re 1/Z_c > R = -Re(G_y/(1 + K_v F G_y)), with G_y from the commanded force to y. Both sides vanish with
+s^2 = sin^2(theta/2) at omega = 0, and are divided by it: what is offered is Re(1/Z_c)/s^2, and what is required R/s^2.
+
+In one hand G_y = 2 j s e^{-j theta/2} G_x/T comes from the sampled mechanism (`hand_loop`). For any passive hand see
+`any_hand`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains, SpringDamper
+from vctune.model.loop.filters import firmware_low_pass
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import EvenOdd, Pair
+
+
+class ForceInHand(NamedTuple):
+    """The loop of an impedance display in a hand: F = open + K_v velocity, and G_y/s^2 = met/(2 j s F) without f_c.
+
+    Attributes
+    ----------
+    open, velocity : parts of F
+    met : by the environment, of the units of the gains' inverse
+    """
+
+    open: EvenOdd
+    velocity: EvenOdd
+    met: EvenOdd
+
+    def closed(self, gains: Gains) -> EvenOdd:
+        """Return F."""
+        return self.open + self.velocity.scaled(gains.velocity)
+
+    def numerator(self, _gains: Gains) -> EvenOdd:
+        """Return what is over 2 j s F, which no gain is in."""
+        return self.met
+
+
+def firmware_filter(device: Device, theta: Number, ops: Arithmetic) -> Pair | None:
+    """Return F, the firmware's low-passes of the velocity, on the unit circle; None without any.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    """
+    estimate, omega = device.velocity, theta / device.sample_time
+    one = None if estimate is None else firmware_low_pass(estimate, device.sample_time, omega, ops)
+    if one is None or estimate is None:
+        return None
+    once = Pair(one.re, -(omega * one.lag))
+    return once if estimate.filter_order == 1 else once * once
+
+
+class Offered(NamedTuple):
+    """Re(1/Z_c)/sin^2(theta/2) = above/below, m/(N s), with below > 0."""
+
+    above: Number
+    below: Number
+
+    @property
+    def quotient(self) -> Number:
+        """Re(1/Z_c)/sin^2(theta/2), m/(N s)."""
+        return self.above / self.below
+
+
+def offered_by_spring(
+    coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
+) -> Offered:
+    """Return Re(1/Z_c)/sin^2(theta/2).
+
+    Parameters
+    ----------
+    coupling : k_c > 0
+    sample_time : T, s
+    low_pass : F there; None for 1
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
+    if low_pass is None:
+        resistance = coupling.damping + half
+        loss, spring = sin * resistance, half * cos
+        return Offered(resistance, loss * loss + spring * spring)
+    resistance = coupling.damping * low_pass.re + half
+    loss, spring = sin * resistance, half * cos - sin * (coupling.damping * low_pass.im)
+    return Offered(resistance, loss * loss + spring * spring)
+
+
+def spring_forms(
+    device: Device, theta: Number, ops: Arithmetic
+) -> tuple[tuple[Number, Number], tuple[Number, Number, Number]]:
+    """Return Re Z_c's coefficients of b_c and k_c, and those of b_c^2, b_c k_c and k_c^2 in s^2 |Z_c|^2.
+
+    A quadratic form is known from three couplings.
+
+    Parameters
+    ----------
+    device : whose firmware runs them, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    """
+    T, low_pass, zero = device.sample_time, firmware_filter(device, theta, ops), 0 * theta
+    damper, spring, both = (
+        offered_by_spring(SpringDamper(b_c, k_c), T, low_pass, theta, ops)
+        for b_c, k_c in ((T, 0 * T), (0 * T, 1 + 0 * T), (T, 1 + 0 * T))
+    )
+    crossed = (both.below - damper.below - spring.below) / T
+    return (damper.above / T + zero, spring.above + zero), (damper.below / (T * T), crossed, spring.below + zero)
+
+
+def spring_damper_admittance(
+    coupling: SpringDamper, sample_time: Number, low_pass: Pair | None, theta: Number, ops: Arithmetic
+) -> Pair:
+    """Return 1/Z_c, m/(N s).
+
+    Parameters
+    ----------
+    coupling : k_c > 0
+    sample_time : T, s
+    low_pass : F there; None for 1
+    theta : omega T, rad, in (0, pi]
+    ops : arithmetic of all of these
+    """
+    half, sin, cos = coupling.stiffness * sample_time / 2, ops.sin(theta / 2), ops.cos(theta / 2)
+    passed = low_pass or Pair(1, 0)
+    re, im = coupling.damping * passed.re + half, coupling.damping * passed.im - half * cos / sin
+    size = re * re + im * im
+    return Pair(re / size, -im / size)
+
+
+class Required(NamedTuple):
+    """R = lost/size, the least admissible Re Z_c, or of an impedance display R/s^2, the least Re(1/Z_c)/s^2.
+
+    Attributes
+    ----------
+    lost : N s/m, of an impedance display m/(N s)
+    size : |F|^2 in one hand; in any, positive where none makes the loop of K_v alone unstable at this frequency
+    """
+
+    lost: Number
+    size: Number

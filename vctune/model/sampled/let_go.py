@@ -1,0 +1,182 @@
+"""The sampled loop of a device let go, for boxes of devices (model/README.md, section 14).
+
+The polynomials of a sampled device are sums that cancel: where its numbers are not known exactly, enclosures of them
+are wide. Those of x' = A x + b u, held and sampled exactly as (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u
+with Q = (A/2) coth(A/2), are hardly wider than what they enclose. The states are the motor's position, the velocity of
+the centre of mass, how far the spring is bent and how fast: so the resonance has no mass in it. None but the position's
+own row depends on the position, so that its integrator 2 j s can be left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.device import Device
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.matrices import Matrix, Vector, added, applied, half_coth, scaled
+from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.sampled import velocity_loop as sampled
+from vctune.model.sampled.plant_in_hand import equations, filter_rows, numerators
+from vctune.model.sampled.state_space import left_by_older
+from vctune.model.sampled.velocity_loop import ReturnDifference, SampledPlant
+
+
+@dataclass(frozen=True, slots=True)
+class PlantLetGo:
+    """A device over a sample; in the equation of this module, with T = 1.
+
+    Attributes
+    ----------
+    rates, step : A and Q
+    push, older : b and b_1, None for 0
+    lead : what the motor's velocity has of the rate of bending beside the velocity of the centre of mass; None if rigid
+    whole_samples : N, of the delay
+    sample_time, mass : T and m, of the units
+    difference : whether the velocity is that of the position
+    low_pass, order : a and r of the firmware's low-passes of the velocity; None without
+    """
+
+    rates: Matrix
+    step: Matrix
+    push: Vector
+    older: Vector | None
+    lead: Number | None
+    whole_samples: Number
+    sample_time: Number
+    mass: Number
+    difference: bool = False
+    low_pass: Number | None = None
+    order: int = 0
+
+
+Plant = SampledPlant | PlantLetGo
+"""A sampled device let go, in either form."""
+
+
+HIGHEST = 0.75
+"""Resonance, in sampling frequencies, up to which this form is used: at 1 its Q has a pole."""
+
+
+def has_sharp_form(device: Device) -> bool:
+    """Return whether enclosures of a device are sharper in this form: it has more than a closed form's states.
+
+    Parameters
+    ----------
+    device : in plain numbers
+    """
+    if device.structure is not None:
+        return bool(device.structure.frequency_hz * device.sample_time < HIGHEST)
+    return device.actuator is not None
+
+
+def plant_let_go(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> PlantLetGo:
+    """Sample a device exactly that nobody holds, but for what its structure is loaded with.
+
+    Parameters
+    ----------
+    device : its force sensor is not in its loop
+    whole_samples : N, of its delay
+    ops : arithmetic of the device's numbers
+    fractional : whether a part of a sample remains
+    """
+    T, estimate = device.sample_time, device.velocity
+    rates, push, lead, mass = _mechanism(device, ops)
+    rounded, older = half_coth(rates, ops), None
+    if fractional:
+        rows = (*((*row, b) for row, b in zip(rates, push, strict=True)), (0,) * (len(push) + 1))
+        left = left_by_older(rows, (device.delay - whole_samples * T) / T, ops)
+        older = applied(added(rounded, scaled(rates, -0.5)), left[:-1])
+    low_pass, order = None, 0
+    if estimate is not None and estimate.filter_hz is not None:
+        (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
+    differenced = estimate is not None and estimate.source == "difference"
+    return PlantLetGo(rates, rounded, push, older, lead, whole_samples, T, mass, differenced, low_pass, order)
+
+
+def _mechanism(device: Device, ops: Arithmetic) -> tuple[Matrix, Vector, Number | None, Number]:
+    """Return A, b, the lead and the mass that b is in units of.
+
+    The velocity V of the centre of mass and the spring's bend B have, with r the handle's share of the mass m and
+    without a load,
+
+        m V' = u - b v,   B'' = (u - b v)/((1 - r) m) - w^2 B - 2 zeta w B',   v = V + r B'.
+    """
+    T, actuator, structure = device.sample_time, device.actuator, device.structure
+    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    names = ["position", "velocity"]
+    names += ["bend", "bending"] if structure is not None else []
+    names += ["force", "rate"][: actuator.order] if actuator is not None else []
+    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
+    rows["position"]["velocity"], pushed = one, {"velocity": one}
+    load = structure.load if structure is not None else None
+    mass, lead = device.mass if load is None else device.mass + load.mass, None
+    own = device.damping * T / mass
+    rows["velocity"]["velocity"] = -own
+    if structure is not None:
+        handle = structure.handle_mass if load is None else structure.handle_mass + load.mass
+        lead = handle / mass
+        rest, rate = 1 - lead, 2 * ops.pi * structure.frequency_hz * T
+        stiff, loss = rate * rate, 2 * structure.damping_ratio * rate
+        if load is not None:
+            eased = structure.handle_mass / handle * (mass / device.mass)
+            stiff, loss = stiff * eased, loss * eased
+        rows["position"]["bending"], rows["velocity"]["bending"] = lead, -(own * lead)
+        rows["bend"]["bending"] = one
+        rows["bending"] = {"velocity": -(own / rest), "bend": -stiff, "bending": -(loss + own * lead / rest)}
+        pushed["bending"] = 1 / rest
+        if load is not None:
+            held = load.damping * T / mass
+            rows["velocity"]["velocity"], rows["velocity"]["bending"] = -(own + held), held * rest - own * lead
+            rows["bending"]["velocity"] = held / lead - own / rest
+            rows["bending"]["bending"] = -(loss + own * lead / rest + held * rest / lead)
+    push: dict[str, Number] = dict.fromkeys(names, 0)
+    if actuator is None:
+        push |= pushed
+    else:
+        for name, share in pushed.items():
+            rows[name]["force"] = share
+        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
+        push[("force", "rate")[actuator.order - 1]] = corner
+    return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()), tuple(push.values()), lead, mass
+
+
+def return_difference(plant: Plant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
+    """Evaluate the parts of F at z = e^{j theta}, of a `PlantLetGo` times a number that is not 0.
+
+    Parameters
+    ----------
+    plant : of a device let go
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
+
+    Returns
+    -------
+    ReturnDifference
+        Each part of the shape of theta.
+    """
+    if isinstance(plant, SampledPlant):
+        return sampled.return_difference(plant, theta, ops, position=position)
+    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
+    square, steps, unit = sin * sin, plant.whole_samples + 0.5, plant.sample_time / plant.mass
+
+    def pair(x: EvenOdd) -> Pair:
+        return Pair(x.even, sin * x.odd)
+
+    rows = equations(plant.rates, plant.step, plant.push, plant.older, cos, square)
+    rows[0][0] = EvenOdd(1, 0, square)  # over 2 j s
+    found = numerators(rows)
+    turned, back = Pair(ops.cos(theta * steps), -ops.sin(theta * steps)), Pair(cos, -sin)
+    open_loop, travel = pair(found[len(rows)]), pair(found[0]) * turned * back
+    motor = found[1] if plant.lead is None else found[1] + found[3].scaled(plant.lead)
+    velocity = travel if plant.difference else pair(motor) * turned
+    if plant.low_pass is not None:
+        a = plant.low_pass
+        for _ in range(plant.order):
+            once = Pair(a * cos, (2 - a) * sin)
+            velocity, open_loop, travel = velocity * Pair(a * cos, a * sin), open_loop * once, travel * once
+    if not position:
+        return ReturnDifference(open_loop, velocity.scaled(unit), Pair(0, 0))
+    d = Pair(2 * square, 2 * sin * cos)
+    return ReturnDifference(open_loop * d, velocity.scaled(unit) * d, travel.scaled(unit * plant.sample_time))

@@ -1,0 +1,315 @@
+"""Device and hand as one mechanism, held and sampled exactly (model/README.md, section 14).
+
+E x' = A x + b u, dimensionless with T = 1, in which the masses are in E alone, damping and stiffness of the hand in A.
+Held and sampled, with theta = omega T, s = sin(theta/2) and c = cos(theta/2),
+
+    (2 j s Q - c A) x = e^{j theta/2} z^-(N+1) (b - d b_1) u,   Q = f(A/E) E,   f(X) = (X/2) coth(X/2),
+
+where d = 1 - z^-1, b_1 is the share of the older force of a sample and f(X) = 1 + X^2/12 - ...: nearly the mechanism
+itself with 2 j tan(theta/2) in the place of s, so that its low frequencies hardly depend on the mass.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, TypeVar
+
+from vctune.model.device import Device
+from vctune.model.hands import Hand
+from vctune.model.loop.device_response import mechanism
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.matrices import (
+    Matrix,
+    Vector,
+    add,
+    added,
+    applied,
+    half_coth,
+    minors,
+    nothing,
+    scaled,
+    times,
+)
+from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.sampled.state_space import left_by_older
+from vctune.model.sampled.velocity_loop import split_delay
+
+Complex = TypeVar("Complex", EvenOdd, Pair)
+
+
+@dataclass(frozen=True, slots=True)
+class Delays:
+    """The whole samples of two delays, and whether a part of a sample remains.
+
+    Attributes
+    ----------
+    loop : N, of the device's delay
+    loop_fractional : whether there is an older force in a sample
+    felt : the same of the sum with the force sensor's delay
+    felt_fractional : whether there is an older force in what is felt
+    """
+
+    loop: Number
+    loop_fractional: bool
+    felt: Number
+    felt_fractional: bool
+
+
+def delays_of(device: Device) -> Delays:
+    """Return the delays of a device whose numbers are plain."""
+    loop, left = split_delay(device.delay, device.sample_time)
+    late = device.force_sensor.delay if device.force_sensor is not None else 0.0
+    felt, felt_left = split_delay(device.delay + late, device.sample_time)
+    return Delays(loop, left > 0, felt, felt_left > 0)
+
+
+class Mechanism(NamedTuple):
+    """E x' = A x + b u of a device in a hand, dimensionless.
+
+    Attributes
+    ----------
+    names : of the states
+    inertia : diagonal of E, by state; 1 where it is not named
+    sensed : what else is in E, of the handle's acceleration, by the row of the sensor's filter
+    rates : rows of A
+    push : b
+    felt : what is sensed of x, by state
+    felt_inertia : what is sensed of the handle's acceleration; None with a filter
+    handle : state that is the handle's velocity
+    """
+
+    names: list[str]
+    inertia: dict[str, Number]
+    sensed: dict[str, Number]
+    rates: Matrix
+    push: Vector
+    felt: dict[str, Number]
+    felt_inertia: Number | None
+    handle: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlantInHand:
+    """A device in a hand over a sample; in the equation of this module.
+
+    Attributes
+    ----------
+    rates, step : A and Q
+    push, older, felt_older : b, b_1 of the loop, and b_1 of what is felt, whose delay is longer; None where it is 0
+    felt : what is sensed of the states, -G_f is with the handle's inertia
+    felt_inertia : row of what is sensed of d x, and what of d b_1 u; None with a filter
+    delays : whole samples
+    sample_time, mass : T and m, of the units
+    difference : whether the velocity is that of the position
+    low_pass, order : a and r of the firmware's low-passes of the velocity; None without
+    renders_force : whether it is an impedance display, whose environment meets the position
+    """
+
+    rates: Matrix
+    step: Matrix
+    push: Vector
+    older: Vector | None
+    felt_older: Vector | None
+    felt: Vector
+    felt_inertia: tuple[Vector, Vector] | None
+    delays: Delays
+    sample_time: Number
+    mass: Number
+    difference: bool = False
+    low_pass: Number | None = None
+    order: int = 0
+    renders_force: bool = False
+
+    @property
+    def poles(self) -> int:
+        """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
+        return len(self.push) + (0 if self.renders_force else self.order)
+
+
+def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> PlantInHand:
+    """Sample a device in a hand exactly.
+
+    Parameters
+    ----------
+    device : its least operator is not counted
+    hand : what holds the handle
+    delays : whole samples of the device's and the sensor's delay
+    ops : arithmetic of the device's and the hand's numbers
+
+    Returns
+    -------
+    PlantInHand
+        Its numbers of the shape of the device's and the hand's.
+    """
+    T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
+    parts = _mechanism(device, hand, ops)
+    at = {name: index for index, name in enumerate(parts.names)}
+    over = _over_inertia(parts, at)
+    rounded = half_coth(over, ops)
+    step = _times_inertia(rounded, parts, at)
+
+    def older(delay: Number, whole: Number, *, fractional: bool) -> Vector | None:
+        if not fractional:
+            return None
+        n = len(parts.names)
+        rows = (*((*row, push) for row, push in zip(over, parts.push, strict=True)), (0,) * (n + 1))
+        left = left_by_older(rows, (delay - whole * T) / T, ops)
+        return applied(added(rounded, scaled(over, -0.5)), left[:-1])
+
+    before = felt_before = older(device.delay, delays.loop, fractional=delays.loop_fractional)
+    if sensor is not None and not ops.is_zero(sensor.delay):
+        felt_before = older(device.delay + sensor.delay, delays.felt, fractional=delays.felt_fractional)
+    felt_inertia = None
+    if parts.felt_inertia is not None:
+        row = at[parts.handle]
+        moved = tuple(
+            times(add(q, times(a, 0.5)), parts.felt_inertia) for q, a in zip(step[row], parts.rates[row], strict=True)
+        )
+        left = () if felt_before is None else (times(felt_before[row], parts.felt_inertia),)
+        felt_inertia = moved, left
+    low_pass, order = None, 0
+    if estimate is not None and estimate.filter_hz is not None:
+        (low_pass, _), order = smoothing(estimate.filter_hz, T, ops), estimate.filter_order
+    return PlantInHand(
+        rates=parts.rates,
+        step=step,
+        push=parts.push,
+        older=before,
+        felt_older=felt_before,
+        felt=tuple(parts.felt.get(name, 0) for name in parts.names),
+        felt_inertia=felt_inertia,
+        delays=delays,
+        sample_time=T,
+        mass=device.mass,
+        difference=estimate is not None and estimate.source == "difference",
+        low_pass=low_pass,
+        order=order,
+        renders_force=device.renders_force,
+    )
+
+
+def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
+    """Return the states of device and hand; the hand's force on the handle is -(M a + B v + K x)."""
+    T, m, sensor, actuator = device.sample_time, device.mass, device.force_sensor, device.actuator
+    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    carried, held, grip = hand.mass / m, hand.damping * T / m, hand.stiffness * (T * T) / m
+    own = device.damping * T / m
+    names = ["position", "velocity"]
+    names += ["bend", "handle"] if device.structure is not None else []
+    names += ["force", "rate"][: actuator.order] if actuator is not None else []
+    filtered = sensor is not None and sensor.bandwidth_hz is not None
+    names += ["felt", "felt rate"][: sensor.order] if sensor is not None and filtered else []
+    rows: dict[str, dict[str, Number]] = {name: {} for name in names}
+    rows["position"]["velocity"] = one
+    motor = rows["velocity"]
+    if device.structure is None:
+        handle, inertia = "velocity", {"velocity": 1 + carried}
+        felt = {"position": grip, "velocity": held}
+        motor["position"], motor["velocity"] = -grip, -(own + held)
+    else:
+        parts = mechanism(device, device.structure, ops)
+        handle, inertia = "handle", {"velocity": parts.motor / m, "handle": parts.handle / m + carried}
+        spring, loss = parts.stiffness * (T * T) / m, parts.viscosity * T / m
+        felt = {"position": grip, "bend": -grip, "handle": held}
+        motor["velocity"], motor["bend"], motor["handle"] = -(own + loss), -spring, loss
+        rows["bend"]["velocity"], rows["bend"]["handle"] = one, -one
+        rows["handle"] = {"position": -grip, "velocity": loss, "bend": spring + grip, "handle": -(loss + held)}
+    push = dict.fromkeys(names, 0)
+    if actuator is None:
+        push["velocity"] = one
+    else:
+        motor["force"] = one
+        corner = filter_rows(rows, ("force", "rate"), actuator.bandwidth_hz * T, actuator.order, ops)
+        push[("force", "rate")[actuator.order - 1]] = corner
+    sensed: dict[str, Number] = {}
+    if sensor is not None and filtered:
+        corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
+        driven = ("felt", "felt rate")[sensor.order - 1]
+        rows[driven] |= {name: -share for name, share in felt.items()}
+        sensed[driven], felt = carried, {"felt": -corner}  # filtered force over the corner: no square of it is in A/E
+    return Mechanism(
+        names=names,
+        inertia=inertia,
+        sensed=sensed,
+        rates=tuple(tuple(row.get(name, 0) for name in names) for row in rows.values()),
+        push=tuple(push.values()),
+        felt=felt,
+        felt_inertia=None if filtered else carried / inertia[handle],
+        handle=handle,
+    )
+
+
+def filter_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
+
+    Of order 2 its states are y and y + y'/a, 2 a^2 = w^2. A fast one's f(A/E) is about half its rates', with y and y'
+    next to 0 on the diagonal, where it is eliminated.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    a = ops.sqrt(corner * corner / 2)
+    rows[out][out], rows[out][rate] = -a, a
+    rows[rate][out], rows[rate][rate] = -a, -a
+    return 2 * a
+
+
+def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:
+    """Return A/E."""
+    rows = [list(row) for row in parts.rates]
+    handle = at[parts.handle]
+    for row in rows:
+        for name, sensed in parts.sensed.items():
+            row[handle] = add(row[handle], times(-sensed, row[at[name]]))
+        for name, inertia in parts.inertia.items():
+            entry = row[at[name]]
+            row[at[name]] = entry if nothing(entry) else entry / inertia
+    return tuple(map(tuple, rows))
+
+
+def _times_inertia(matrix: Matrix, parts: Mechanism, at: dict[str, int]) -> Matrix:
+    """Return a matrix times E."""
+    rows = [list(row) for row in matrix]
+    handle = at[parts.handle]
+    for row in rows:
+        for name, inertia in parts.inertia.items():
+            row[at[name]] = times(row[at[name]], inertia)
+        for name, sensed in parts.sensed.items():
+            row[handle] = add(row[handle], times(sensed, row[at[name]]))
+    return tuple(map(tuple, rows))
+
+
+def equations(
+    rates: Matrix, step: Matrix, push: Vector, older: Vector | None, cos: Number, square: Number
+) -> list[list[EvenOdd | None]]:
+    """Return the rows of (2 j s Q - c A) x = b - d b_1, the right hand side as their last column; None for 0.
+
+    Parameters
+    ----------
+    rates, step, push, older : A, Q, b and b_1, None for 0
+    cos, square : c and s^2
+    """
+    d = EvenOdd(2 * square, 2 * cos, square)
+
+    def entry(a: Number, q: Number) -> EvenOdd | None:
+        if nothing(a) and nothing(q):
+            return None
+        return EvenOdd(0 if nothing(a) else -(cos * a), 0 if nothing(q) else 2 * q, square)
+
+    pushed = [None if nothing(x) else EvenOdd(x, 0, square) for x in push]
+    if older is not None:
+        pushed = [
+            b if nothing(x) else d.scaled(-x) if b is None else b + d.scaled(-x)
+            for b, x in zip(pushed, older, strict=True)
+        ]
+    return [[*map(entry, a, q), b] for a, q, b in zip(rates, step, pushed, strict=True)]
+
+
+def numerators(rows: list[list[Complex | None]]) -> dict[int, Complex]:
+    """Return the determinant of n equations, which is that of n, and what each of the n unknowns is times it."""
+    n = len(rows)
+    return {j: minor.scaled(-1) if (n - 1 - j) % 2 and j < n else minor for j, minor in minors(rows).items()}

@@ -1,0 +1,144 @@
+"""A device with an actuator or a structure over one sample, exactly: states, their step, and what it does to them.
+
+Time is counted in T, impedances in m/T, so that all numbers are dimensionless and of the size of what they mean for the
+sampled loop (README, section 12).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from vctune.model.device import Device
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.matrices import (
+    Matrix,
+    Vector,
+    add,
+    added,
+    applied,
+    characteristic,
+    column,
+    dot,
+    exponential_less_one,
+    product,
+    scaled,
+    times,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StepResponse:
+    """What a sample does, over the polynomials of its step: x[k+1] - x[k] = psi x[k] + the forces' shares.
+
+    Attributes
+    ----------
+    open : coefficients of det(x - psi), without the last, which is 1
+    velocity, position : numerators from the newer and from the older force of the sample; T/m and T^2/m
+    """
+
+    open: Vector
+    velocity: tuple[Vector, Vector]
+    position: tuple[Vector, Vector]
+
+
+def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
+    """Sample a device with an actuator or a structure.
+
+    Parameters
+    ----------
+    device : its numbers in the arithmetic
+    older : how long of a sample the older force acts, s; None if it does not
+    ops : arithmetic of both
+    """
+    share = None if older is None else older / device.sample_time
+    step, newer, older_force = stepped(_rates(device, ops), share, ops)
+    psi = tuple(row[1:-1] for row in step[1:-1])
+    coefficients, adjugate = characteristic(psi)
+    travel = step[0][1:-1]
+
+    def numerators(force: Vector) -> tuple[Vector, Vector]:
+        left = [applied(matrix, force[1:-1]) for matrix in adjugate]
+        velocity = tuple(states[0] for states in left)
+        position = [add(dot(travel, states), times(force[0], c)) for states, c in zip(left, coefficients, strict=True)]
+        return velocity, (*position, force[0])
+
+    (v_0, x_0), (v_1, x_1) = numerators(newer), numerators(older_force)
+    return StepResponse(coefficients, (v_0, v_1), (x_0, x_1))
+
+
+def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:
+    """Return e^A - 1 over a sample, and what the newer and the older force add to the states.
+
+    Parameters
+    ----------
+    rates : d/dt of the states and of the force, which is last
+    older : share of the sample for which the older force acts; None if it does not
+    ops : arithmetic of both
+    """
+    if older is None:
+        step = exponential_less_one(rates, ops)
+        return step, column(step, -1), tuple(0 for _ in rates)
+    early, late = _halves(rates, older, ops)
+    # e^late e^early - 1
+    return added(added(late, early), product(late, early)), column(late, -1), _moved_on(early, late)
+
+
+def left_by_older(rates: Matrix, older: Number, ops: Arithmetic) -> Vector:
+    """Return what the older force adds to the states, alone.
+
+    Parameters
+    ----------
+    rates : d/dt of the states and of the force, which is last
+    older : share of the sample for which the older force acts
+    ops : arithmetic of both
+    """
+    return _moved_on(*_halves(rates, older, ops))
+
+
+def _halves(rates: Matrix, older: Number, ops: Arithmetic) -> tuple[Matrix, Matrix]:
+    """Return e^A - 1 over the part of a sample in which the older force acts, and over the rest."""
+    return exponential_less_one(scaled(rates, older), ops), exponential_less_one(scaled(rates, 1 - older), ops)
+
+
+def _moved_on(early: Matrix, late: Matrix) -> Vector:
+    """Return what the early force leaves behind at the end of the sample."""
+    left = column(early, -1)
+    return tuple(add(a, b) for a, b in zip(left, applied(late, left), strict=True))
+
+
+def _rates(device: Device, ops: Arithmetic) -> Matrix:
+    """Return d/dt of (position, motor's velocity, bend, handle's velocity, force, its rate, command), dimensionless."""
+    T, m = device.sample_time, device.mass
+    one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
+    names = ["position", "velocity"]
+    names += ["bend", "handle"] if device.structure is not None else []
+    names += ["force", "rate"][: device.actuator.order] if device.actuator is not None else []
+    names += ["command"]
+    at = {name: index for index, name in enumerate(names)}
+    rows: list[list[Number]] = [[0] * len(names) for _ in names]
+    rows[at["position"]][at["velocity"]] = one
+    pushed = "command" if device.actuator is None else "force"
+    if device.structure is None:
+        rows[at["velocity"]][at["velocity"]] = -(device.damping * T / m)
+        rows[at["velocity"]][at[pushed]] = one
+    else:
+        parts = mechanism(device, device.structure, ops)
+        spring, loss = parts.stiffness * (T * T), parts.viscosity * T
+        motor, handle = rows[at["velocity"]], rows[at["handle"]]
+        motor[at["velocity"]] = -((device.damping * T + loss) / parts.motor)
+        motor[at["bend"]], motor[at["handle"]] = -(spring / parts.motor), loss / parts.motor
+        motor[at[pushed]] = m / parts.motor
+        rows[at["bend"]][at["velocity"]], rows[at["bend"]][at["handle"]] = one, -one
+        handle[at["velocity"]], handle[at["bend"]] = loss / parts.handle, spring / parts.handle
+        held = loss if parts.damping is None else loss + parts.damping * T
+        handle[at["handle"]] = -(held / parts.handle)
+    if device.actuator is not None:
+        corner = 2 * ops.pi * device.actuator.bandwidth_hz * T
+        if device.actuator.order == 1:
+            rows[at["force"]][at["force"]], rows[at["force"]][at["command"]] = -corner, corner
+        else:
+            rows[at["force"]][at["rate"]] = corner
+            rows[at["rate"]][at["force"]], rows[at["rate"]][at["command"]] = -corner, corner
+            rows[at["rate"]][at["rate"]] = -ops.sqrt(2 * (corner * corner))
+    return tuple(map(tuple, rows))

@@ -1,0 +1,287 @@
+"""The sampled velocity loop: device and hold sampled exactly, any real delay (model/README.md, sections 7 and 12).
+
+Between samples the device sees u[k-N-1] for the first delta T and u[k-N] for the rest, where delay = (N + delta) T. In
+w = z^-1 and d = 1 - w, its pulse transfer functions from the held command to the velocity and to the position are
+
+    G_v = w^N (V_0 + w V_1)/O,   G_x = w^N (P_0 + w P_1)/(d O)
+
+with polynomials that are homogeneous in d and w, O = sum c_k d^k w^(n-k): their coefficients are those of the step
+z - 1, and nothing cancels next to z = 1. The firmware estimates the velocity as L G_v or L d G_x/T with its low-pass
+L = a^r/(d + a w)^r, so that the loop's return difference, cleared of its denominators, is
+
+    F = d O (d + a w)^r + K_v V d + K_p P (d + a w)^r,
+
+or F = O (d + a w)^r + K_v V when K_p = 0: the position is then not in the loop. With F_0 the part without gains the
+loop's sensitivity is S = F_0/F = 1/(1 + K_v G_v + K_p G_x); F is affine in the gains with complex constants that only
+the device knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import floor
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.loop.filters import smoothing
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.state_space import StepResponse, sampled_states
+
+Polynomial = tuple[Number, ...]
+"""Coefficients c_k of d^k w^(n-k), lowest power of d first."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampledPlant:
+    """The step-invariant device with input delay.
+
+    Attributes
+    ----------
+    open : O, of degree n, without its last coefficient, which is 1
+    velocity : V for the newer and the older force of a sample, m/(N s); each of degree n, without its last, which is 0
+    position : P, the same of degree n + 1, m/N
+    low_pass : a of the firmware's low-passes; None without one
+    order : r, how many of them there are
+    whole_samples : N, of the delay
+    fractional : whether delta > 0, that is, whether there is an older force at all
+    """
+
+    open: Polynomial
+    velocity: tuple[Polynomial, Polynomial]
+    position: tuple[Polynomial, Polynomial]
+    whole_samples: Number
+    fractional: bool
+    low_pass: Number | None = None
+    order: int = 0
+
+    def converted(self, number: Callable[[Number], Number]) -> SampledPlant:
+        """Return the plant in numbers of another arithmetic."""
+
+        def each(polynomial: Polynomial) -> Polynomial:
+            return tuple(number(c) for c in polynomial)
+
+        def taps(newer: Polynomial, older: Polynomial) -> tuple[Polynomial, Polynomial]:
+            return each(newer), each(older) if self.fractional else older
+
+        low_pass = None if self.low_pass is None else number(self.low_pass)
+        return replace(
+            self,
+            open=each(self.open),
+            velocity=taps(*self.velocity),
+            position=taps(*self.position),
+            low_pass=low_pass,
+        )
+
+
+SNAP = 1e-12
+"""What of a sample counts as rounding: a quotient of decimals is off by 1e-16 relative, a delay that is meant is not as
+near. Half and twice it are no different."""
+
+
+def split_delay(delay: Number, sample_time: Number) -> tuple[Number, Number]:
+    """Split a delay into whole samples and the fraction of one that remains.
+
+    What differs from a whole sample by rounding noise counts as one.
+
+    Parameters
+    ----------
+    delay : s, >= 0, a number or an array
+    sample_time : s, > 0
+
+    Returns
+    -------
+    whole : N, int or an array of int
+    fraction : delta, 0 <= delta < 1, of the same shape
+    """
+    if np.ndim(delay) > 0:
+        split = [split_delay(float(one), sample_time) for one in delay]
+        return np.array([whole for whole, _ in split]), np.array([fraction for _, fraction in split])
+    samples = delay / sample_time
+    nearest = round(samples)
+    if abs(samples - nearest) <= SNAP * max(1.0, samples):
+        return nearest, 0.0
+    return floor(samples), samples - floor(samples)
+
+
+def sampled_plant(device: Device, whole_samples: Number, ops: Arithmetic, *, fractional: bool) -> SampledPlant:
+    """Sample the device exactly.
+
+    Parameters
+    ----------
+    device : Device
+    whole_samples : N, of its delay
+    ops : arithmetic of the device's numbers
+    fractional : whether a part of a sample remains, delta > 0
+
+    Returns
+    -------
+    SampledPlant
+        Its numbers of the shape of the device's.
+    """
+    T = device.sample_time
+    older = device.delay - whole_samples * T if fractional else None
+    if device.actuator is None and device.structure is None:
+        response = _rigid(device, older, ops)
+    else:
+        response = _in_si(sampled_states(device, older, ops), device)
+    plant = SampledPlant(response.open, response.velocity, response.position, whole_samples, fractional)
+    estimate = device.velocity
+    if estimate is None:
+        return plant
+    if estimate.source == "difference":
+        newer, older_force = plant.position
+        velocity = tuple(c / T for c in newer), tuple(c / T for c in older_force)
+        plant = replace(plant, velocity=velocity)
+    if estimate.filter_hz is None:
+        return plant
+    a, _ = smoothing(estimate.filter_hz, T, ops)
+    return replace(plant, low_pass=a, order=estimate.filter_order)
+
+
+def _rigid(device: Device, older: Number | None, ops: Arithmetic) -> StepResponse:
+    """Sample 1/(m s + b) in closed form, with 1 - e^{-bT/m} by its own formula."""
+    m, T = device.mass, device.sample_time
+    rate = device.damping / m
+
+    def velocity_step(t: Number) -> Number:
+        return t / m * ops.phi_1(rate * t)
+
+    def position_step(t: Number) -> Number:
+        return t * t / m * ops.phi_2(rate * t)
+
+    t_0 = T if older is None else T - older
+    drift = T * ops.phi_1(rate * T)  # how far a unit velocity coasts in one sample
+    fall = rate * drift
+    beta_0, gamma_0 = velocity_step(t_0), position_step(t_0)
+    beta_1 = gamma_1 = 0
+    if older is not None:
+        v_1 = velocity_step(older)  # what the older force leaves coasts on for t_0
+        beta_1 = v_1 * ops.exp(-(rate * t_0))
+        gamma_1 = position_step(older) + v_1 * (t_0 * ops.phi_1(rate * t_0))
+    return StepResponse(
+        open=(fall,),
+        velocity=((beta_0,), (beta_1,)),
+        position=((drift * beta_0 + gamma_0 * fall, gamma_0), (drift * beta_1 + gamma_1 * fall, gamma_1)),
+    )
+
+
+def _in_si(response: StepResponse, device: Device) -> StepResponse:
+    """Return a response with velocities and positions in m/s and m per newton."""
+    velocity = device.sample_time / device.mass
+    position = velocity * device.sample_time
+
+    def both(taps: tuple[Polynomial, Polynomial], unit: Number) -> tuple[Polynomial, Polynomial]:
+        newer, older = (tuple(c * unit for c in tap) for tap in taps)
+        return newer, older
+
+    return StepResponse(response.open, both(response.velocity, velocity), both(response.position, position))
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnDifference:
+    """F = open + K_v velocity + K_p position at one point of the unit circle."""
+
+    open: Pair
+    velocity: Pair
+    position: Pair
+
+    def closed(self, gains: Gains) -> Pair:
+        """Return F for the given gains."""
+        return self.open + self.velocity.scaled(gains.velocity) + self.position.scaled(gains.position)
+
+
+def return_difference(plant: SampledPlant, theta: Number, ops: Arithmetic, *, position: bool) -> ReturnDifference:
+    """Evaluate the parts of F at z = e^{j theta}.
+
+    Parameters
+    ----------
+    plant : SampledPlant
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of both
+    position : whether the position is in the loop, K_p > 0; its part is 0 otherwise, and F that of the velocity loop
+
+    Returns
+    -------
+    ReturnDifference
+        Each part of the shape of theta.
+    """
+    sin = ops.sin(theta)
+    half_sine = ops.sin(theta / 2)  # 1 - cos theta = 2 sin^2(theta/2) does not cancel
+    d, w = Pair(2 * half_sine * half_sine, sin), Pair(ops.cos(theta), -sin)
+
+    def delayed(steps: Number) -> Pair:
+        if isinstance(steps, int) and steps == 1:
+            return w
+        return Pair(ops.cos(theta * steps), -ops.sin(theta * steps))
+
+    newer = delayed(plant.whole_samples + 1)
+    older = delayed(plant.whole_samples + 2) if plant.fractional else None
+
+    def input_path(taps: tuple[Polynomial, Polynomial]) -> Pair:
+        path = _homogeneous(taps[0], d, w, newer)
+        return path if older is None else path + _homogeneous(taps[1], d, w, older)
+
+    open_loop, velocity = _monic(plant.open, d, w), input_path(plant.velocity)
+    low_pass = None
+    if plant.low_pass is not None:
+        once = _monic((plant.low_pass,), d, w)
+        gain = plant.low_pass if plant.order == 1 else plant.low_pass * plant.low_pass
+        low_pass, velocity = once if plant.order == 1 else once * once, velocity.scaled(gain)
+        open_loop = open_loop * low_pass
+    if not position:
+        return ReturnDifference(open_loop, velocity, Pair(0, 0))
+    travel = input_path(plant.position)
+    return ReturnDifference(open_loop * d, velocity * d, travel if low_pass is None else travel * low_pass)
+
+
+def _homogeneous(coefficients: Polynomial, d: Pair, w: Pair, delay: Pair) -> Pair:
+    """Return the sum of c_k d^k w^(n - 1 - k) over k < n, of n coefficients, delayed."""
+    *lower, last = coefficients
+    total, power = None, w
+    for c in reversed(lower):
+        total = (d.scaled(last) if total is None else total * d) + power.scaled(c)
+        power = power * w
+    return delay.scaled(last) if total is None else total * delay
+
+
+def _monic(coefficients: Polynomial, d: Pair, w: Pair) -> Pair:
+    """Return d^n + the sum of c_k d^k w^(n - k) over k < n, of n coefficients."""
+    *lower, last = coefficients
+    rest = 1 - last
+    total, power = Pair(last + rest * d.re, rest * d.im), w  # d + last w, w = 1 - d, with theta in one place only
+    for c in reversed(lower):
+        power = power * w
+        total = total * d + power.scaled(c)
+    return total
+
+
+def sensitivity_abs2(parts: ReturnDifference, gains: Gains) -> Number:
+    """Return |S|^2 of the sampled loop at one point of the unit circle.
+
+    Parameters
+    ----------
+    parts : of F, at one or several points
+    gains : K_v and K_p, N s/m and N/m
+
+    Returns
+    -------
+    Number
+        Of the shape of the parts.
+    """
+    return parts.open.abs2() / parts.closed(gains).abs2()
+
+
+def difference_slope(theta: Number, ops: Arithmetic) -> Pair:
+    """Return (1 - e^{-j theta})/theta, regular at theta = 0: what the integrator adds to F, divided by theta.
+
+    Parameters
+    ----------
+    theta : omega T, rad
+    ops : arithmetic of it
+    """
+    half = theta / 2
+    return Pair(ops.sin(half) * ops.sinc(half), ops.sinc(theta))

@@ -1,0 +1,352 @@
+"""The claims of a certificate as functions of a frequency and a design, over enclosures and jets.
+
+See proof/README.md, section 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.loop.device_response import DeviceResponse, device_response
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
+from vctune.model.numbers.pair import Pair
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
+from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
+from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
+from vctune.proof.claims.margins_of_claims import (
+    Design,
+    LoopDelay,
+    across_position,
+    along_drive,
+    any_hand_margin,
+    clamped_margin,
+    conditions_margin,
+    hand_curve,
+    hand_margin,
+    high_margin,
+    limp_hand_margin,
+    loop_gain_margin,
+    low_margin,
+    model_curve,
+    resistance_margin,
+    sensitivity_margin,
+    sensitivity_sufficient_margin,
+    unmodelled_margin,
+)
+from vctune.proof.enclosures.array_intervals import Enclosure, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES as OPS
+from vctune.proof.engine.box_tests import Curve, Margin
+from vctune.proof.engine.boxes import WHOLE_SAMPLES, Values, coupling_of, gains_of
+from vctune.proof.engine.sharing import shared
+
+SHARE = "share of the hand's stiffness"
+"""In what F vanishes with, for K_p = 0 next to theta = 0 and a hand without stiffness."""
+AT_REST = (0, 1 + HAND.index("operator.stiffness"))
+"""Rows of boxes of hands, the angle and the stiffness, that both begin at 0 there."""
+
+
+OFFSET, SLOPE = "offset of the bound", "slope of the bound"
+"""Of what is required in all hands, as rows of boxes (`vctune.proof.claims.envelope`)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Demands:
+    """What a design has to meet.
+
+    Attributes
+    ----------
+    device : the device
+    band : rad/s, of Llewellyn's conditions; may be (0, inf)
+    factor : least Re Z_c / R
+    max_sensitivity : greatest |S| of the sampled loop
+    passive : whether any passive hand is to be met on the band
+    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
+    hands : the hands that are to be met at every frequency of the sampled loop; None for none
+    """
+
+    device: Device
+    band: tuple[float, float]
+    factor: float
+    max_sensitivity: float
+    passive: bool = True
+    any_hand: bool = False
+    hands: Hands | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Claims:
+    """The claims about one device as functions of a frequency and a design, over enclosures.
+
+    Attributes
+    ----------
+    conditions, sensitivity : margins that must be positive; the latter of theta = omega T
+    conditions_near_zero : proves as much as `conditions`, next to omega = 0
+    unmodelled : must be positive too where the device's response is not known exactly, of theta
+    conditions_near_infinity : `conditions` at omega = 1/v, of v; hold "lag" without delay
+    clamped : must be positive too, both of them, where the response is within a disc and `conditions` at its edge
+    resistance : the loop's, which must be positive too, whatever the coupling, N s/m
+    in_hand : must be positive in every hand, of theta
+    above_bound : proves as much, of theta, `OFFSET` and `SLOPE`, for the gains that these are of
+    any_hand : both must be positive for any passive hand on an impedance display, of theta
+    required_in_hands : the least admissible Re Z_c in a hand, of theta, N s/m; nothing is known of it where F may be 0
+    poles_in_hand : curve that must not turn around 0, of a hand and of theta
+    required : the least admissible Re Z_c where the resistance is positive throughout, N s/m; nothing is known of it
+        elsewhere
+    sensitivity_any_position : proves as much as `sensitivity` for every K_p, next to theta = 0 too
+    model_poles, sampled_poles : curves that must not turn around 0, of omega and of theta = omega T
+    model_any_position, sampled_any_position : where positive, the curve is not 0 for any K_p > 0
+    sampled_any_phase, sensitivity_any_phase : where positive at theta, `sampled_poles` is not 0, and `sensitivity` is
+        positive, however many whole samples of delay there are
+    """
+
+    conditions: Margin
+    conditions_near_zero: Margin
+    conditions_near_infinity: Margin
+    clamped: tuple[Margin, Margin]
+    sensitivity: Margin
+    unmodelled: Margin
+    resistance: Margin
+    in_hand: Margin
+    above_bound: Margin
+    any_hand: tuple[Margin, Margin]
+    required_in_hands: Margin
+    poles_in_hand: Curve
+    required: Margin
+    sensitivity_any_position: Margin
+    model_poles: Curve
+    sampled_poles: Curve
+    model_any_position: Margin
+    sampled_any_position: Margin
+    sampled_any_phase: Margin
+    sensitivity_any_phase: Margin
+
+
+def claims_of(demands: Demands, uncertain: tuple[str, ...] = ()) -> Claims:
+    """Return the claims with the device's decimals enclosed; none of them is evaluated yet.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that each claim takes from among its values
+    """
+    device, plant = _devices(demands.device, uncertain)
+    factor, limit = decimal(demands.factor), decimal(demands.max_sensitivity)
+
+    def at(omega: Number, v: Values) -> DeviceResponse:
+        return device_response(device(v), omega, OPS)
+
+    def required(omega: Number, v: Values) -> Number:
+        return required_resistance(loop_response(at(omega, v), gains_of(v), OPS), OPS)
+
+    def sampled_curve(theta: Enclosure, v: Values) -> Pair:
+        parts = return_difference(plant(v), theta, OPS, position=not OPS.is_zero(gains_of(v).position))
+        return parts.closed(gains_of(v))
+
+    def radius_at(omega: Number) -> Number:
+        known = demands.device.unmodelled
+        return OPS.interpolated(omega / (2 * OPS.pi), known.radii) if known is not None else Enclosure(0.0)
+
+    def unmodelled(theta: Number, v: Values) -> Number:
+        radius = radius_at(theta / device(v).sample_time)
+        return unmodelled_margin(plant(v), gains_of(v), theta, radius, OPS)
+
+    in_hand = _plant_in_hand(demands.device, uncertain, delays_of(demands.device))
+
+    def required_in_hands(theta: Number, v: Values) -> Number:
+        required = required_in_hand(loop_in_hand(in_hand(v), theta, OPS), gains_of(v))
+        return required.lost / required.size
+
+    def design(v: Values) -> Design:
+        return Design(device(v), gains_of(v), coupling_of(v))
+
+    return Claims(
+        conditions=lambda omega, v: conditions_margin(design(v), omega, factor, OPS),
+        conditions_near_zero=lambda omega, v: low_margin(design(v), omega, factor, OPS),
+        conditions_near_infinity=lambda inverse, v: high_margin(design(v), inverse, factor, OPS),
+        sensitivity=lambda theta, v: sensitivity_margin(plant(v), gains_of(v), theta, limit, OPS),
+        unmodelled=unmodelled,
+        clamped=(
+            lambda omega, v: 1 - radius_at(omega),
+            lambda omega, v: clamped_margin(design(v), omega, radius_at(omega), OPS),
+        ),
+        resistance=lambda omega, v: resistance_margin(design(v), omega, OPS),
+        above_bound=_above_bound(demands),
+        in_hand=hands_margin(demands, uncertain, delays_of(demands.device)),
+        any_hand=any_hand_margins(demands, uncertain, delays_of(demands.device)),
+        required_in_hands=required_in_hands,
+        poles_in_hand=lambda theta, v: hand_curve(in_hand(v), gains_of(v), theta, OPS),
+        required=required,
+        sensitivity_any_position=lambda theta, v: sensitivity_sufficient_margin(
+            plant(v), gains_of(v), theta, limit, OPS
+        ),
+        model_poles=lambda omega, v: model_curve(at(omega, v), gains_of(v), OPS),
+        sampled_poles=sampled_curve,
+        model_any_position=lambda omega, v: along_drive(at(omega, v), gains_of(v)),
+        sampled_any_position=lambda theta, v: across_position(plant(v), gains_of(v), theta, OPS)[0],
+        sampled_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, Enclosure(1.0), OPS),
+        sensitivity_any_phase=lambda theta, v: loop_gain_margin(plant(v), gains_of(v), theta, 1 - 1 / limit, OPS),
+    )
+
+
+def hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS) -> Margin:
+    """Return the margin that must be positive in every hand, of theta and of values with those of `HAND`.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : whole samples, the same for all of them
+    ops : arithmetic of theta and the values
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays, ops), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+    return lambda theta, v: hand_margin(in_hand(v), Design(device(v), gains_of(v), coupling_of(v)), theta, factor, ops)
+
+
+def bounded_in_hands(device: Device, ops: ArrayArithmetic = OPS) -> Margin:
+    """Return the margin that is positive where R in a hand is below offset + slope theta, times |F|^2.
+
+    It is of theta and of the gains, `OFFSET`, `SLOPE` and the numbers of `HAND`.
+
+    Parameters
+    ----------
+    device : plain numbers
+    ops : arithmetic of theta and the values
+    """
+    in_hand = _plant_in_hand(device, (), delays_of(device), ops)
+
+    def margin(theta: Number, v: Values) -> Number:
+        required = required_in_hand(loop_in_hand(in_hand(v), theta, ops), gains_of(v))
+        return (v[OFFSET] + v[SLOPE] * theta) * required.size - required.lost
+
+    return margin
+
+
+def bounded_in_any_hand(device: Device) -> Margin:
+    """Return the margin that is positive where R in any passive hand on an impedance display is below such a bound.
+
+    Parameters
+    ----------
+    device : plain numbers
+    """
+    exact, delays = device.converted(decimal), delays_of(device)
+
+    def margin(theta: Number, v: Values) -> Number:
+        hand = any_hand(exact, delays.loop, theta, OPS, fractional=delays.loop_fractional)
+        required = hand.required(gains_of(v))
+        return (v[OFFSET] + v[SLOPE] * theta) * required.size - required.lost
+
+    return margin
+
+
+def _above_bound(demands: Demands) -> Margin:
+    """Return the margin of a coupling above what is required in all hands, of theta, `OFFSET` and `SLOPE`."""
+    device, factor = demands.device.converted(decimal), decimal(demands.factor)
+
+    def margin(theta: Number, v: Values) -> Number:
+        bound = Required(v[OFFSET] + v[SLOPE] * theta, Enclosure(1.0))
+        return room(coupling_of(v), device, bound, factor, theta, OPS)
+
+    return margin
+
+
+def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> Margin:
+    """Return the margin that must be positive for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    It is of theta and of values with those of `HAND` and with `SHARE`, each between 0 and 1.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margin takes from among its values
+    delays : whole samples, the same for all of them
+    """
+    in_hand, factor = _plant_in_hand(demands.device, uncertain, delays), decimal(demands.factor)
+    device = _uncertain_device(demands.device, uncertain)
+
+    def margin(theta: Number, v: Values) -> Number:
+        design = Design(device(v), gains_of(v), coupling_of(v))
+        return limp_hand_margin(in_hand(v), design, theta, v[SHARE], factor, OPS)
+
+    return margin
+
+
+def any_hand_margins(demands: Demands, uncertain: tuple[str, ...], delays: Delays) -> tuple[Margin, Margin]:
+    """Return the margins that must be positive for any passive hand on an impedance display, of theta and of values.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    uncertain : numbers of the device that the margins take from among their values
+    delays : whole samples, the same for all of them
+    """
+    device, factor = _uncertain_device(demands.device, uncertain), decimal(demands.factor)
+    delay = LoopDelay(delays.loop, delays.loop_fractional)
+
+    def margins(theta: Number, v: Values) -> tuple[Number, Number]:
+        return any_hand_margin(Design(device(v), gains_of(v), coupling_of(v)), delay, theta, factor, OPS)
+
+    return lambda theta, v: margins(theta, v)[0], lambda theta, v: margins(theta, v)[1]
+
+
+def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[Values], Device]:
+    """Return the device as a function of a claim's values."""
+    exact = nominal.converted(decimal)
+    return lambda v: exact.with_numbers({key: v[f"device.{key}"] for key in uncertain})
+
+
+def _plant_in_hand(
+    nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
+) -> Callable[[Values], PlantInHand]:
+    """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
+    exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
+
+    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> PlantInHand:
+        device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
+        return plant_in_hand(device, Hand(mass, damping, stiffness), delays, ops)
+
+    def of_values(v: Values) -> PlantInHand:
+        found: PlantInHand = shared(plant, [v[name] for name in rows])
+        return found
+
+    return of_values
+
+
+def _devices(
+    nominal: Device, uncertain: tuple[str, ...]
+) -> tuple[Callable[[Values], Device], Callable[[Values], Plant]]:
+    """Return the device and its sampled plant as functions of a claim's values; known once and for all if certain.
+
+    The plant is sampled once for boxes of the same devices at several frequencies.
+    """
+    exact = nominal.converted(decimal)
+    whole, fraction = split_delay(nominal.delay, nominal.sample_time)
+
+    if not uncertain:
+        known = sampled_plant(exact, whole, OPS, fractional=fraction > 0)
+        return lambda v: exact, lambda v: known
+    sample = plant_let_go if has_sharp_form(nominal) else sampled_plant
+    any_delay = "delay" in uncertain
+
+    def of_numbers(whole: Number, *numbers: Number) -> Plant:
+        one = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
+        return sample(one, whole, OPS, fractional=any_delay or fraction > 0)
+
+    def plant(v: Values) -> Plant:
+        rows = [v[f"device.{key}"] for key in uncertain]
+        samples = [Enclosure(np.asarray(v[WHOLE_SAMPLES], float))] if any_delay else []
+        found: Plant = shared(of_numbers if any_delay else partial(of_numbers, whole), [*samples, *rows])
+        return found
+
+    return _uncertain_device(nominal, uncertain), plant

@@ -1,0 +1,153 @@
+"""Proof of Llewellyn's conditions on a band, and the widest band on which they hold.
+
+See model/README.md, section 4; proof/README.md, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from math import pi
+
+from flint import arb
+
+from vctune.model.coupling import coupling_impedance
+from vctune.model.numbers.arithmetic import Number
+from vctune.proof.claims.margins_of_claims import (
+    Design,
+    conditions_margin,
+    outwards,
+    resistance_apart,
+    resistance_margin,
+)
+from vctune.proof.claims.near_zero import low_end_verdict, prove_low_end
+from vctune.proof.claims.polynomials import conditions, is_rational, widest
+from vctune.proof.claims.polynomials import prove as prove_polynomials
+from vctune.proof.enclosures.arb_balls import BALLS, as_series, design_ball, design_series
+from vctune.proof.engine.band_edges import extend_band
+from vctune.proof.engine.interval import Outcome, Verdict, prove_positive
+
+EXTENSION_BOXES = 2_000
+"""Boxes of a step beyond the band; a step that needs more is tried shorter. Half and twice it give the same band, where
+the ratio falls below 1, but for the last digits that are shown."""
+LOWEST_EDGE = 1e-18
+"""How far below the requested band a proof that does not reach 0 is carried, relative to its edge. A band that
+reaches 0 is proved as such; from here on the difference to one that does not has no meaning. Half and twice: the
+same."""
+
+
+Margin = Callable[[Number], Number]
+
+
+def _margins(design: Design, factor: float) -> list[Margin]:
+    """Return what has to be positive of a design's decimals as functions of omega, `conditions_margin` first.
+
+    Without a loop C = 0, and Re G_hh > 0 is a matter of damping.
+    """
+    exact, threshold = design_ball(design), arb(repr(factor))
+    if not design.gains.closed:
+        damping = exact.device.least_damping
+        return [lambda omega: 2 * damping * coupling_impedance(exact.series, omega).re]
+    series, in_series = design_series(exact), as_series(threshold)
+
+    def conditions_met(omega: Number) -> Number:
+        if isinstance(omega, arb):
+            return conditions_margin(exact, omega, threshold, BALLS)
+        return conditions_margin(series, omega, in_series, BALLS)
+
+    def resistance(omega: Number) -> Number:
+        return resistance_margin(exact if isinstance(omega, arb) else series, omega, BALLS)
+
+    return [conditions_met, resistance] if resistance_apart(design.device) else [conditions_met]
+
+
+def prove_conditions(design: Design, low: float, high: float, factor: float) -> Outcome:
+    """Prove Re G_hh > 0, in the least operator's hand, and Re Z_c >= factor R on [low, high], which may start at 0.
+
+    Of an ideal device with hold "lag" and no delay it may be [0, inf], and the proof is exact. Finite edges are widened
+    by the rounding of 2 pi f.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s
+    factor : least Re Z_c / R
+
+    Returns
+    -------
+    Outcome
+        With a frequency in rad/s where it is refuted or undecided.
+    """
+    wider = outwards((low, high))
+    if is_rational(design.device):
+        return prove_polynomials(conditions(design, factor), *wider)
+    margins = _margins(design, factor)
+    start = wider[0] if low > 0 else _low_start(design, factor, high)
+    if start is None:
+        return _end_failure(low_end_verdict(design), margins[0], min(high, 1.0))
+    outcome, boxes = Outcome(Verdict.PROVED, 1), 0
+    for margin in margins if start < wider[1] else []:
+        outcome = prove_positive(margin, start, wider[1])
+        boxes += outcome.boxes
+        if outcome.verdict is not Verdict.PROVED:
+            break
+    return replace(outcome, boxes=max(boxes, 1))
+
+
+def conditions_at(design: Design, factor: float, omega: float) -> Outcome:
+    """Return whether the conditions demonstrably fail at one frequency, undecided where they do not.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as; its device's response may be perturbed
+    factor : least Re Z_c / R
+    omega : rad/s, > 0
+    """
+    fails = any(margin(arb(omega)) < 0 for margin in _margins(design, factor))
+    return Outcome(Verdict.REFUTED, 1, omega) if fails else Outcome(Verdict.UNDECIDED, 1)
+
+
+def _low_start(design: Design, factor: float, high: float) -> float | None:
+    return prove_low_end(design, factor, min(high, 1 / design.device.sample_time))
+
+
+def _end_failure(verdict: Verdict, margin: Margin, start: float) -> Outcome:
+    """Return the outcome when omega = 0 is not proved, with a witness where the conditions demonstrably fail."""
+    omega = start
+    for tries in range(1, 400):
+        if margin(arb(omega)) < 0:
+            return Outcome(Verdict.REFUTED, tries, omega)
+        omega /= 4
+    return Outcome(Verdict.UNDECIDED, tries, 0.0)
+
+
+def widest_band(design: Design, low: float, high: float) -> tuple[float, float]:
+    """Return the widest band around a proved one on which Re G_hh > 0 and ratio >= 1 are proved, rad/s.
+
+    Upwards it ends at the Nyquist frequency, beyond which the frequency model means nothing, but for hold "lag"
+    without delay, whose model is good for a proof to inf.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    low, high : rad/s, a band on which it is proved
+    """
+    if is_rational(design.device):
+        return widest(conditions(design, 1.0), low, high)
+    margins = _margins(design, 1.0)
+    return _lowest(design, margins, low), extend_band(partial(_proved, margins), high, pi / design.device.sample_time)
+
+
+def _proved(margins: list[Margin], low: float, high: float) -> bool:
+    return all(prove_positive(margin, low, high, EXTENSION_BOXES).verdict is Verdict.PROVED for margin in margins)
+
+
+def _lowest(design: Design, margins: list[Margin], low: float) -> float:
+    if low == 0:
+        return 0.0
+    if low_end_verdict(design) is Verdict.PROVED:
+        start = _low_start(design, 1.0, low)
+        if start is not None and (start >= low or _proved(margins, start, low)):
+            return 0.0
+    return extend_band(partial(_proved, margins), low, low * LOWEST_EDGE)

@@ -1,0 +1,72 @@
+"""Gains for which no coupling damping b_c will do: what different frequencies ask of it excludes each other.
+
+Re Z_c - b_0 = b M^2/(b^2 + M^2) with M = omega m_c is at least r for b between M (M -+ sqrt(M^2 - 4 r^2))/(2 r), and
+for none where r > M/2. It grows with m_c and with b_0: their greatest values decide. As the firmware runs it, omega is
+(2/T) tan(theta/2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from vctune.proof.claims.array_claims import Demands, claims_of
+from vctune.proof.claims.encirclements import by_integrator
+from vctune.proof.claims.many_designs import Places, lower_bound_at
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.box_tests import Margin
+from vctune.proof.engine.boxes import Cells
+
+GUARD = 1e-14
+"""Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
+
+factor R - b_0 may cancel: the product is off by u factor R, and the raised b_0 and the lowered difference together give
+away `GUARD` (b_0 + (factor R - b_0)), 90 times as much. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is
+a dozen operations on positive numbers, a tangent of 8 units in the last place among them; `ROUNDING_OF_BOUNDS`
+covers them 1e5 times. Half and twice it decide alike.
+"""
+ROUNDING_OF_BOUNDS = 1e-9
+"""By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but
+where the interval between them is as narrow."""
+
+
+def admissible_damping(resistance: Floats, reactance: Floats) -> tuple[Floats, Floats]:
+    """Return the least and the greatest b_c with b M^2/(b^2 + M^2) >= r; (inf, 0) where there is none.
+
+    Parameters
+    ----------
+    resistance : r, N s/m; where it is not positive every b_c will do
+    reactance : M = omega m_c, N s/m
+    """
+    r, M = np.maximum(resistance, 0.0), reactance
+    root = np.sqrt(np.maximum((M - 2 * r) * (M + 2 * r), 0.0))
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        least, most = 2 * r * M / (M + root), M * (M + root) / (2 * r)
+    none = 2 * r > M
+    return np.where(none, np.inf, np.where(r > 0, least, 0.0)), np.where(none, 0.0, np.where(r > 0, most, np.inf))
+
+
+def no_damping(demands: Demands, cells: Cells, places: Places) -> Flags:
+    """Return the cells in which no b_c between the cell's own edges meets the demands on Re Z_c.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    cells : as for `prove`; all of the b_c's edges count, and the upper ones of m_c and b_0
+    places : where to look
+    """
+    least, most = cells.low[2].copy(), cells.high[2].copy()
+    heaviest = cells.high[3] * (1 + GUARD)
+    claims, asked = claims_of(demands), list[tuple[Margin, Floats, Floats]]()
+    if places.omega is not None:
+        asked += [(claims.required, omega, omega) for omega in places.omega]
+    if places.in_hands is not None:
+        rate = 2 / demands.device.sample_time
+        asked += [(claims.required_in_hands, at, rate * np.tan(at[0] / 2)) for at in np.swapaxes(places.in_hands, 0, 1)]
+    for among in by_integrator(cells):
+        part = cells.subset(among)
+        for required, at, omega in asked:
+            bound = np.nan_to_num(lower_bound_at(required, part, at[..., among]), nan=0.0)
+            needed = (demands.factor * bound - part.high[4] * (1 + GUARD)) * (1 - GUARD)
+            low, high = admissible_damping(needed, heaviest[among] * omega[among])
+            least[among], most[among] = np.maximum(least[among], low), np.minimum(most[among], high)
+    return least * (1 - ROUNDING_OF_BOUNDS) > most * (1 + ROUNDING_OF_BOUNDS)

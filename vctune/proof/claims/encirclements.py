@@ -1,0 +1,149 @@
+"""How often the curves of the loop go around 0, of many cells of designs at once: 0 where no pole is unstable.
+
+See proof/README.md, section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, replace
+from math import pi
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.hands import HAND
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
+from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.proof.claims.margins_of_claims import HALF_TURN
+from vctune.proof.claims.model_poles import NEAR, curve_end, final_angle
+from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal
+from vctune.proof.engine.bands import cells_over_band
+from vctune.proof.engine.box_tests import Curve, Margin, misses_zero, turned_angles
+from vctune.proof.engine.boxes import Cells, Integers, Values
+
+
+def by_integrator(cells: Cells) -> list[Integers]:
+    """Return the cells with and those without K_p: with K_p = 0 the law has no integrator."""
+    parts = np.flatnonzero(cells.high[1] > 0), np.flatnonzero(cells.high[1] == 0)
+    return [at for at in parts if len(at)]
+
+
+@dataclass(frozen=True, slots=True)
+class Encirclements:
+    """How often the curves of every design of a cell go around 0.
+
+    Attributes
+    ----------
+    number : of the model's curve, if it counts, and the sampled loop's, for each of the device's loops: 0 where
+        stable, nan where not settled or not the same throughout the cell; one row each, shape (rows, n)
+    boxes : pairs looked at, at the centres, for the model and for the sampled loop, shape (2, n)
+    throughout : the same to see that no pole crosses over within a cell, of both, shape (n,)
+    """
+
+    number: Floats
+    boxes: Integers
+    throughout: Integers
+
+
+def encirclements(demands: Demands, cells: Cells) -> Encirclements:
+    """Return how often the curves of each cell go around 0; all of them with K_p > 0, or none.
+
+    Parameters
+    ----------
+    demands : of which the device counts, with each of its loops, and whether its model does
+    cells : n of them
+    """
+    parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
+    number, boxes, throughout = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
+    return Encirclements(np.concatenate(number), boxes.sum(axis=0), throughout.sum(axis=0))
+
+
+def _encirclements(demands: Demands, cells: Cells) -> Encirclements:
+    """Return the numbers of one loop: as often as at a cell's centre, where no pole crosses over within it."""
+    claims, device = claims_of(demands), demands.device
+    same, throughout = np.ones((2, len(cells)), bool), np.zeros(len(cells), np.intp)
+    if cells.extended:
+        same, throughout = _no_pole_crosses(demands, claims, cells)
+    number, boxes = np.full((2, len(cells)), np.nan), np.zeros((2, len(cells)), np.intp)
+    calm = np.flatnonzero(same.any(axis=0))
+    points = cells.subset(calm).centres()
+    # the arguments are those of `vctune.proof.claims.model_poles`: the model's curve ends within a third of a turn of where it goes;
+    # the sampled loop's begins at F(1) > 0 and ends on the real axis
+    if demands.passive:
+        goal, end = final_angle(device, integral=bool(points.high[1].any())), model_curve_end(device, points)
+        number[0, calm], boxes[0, calm] = _turns_at(claims.model_poles, points, end, 2 * pi, goal)
+    number[1, calm], boxes[1, calm] = _turns_at(claims.sampled_poles, points, HALF_TURN, pi)
+    number = np.where(same, number, np.nan)
+    return Encirclements(number if demands.passive else number[1:], boxes, throughout)
+
+
+def _turns_at(
+    curve: Curve, points: Cells, end: float, turn: float, goal: float = 0.0, fixed: Values | None = None
+) -> tuple[Floats, Integers]:
+    """Return how often a curve goes around 0 at each point, nan where not settled, and the pairs looked at."""
+    test, angles = misses_zero(curve, fixed or {}), turned_angles(curve, fixed or {})
+    found = cells_over_band(test, points, 0.0, end, angles)
+    return np.where(found.proved, np.round((goal - found.total) / turn), np.nan), found.boxes
+
+
+def _no_pole_crosses(demands: Demands, claims: Claims, cells: Cells) -> tuple[Flags, Integers]:
+    """Return where no pole of the model, if it counts, and none of the sampled loop crosses over within a cell."""
+    boxes = np.zeros(len(cells), np.intp)
+
+    def uncrossed(curve: Curve, sufficient: Margin, high: float) -> Flags:
+        nonlocal boxes
+        found = cells_over_band(misses_zero(curve, {}, sufficient), cells, 0.0, high)
+        boxes = boxes + found.boxes
+        return found.proved
+
+    model = np.ones(len(cells), bool)
+    if demands.passive:
+        end = model_curve_end(demands.device, cells)
+        model = uncrossed(claims.model_poles, claims.model_any_position, end)
+    sampled = uncrossed(claims.sampled_poles, claims.sampled_any_position, HALF_TURN)
+    return np.stack((model, sampled)), boxes
+
+
+def encirclements_in_hand(demands: Demands, cells: Cells) -> tuple[Floats, Integers]:
+    """Return how often the curve of the loop in one hand of the box goes around 0, and the boxes that took, shape (n,).
+
+    The number is nan where it is not settled.
+
+    Parameters
+    ----------
+    demands : with the hands
+    cells : n of them, all of them with K_p > 0, or none
+    """
+    assert demands.hands is not None
+    claims, number = claims_of(demands), np.full(len(cells), np.nan)
+    same = cells_over_band(misses_zero(claims.poles_in_hand, _middle(demands)), cells, 0.0, HALF_TURN)
+    calm = np.flatnonzero(same.proved)
+    if len(calm):
+        number[calm] = turns_in_hand(demands, cells.subset(calm).centres())
+    return number, same.boxes
+
+
+def turns_in_hand(demands: Demands, points: Cells) -> Floats:
+    """Return the same at each of n points."""
+    claims = claims_of(demands)
+    turns, _ = _turns_at(claims.poles_in_hand, points, HALF_TURN, pi, fixed=_middle(demands))
+    return turns
+
+
+def _middle(demands: Demands) -> Values:
+    """Return the hand in the middle of the box, by name."""
+    assert demands.hands is not None
+    return dict(zip(HAND, map(decimal, astuple(demands.hands.middle)), strict=True))
+
+
+def model_curve_end(device: Device, cells: Cells, ops: Arithmetic = FLOATS) -> float:
+    """Return a frequency beyond which the model's curve turns no more in any cell, rad/s; > 0 without a loop.
+
+    Parameters
+    ----------
+    device : in numbers of the arithmetic; enclosures for all devices of a box
+    cells : their greatest gains count
+    ops : arithmetic of the device's numbers
+    """
+    K_v, K_p = (float(row.max(initial=0.0)) for row in cells.high[:2])
+    return (1 + NEAR) * max(curve_end(device, K_v, K_p, ops), NEAR / ops.magnitude(device.sample_time))

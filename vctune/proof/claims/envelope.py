@@ -1,0 +1,152 @@
+"""What hands ask of a coupling, bounded from above: straight pieces over the angle, each of them proved.
+
+What is required in a hand is of the gains alone. Where many couplings meet the same gains it is looked at once, and
+each coupling is then compared with the bound over the angle, without a hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.keys import KEYS
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.proof.claims.array_claims import OFFSET, SLOPE, bounded_in_any_hand, bounded_in_hands
+from vctune.proof.claims.margins_of_claims import HALF_TURN
+from vctune.proof.enclosures.array_intervals import Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.taylor_functions import TAYLOR
+from vctune.proof.engine.box_tests import FEW, positive, positive_by_polynomials
+from vctune.proof.engine.boxes import FREQUENCY, Boxes, Cells, Values, band_of, over_cells
+from vctune.proof.engine.branching import Proofs, prove
+
+STEP = 1.05
+"""Ratio of the edges of a piece. Its square root takes a third more boxes and leaves as much of a plane open, its
+square a tenth fewer and half as much again."""
+SHARES = (0.0, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.2, 0.4, 0.7, 1.0)
+"""Shares of each range at which hands are looked at before a piece is proved. Half as many miss what is asked between
+them, so that pieces are up to a tenth higher, and of a plane twice as much stays open; twice as many take twice as
+long."""
+WITHIN = 5
+"""Angles of a piece at which they are. Half and twice as many: the same, on average to 1e-4."""
+SLACK, RAISED = 5e-3, 4.0
+"""By how much a piece is raised above what was seen, relative, at first, and how many times as much in each attempt
+that follows. Half of either takes a third more boxes, twice a sixth fewer; of a plane half and twice the first leave
+half as much again open, of the second a tenth."""
+SMALL = 1e-4
+"""Share of the greatest bound below which a piece is raised as one of so much is. Half and twice: the same."""
+ATTEMPTS = 10
+"""Attempts to prove a piece before nothing is said of it. Most take two or three; half and twice as many: the same."""
+MAX_HALVINGS, MAX_BOXES = 40, 250
+"""How often a box of angle and hand is halved, and how many of a piece are looked at in the first attempt, in each that
+follows twice as many. Half and twice the first: the same; of the second: as much of a plane is left open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Envelope:
+    """An upper bound of R in all hands of a box, or in any, offset + slope theta on each of n pieces.
+
+    Attributes
+    ----------
+    low, high : edges of the pieces, rad, shape (n,)
+    offset, slope : N s/m, and by rad, shape (n,); of an impedance display of R/s^2. inf where there is no bound
+    boxes : what it took
+    """
+
+    low: Floats
+    high: Floats
+    offset: Floats
+    slope: Floats
+    boxes: int
+
+    def over(self, cells: Cells) -> Boxes:
+        """Return each piece with each cell, the bound in two rows before those of the cell."""
+        boxes, rows = over_cells(cells, (self.low, self.high)), np.tile([self.offset, self.slope], len(cells))
+        low, high = (np.vstack((edge[:1], rows, edge[1:])) for edge in (boxes.low, boxes.high))
+        return Boxes((FREQUENCY, OFFSET, SLOPE, *cells.keys), low, high, boxes.owner, boxes.whole_samples)
+
+
+@lru_cache(maxsize=16)
+@np.errstate(all="ignore")
+def envelope(device: Device, hands: Hands | None, gains: Gains) -> Envelope:
+    """Bound what is required in hands.
+
+    Parameters
+    ----------
+    device : taken as the decimals that it is written as
+    hands : the box; None for any passive hand on an impedance display, whose damping is not 0
+    gains : likewise
+    """
+    low, high = band_of(0.0, HALF_TURN, STEP)
+    theta = low[:, None] + (high - low)[:, None] * np.linspace(0, 1, WITHIN)
+    some = _some_of(hands) if hands is not None else None
+    # where less than nothing is asked for, be it without bound, nothing is
+    asked = np.fmax(_required(device, some, gains, theta.ravel()), 0.0).max(axis=0)
+    seen = asked.reshape(theta.shape)
+    slope = (seen[:, -1] - seen[:, 0]) / (high - low)
+    above, scale = (seen - slope[:, None] * theta).max(axis=1), np.maximum(seen.max(axis=1), SMALL * seen.max())
+    offset, left, boxes = np.full(len(low), np.inf), np.flatnonzero(np.isfinite(above)), 0
+    for attempt in range(ATTEMPTS):
+        if not len(left):
+            break
+        tried = above + RAISED**attempt * SLACK * scale
+        pieces = np.stack((low, high, tried, slope))[:, left]
+        found = _proved(device, hands, gains, pieces, 2**attempt * MAX_BOXES)
+        boxes += int(found.boxes.sum())
+        done = left[found.proved]
+        offset[done] = tried[done]
+        fails = np.flatnonzero(np.isfinite(found.failing[0]))
+        if len(fails):
+            higher, at, number = left[fails], found.failing[0, fails], found.failing[1:-2, fails]
+            there = _required(device, Hand(*number) if hands is not None else None, gains, at)
+            above[higher] = np.fmax(above[higher], np.ravel(there) - slope[higher] * at)
+        left = left[~found.proved]
+    return Envelope(low, high, offset, slope, boxes)
+
+
+def _some_of(hands: Hands) -> Hand:
+    """Return some hands of a box, numbers of shape (h, 1)."""
+    low, high = (np.array(astuple(hand), float) for hand in (hands.low, hands.high))
+    places = (np.unique(a + (b - a) * np.array(SHARES)) for a, b in zip(low, high, strict=True))
+    return Hand(*(number.reshape(-1, 1) for number in np.meshgrid(*places, indexing="ij")))
+
+
+def _required(device: Device, hand: Hand | None, gains: Gains, theta: Floats) -> Floats:
+    """Return R at angles of shape (n,), in hands (h, 1) or in any hand, of shape (h, n) or (1, n)."""
+    delays = delays_of(device)
+    if hand is None:
+        found = any_hand(device, delays.loop, theta[None], FLOATS, fractional=delays.loop_fractional).required(gains)
+        return np.asarray(np.where(found.size > 0, found.lost / found.size, np.inf))
+    found = required_in_hand(loop_in_hand(plant_in_hand(device, hand, delays, FLOATS), theta, FLOATS), gains)
+    return np.asarray(found.lost / found.size)
+
+
+def _proved(device: Device, hands: Hands | None, gains: Gains, pieces: Floats, max_boxes: int) -> Proofs:
+    """Prove the bound of some pieces, rows low, high, offset and slope."""
+    n, names = pieces.shape[1], HAND if hands is not None else ()
+    ends = [np.array(astuple(hand), float)[:, None] for hand in (hands.low, hands.high)] if hands is not None else []
+    low, high = ends or [np.empty((0, 1))] * 2
+    boxes = Boxes(
+        names=(FREQUENCY, *names, OFFSET, SLOPE),
+        low=np.vstack((pieces[:1], np.tile(low, n), pieces[2:])),
+        high=np.vstack((pieces[1:2], np.tile(high, n), pieces[2:])),
+        owner=np.arange(n),
+        whole_samples=np.zeros(n, np.intp),
+    )
+    fixed: Values = dict(zip(KEYS[:2], map(decimal, astuple(gains)), strict=True))
+    if hands is None:
+        test = positive(bounded_in_any_hand(device), fixed)
+    else:
+        slopes, polynomials = (bounded_in_hands(device, ops) for ops in (ENCLOSURES, TAYLOR))
+        spans = np.vstack((high - low, np.zeros((2, 1))))
+        test = positive_by_polynomials(polynomials, fixed, spans, positive(slopes, fixed))
+    halved = [True] * (1 + len(names)) + [False] * 2
+    return prove(test, boxes, n, halved=halved, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=True, few=FEW)

@@ -1,0 +1,351 @@
+"""The claims of a certificate for every device of a box, given that they hold for the nominal one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
+from itertools import product
+from math import floor, inf, pi
+
+import numpy as np
+
+from vctune.model.device import Device
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.keys import keys_of
+from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.proof.claims.conditions import EXTENSION_BOXES, LOWEST_EDGE
+from vctune.proof.claims.encirclements import model_curve_end
+from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, resistance_apart
+from vctune.proof.claims.model_poles import NEAR
+from vctune.proof.claims.polynomials import is_rational
+from vctune.proof.device_box import DeviceBox
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.engine.band_edges import extend_band
+from vctune.proof.engine.bands import STEP
+from vctune.proof.engine.box_tests import Margin, misses_zero, positive
+from vctune.proof.engine.boxes import WHOLE_SAMPLES, Boxes, Cells, Values, band_of, joined, over_band
+from vctune.proof.engine.branching import Proofs, Test, prove
+from vctune.proof.engine.interval import Outcome, Verdict
+
+LITTLE_PHASE = 0.5
+"""Angle omega tau up to which the margin that is regular at omega = 0 is worth a look, rad. Half and twice it take as
+many boxes for the uncertain friction wheel."""
+FEW_SAMPLES = 4
+"""Whole samples of a box's delays that are looked at one by one anyway, before it is asked above which angle their
+phase does not matter. Half and twice it: time, for long uncertain delays only."""
+ANGLES, LEAST_ANGLE = 400, 1e-6
+"""Angles at which the size of a loop is estimated, and the least of them. What the estimate says is proved then, so
+that half and twice it only cost time."""
+MAX_BOXES, MAX_BOXES_OF_CURVES = 1_600_000, 40_000
+"""Boxes looked at for one claim before it is left open; a curve that is not nearly 0 anywhere takes some dozens, the
+uncertain friction wheel 27,000 for all claims, a device of two masses with seven uncertain numbers and a disc a million
+for one. Half and twice it: as long to give up."""
+FEW = 64
+"""Boxes that are halved again before they are looked at: as many take about as long as one. None: three times as long
+for the band around a proved one; four times as many: a third longer."""
+MAX_HALVINGS = 80
+"""How often a box is halved at most: twenty times in each of four rows. Half and twice as often take as many boxes for
+the uncertain friction wheel."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobustDesign:
+    """One design on every device of a box.
+
+    Attributes
+    ----------
+    design : with the nominal device
+    box : of devices
+    demands : on each of them
+    """
+
+    design: Design
+    box: DeviceBox
+    demands: Demands
+
+    @property
+    def values(self) -> Values:
+        """The five numbers of the design, enclosed."""
+        numbers = astuple(self.design.gains) + astuple(self.design.coupling)
+        return dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The uncertain numbers."""
+        return tuple(f"device.{name}" for name in self.box.uncertain)
+
+    def loops(self) -> list[RobustDesign]:
+        """Return the design on the boxes of devices whose loops must be stable by themselves."""
+        design = self.design
+        return [replace(self, design=replace(design, device=box.nominal), box=box) for box in self.box.loops]
+
+    def ends(self) -> tuple[Floats, Floats]:
+        """Return the least and the greatest of the uncertain numbers."""
+        low, high = (
+            np.array([end.number(key) for key in self.box.uncertain], float).reshape(-1, 1)
+            for end in (self.box.low, self.box.high)
+        )
+        return low, high
+
+    def claims(self) -> Claims:
+        """Return the claims as functions of the uncertain numbers too."""
+        demands = replace(self.demands, device=self.box.low)
+        return claims_of(demands, self.box.uncertain)
+
+    def device(self, numbers: Floats) -> Device:
+        """Return a device of the box from its uncertain numbers."""
+        within = np.clip(numbers[:, None], *self.ends())
+        return self.box.device(dict(zip(self.box.uncertain, within[:, 0].tolist(), strict=True)))
+
+    def enclosed(self) -> Device:
+        """Return the nominal device with all numbers of the box enclosed."""
+        low, high = self.ends()
+        numbers = dict(zip(self.box.uncertain, map(between, low[:, 0], high[:, 0]), strict=True))
+        return self.box.nominal.converted(decimal).with_numbers(numbers)
+
+
+NominalProof = Callable[[Device, float], Outcome]
+"""Judges a claim for one device, of which it is in doubt at a frequency, rad/s or rad."""
+
+
+def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove Llewellyn's conditions for every device.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the conditions for one device, at a frequency in rad/s if its response is perturbed
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
+    return _outcome(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
+
+
+def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
+    """Prove the conditions: where a response is known to a disc only, at its edge, and that this is enough."""
+    claims, turning = robust.claims(), _turning(robust)
+    beyond = max(1 / robust.box.nominal.sample_time, low)
+    test = positive(
+        claims.conditions, robust.values, claims.conditions_near_zero, LITTLE_PHASE / robust.box.high.loop_lag
+    )
+    parts, finite = [], beyond if high == inf else high
+    if robust.box.nominal.unmodelled is not None:
+        parts += [_part(robust, positive(margin, robust.values), low, finite, max_boxes) for margin in claims.clamped]
+    if resistance_apart(robust.box.nominal):
+        parts.append(_part(robust, positive(claims.resistance, robust.values), low, finite, max_boxes))
+    if low < turning:
+        parts.append(_part(robust, test, low, min(turning, finite), max_boxes))
+    if turning < finite:
+        parts.append(_whatever_phase(robust, claims.conditions, max(low, turning), finite, max_boxes))
+    if high == inf:
+        parts.append(
+            _part(robust, positive(claims.conditions_near_infinity, robust.values), 0.0, 1 / beyond, max_boxes)
+        )
+    return parts
+
+
+def _turning(robust: RobustDesign) -> float:
+    """Return the frequency from which on the delays of the box turn the phase fully, rad/s; inf for one delay."""
+    range_ = robust.box.high.delay - robust.box.low.delay
+    return 2 * pi / range_ * (1 + NEAR) if range_ > 0 else inf
+
+
+def _whatever_phase(robust: RobustDesign, margin: Margin, low: float, high: float, max_boxes: int) -> Proofs:
+    """Prove a margin of the frequency model positive where every phase omega delay occurs, of a full turn of it."""
+    (least, greatest), row, name = robust.ends(), robust.box.uncertain.index("delay"), "device.delay"
+
+    def of_phase(omega: Number, values: Values) -> Number:
+        return margin(omega, {**values, name: values[name] / omega})
+
+    shortest = least[row, 0]
+    least[row], greatest[row] = 2 * pi * (1 - NEAR), 4 * pi * (1 + NEAR)
+    boxes = over_band(robust.names, least, greatest, band_of(low, high, STEP))
+    found = _proved(positive(of_phase, robust.values), boxes, max_boxes)
+    for point in (found.failing, found.open):
+        point[1 + row] = shortest + np.mod(point[1 + row] / point[0] - shortest, 2 * pi / point[0])
+    return found
+
+
+def widest_band_for_all(robust: RobustDesign) -> tuple[float, float]:
+    """Return the widest band around a proved one on which the conditions are proved for every device, rad/s."""
+    (low, high), device = robust.demands.band, robust.box.nominal
+
+    def holds(low: float, high: float) -> bool:
+        return all(part.proved[0] for part in _conditions(robust, low, high, EXTENSION_BOXES))
+
+    endless = is_rational(device)
+    first = 0.0 if low == 0 or holds(0.0, low) else extend_band(holds, low, low * LOWEST_EDGE)
+    if high == inf or (endless and holds(high, inf)):
+        return first, inf
+    return first, extend_band(holds, high, high / LOWEST_EDGE if endless else pi / device.sample_time)
+
+
+def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove |S| < max_sensitivity of the sampled loop for every device.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges |S| for one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
+    claims = robust.claims()
+    test = positive(claims.sensitivity, robust.values)
+    return _outcome(robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES, at_ends=True), alone)
+
+
+def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
+    """Test all of theta = omega T, the whole samples that delays of the box have one by one.
+
+    Where they are many, not so at high frequencies, where the loop is so small that its phase does not matter.
+    """
+    samples, small, parts = _whole_samples(robust), HALF_TURN, []
+    if len(samples) > FEW_SAMPLES:
+        small = _small_from(robust, gain)
+    if small < HALF_TURN:
+        boxes = over_band(robust.names, *_within_a_sample(robust), band_of(small, HALF_TURN, STEP))
+        parts = [_proved(positive(gain, robust.values), boxes, max_boxes)]
+        if not parts[0].proved[0]:
+            small, parts = HALF_TURN, []
+    if small > 0:
+        circle = band_of(0.0, small, STEP)
+        boxes = joined(*(over_band(robust.names, low, high, circle, whole) for whole, low, high in samples))
+        parts.append(_proved(test, boxes, max(max_boxes, MAX_BOXES_OF_CURVES * len(samples)), at_ends=at_ends))
+    return parts
+
+
+def _within_a_sample(robust: RobustDesign) -> tuple[Floats, Floats]:
+    """Return the ends of the box without the whole samples of its delays."""
+    (low, high), row = robust.ends(), robust.box.uncertain.index("delay")
+    low[row], high[row] = 0.0, robust.box.nominal.sample_time
+    return low, high
+
+
+def _small_from(robust: RobustDesign, gain: Margin) -> float:
+    """Return an estimate of the theta from which on a loop is small, a little on the safe side; 0 if it always is."""
+    theta = np.geomspace(LEAST_ANGLE, HALF_TURN, ANGLES)
+    ends = np.hstack(_within_a_sample(robust))
+    margins = []
+    for corner in product(*ends):
+        numbers = dict(zip(robust.names, map(Enclosure, corner), strict=True))
+        margins.append(gain(Enclosure(theta), {**robust.values, **numbers, WHOLE_SAMPLES: 0}).mid)
+    large = np.flatnonzero(np.min(margins, axis=0) <= 0)
+    return min(float(theta[large[-1]]) * STEP, HALF_TURN) if len(large) else 0.0
+
+
+def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove |1 - S| r < 1 of the sampled loop for every device, r the radius of what is not modelled.
+
+    Parameters
+    ----------
+    robust : the design and a box whose devices have a radius of what is not modelled
+    alone : judges |1 - S| r for one device at an angle omega T, rad
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails, and a witness in rad/s.
+    """
+    modelled = replace(robust, box=robust.box.modelled)
+    claims = claims_of(replace(robust.demands, device=robust.box.nominal), modelled.box.uncertain)
+    test = positive(claims.unmodelled, robust.values)
+    parts = [
+        _proved(test, over_band(modelled.names, low, high, band_of(0.0, HALF_TURN, STEP), whole), MAX_BOXES)
+        for whole, low, high in _whole_samples(modelled)
+    ]
+    return _outcome(modelled, parts, alone)
+
+
+def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove that no pole of the frequency model crosses the imaginary axis from one device to another.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the poles of one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
+    gains = robust.design.gains
+    law, parts = np.array([[gains.velocity], [gains.position]]), []
+    for loop in robust.loops():
+        claims = loop.claims()
+        test = misses_zero(claims.model_poles, loop.values, claims.model_any_position)
+        end = model_curve_end(loop.enclosed(), Cells(law, law), ENCLOSURES)
+        parts.append(_part(loop, test, 0.0, end, MAX_BOXES_OF_CURVES, at_ends=False))
+    return _outcome(robust, parts, alone)
+
+
+def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
+    """Prove that no pole of the sampled loop crosses the unit circle from one device to another.
+
+    The loop depends continuously on the delay where a whole sample is added to it.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    alone : judges the poles of one device
+
+    Returns
+    -------
+    Outcome
+        Refuted with a device that fails by itself.
+    """
+    parts = []
+    for loop in robust.loops():
+        claims = loop.claims()
+        test = misses_zero(claims.sampled_poles, loop.values, claims.sampled_any_position)
+        parts += _around_circle(loop, test, claims.sampled_any_phase, MAX_BOXES_OF_CURVES, at_ends=False)
+    return _outcome(robust, parts, alone)
+
+
+def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
+    """Return the whole samples that delays of the box have, each with the ends of that part of the box."""
+    (low, high), T, names = robust.ends(), robust.box.nominal.sample_time, robust.box.uncertain
+    if "delay" not in names:
+        return [(0, low, high)]
+    row, parts = names.index("delay"), []
+    for whole in range(floor(low[row, 0] / T), floor(high[row, 0] / T) + 1):
+        least, most = low.copy(), high.copy()
+        least[row], most[row] = np.maximum(low[row], whole * T), np.minimum(high[row], (whole + 1) * T)
+        if least[row, 0] <= most[row, 0]:
+            parts.append((whole, least, most))
+    return parts
+
+
+def _part(robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True) -> Proofs:
+    boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
+    return _proved(test, boxes, max_boxes, at_ends=at_ends)
+
+
+def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -> Proofs:
+    """Prove a margin positive, or a curve to miss 0: that is not least at an end."""
+    rows = [True] * len(boxes.names)
+    return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
+
+
+def _outcome(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
+    """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it."""
+    boxes = sum(int(part.boxes[0]) for part in parts)
+    open_ = next((part for part in parts if not part.proved[0]), None)
+    if open_ is None:
+        return Outcome(Verdict.PROVED, boxes)
+    point = open_.open[:, 0] if np.isnan(open_.failing[0, 0]) else open_.failing[:, 0]
+    doubtful = robust.device(point[1:])
+    for device in (doubtful, *robust.box.modelled.corners()):
+        judged = alone(device, float(point[0]))
+        boxes += judged.boxes
+        if judged.verdict is Verdict.REFUTED:
+            return Outcome(Verdict.REFUTED, boxes, judged.witness, device)
+    return Outcome(Verdict.UNDECIDED, boxes, None, doubtful)

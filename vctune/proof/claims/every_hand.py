@@ -1,0 +1,383 @@
+"""The loop in every hand of a box, with every passive environment, at every frequency (model/README.md, section 14).
+
+The margin is proved positive over angle, hand and uncertain device together. Where it is, no pole of the loop is on the
+unit circle; in one hand none is outside, and from there to any other none crosses over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, replace
+from functools import partial
+from math import ceil, floor, pi
+
+import numpy as np
+from flint import arb
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.keys import keys_of
+from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
+from vctune.model.sampled.velocity_loop import SNAP
+from vctune.proof.claims.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin
+from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
+from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
+from vctune.proof.claims.sampled_poles import in_rad_per_s
+from vctune.proof.claims.whole_samples import NEXT_TO
+from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
+from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
+from vctune.proof.enclosures.array_intervals import Floats, decimal
+from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.proof.enclosures.taylor_functions import TAYLOR
+from vctune.proof.engine.box_tests import FEW, next_to_zero, positive, positive_by_polynomials
+from vctune.proof.engine.boxes import Boxes, Values, band_of, over_band
+from vctune.proof.engine.branching import Decided, Test, prove
+from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.engine.winding import turned_angle
+
+STEP = 1.4
+"""Ratio of the edges of the first intervals. Its square root and its square take as many boxes within a tenth."""
+MAX_BOXES = 200_000
+"""Boxes looked at before the claim is left open; an optimal design takes some thousand. Half and twice it: as long
+to give up."""
+EASY_BOXES = 20_000
+"""Boxes after which hands next to a sharp resonance are looked at apart: where the demand leaves room there, some
+hundred do. Half or twice as many cost half or twice as much where they were in vain: some seconds."""
+NEAR_ENDS = tuple(10.0**-k for k in range(1, 9))
+"""How far from an end of the angles, as a share of pi, a witness is looked for. Fewer: growth that takes longer to see;
+more: none that is seen."""
+MAX_HALVINGS = 120
+"""How often a box is halved at most: twenty times in each of six rows. Half and twice as often: the same proofs."""
+
+
+def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove Re Z_c > factor R, and the loop stable, in every hand.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    demands : with the hands
+    box : of devices, for all of which it is to be proved; None for the design's own
+
+    Returns
+    -------
+    Outcome
+        Refuted or undecided with a hand, and with a device of the box.
+    """
+    assert demands.hands is not None
+    if box is not None and (parts := moved_as_one(box)):
+        return _moved_as_one(design, demands, demands.hands, box, parts)
+    if not design.device.renders_force:
+        if not design.gains.closed:
+            return Outcome(Verdict.PROVED, 0)  # nothing is driven
+        if design.gains.position == 0 and demands.hands.high.stiffness == 0:
+            return Outcome(Verdict.UNDECIDED, 0)  # no spring anywhere: the position is free
+    middle = demands.hands.middle
+    stable = prove_poles_in(design.device, middle, design.gains)
+    if stable.verdict is not Verdict.PROVED:
+        return replace(stable, hand=middle)
+    uncertain = box.modelled.uncertain if box is not None else ()
+    limp = not design.device.renders_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
+    rows = (*HAND, SHARE) if limp else HAND
+
+    def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
+        slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
+        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        if limp:
+            test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
+        return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
+
+    ends, near = partial(_ends, demands.hands, box, uncertain), resonance(design, demands.hands)
+    every = partial(_proved_over, design, demands, uncertain, rows)
+    found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
+    if near and found.verdict is Verdict.UNDECIDED:
+        found, tried = every(ends(limp=limp), partial(tests, near=near), MAX_BOXES), found.boxes
+        if found.verdict is Verdict.PROVED:
+            tried += found.boxes
+            found = _proved_next_to(near, design, demands, uncertain, ends())
+        found = replace(found, boxes=found.boxes + tried)
+    found = replace(found, boxes=found.boxes + stable.boxes)
+    return _and_without_reserve(found, prove_hands, design, demands, box)
+
+
+def _proved_next_to(
+    near: Resonance, design: Design, demands: Demands, uncertain: tuple[str, ...], ends: tuple[Floats, Floats]
+) -> Outcome:
+    """Prove the same of hands next to resonance, by what their stiffness is beside the resonant one."""
+    ratio = ROWS.index(RATIO)
+    for end, value in zip(ends, AROUND, strict=True):
+        end[ratio] = value
+
+    def tests(part: _Part, fixed: Values) -> list[Test]:
+        slopes, polynomials = (
+            near.margin(hands_margin(demands, uncertain, part.delays, ops)) for ops in (ENCLOSURES, TAYLOR)
+        )
+        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
+
+    return _proved_over(design, demands, uncertain, ROWS, ends, tests, MAX_BOXES, near)
+
+
+def _moved_as_one(design: Design, demands: Demands, hands: Hands, box: DeviceBox, parts: tuple[str, ...]) -> Outcome:
+    """Prove the same of the least device in longer hands."""
+    least = {key: box.low.number(key) for key in parts}
+    one = replace(design, device=design.device.with_numbers(least))
+    rest, longer = in_longer_hands(box, hands, parts)
+    found = prove_hands(one, replace(demands, device=demands.device.with_numbers(least), hands=longer), rest)
+    if found.hand is None or found.verdict is Verdict.PROVED:
+        return found
+    # the hand has what it may, the device the rest
+    own = {key: min(getattr(found.hand, key), getattr(hands.high, key)) for key in parts}
+    beyond = {
+        key: min(value + (getattr(found.hand, key) - own[key]), box.high.number(key)) for key, value in least.items()
+    }
+    hand, device = replace(found.hand, **own), (found.device or one.device).with_numbers(beyond)
+    theta = None if found.witness is None else min(found.witness * device.sample_time, pi)
+    fails = theta is not None and any(
+        _margin_at(replace(design, device=device), hand, theta, factor) < 0 for factor in {demands.factor, 1.0}
+    )
+    refuted = found.verdict is Verdict.REFUTED and fails
+    return replace(found, verdict=Verdict.REFUTED if refuted else Verdict.UNDECIDED, hand=hand, device=device)
+
+
+def prove_any_hand(design: Design, demands: Demands, box: DeviceBox | None = None) -> Outcome:
+    """Prove Re 1/Z_c > factor R of an impedance display in any passive hand, its loop of K_v alone being stable.
+
+    Parameters
+    ----------
+    design : its numbers are taken as the decimals that they are written as
+    demands : what is to be met
+    box : of devices, for all of which it is to be proved; None for the design's own
+
+    Returns
+    -------
+    Outcome
+        Refuted or undecided with a device of the box.
+    """
+    uncertain = box.modelled.uncertain if box is not None else ()
+    if design.device.least_damping == 0:
+        return Outcome(Verdict.REFUTED, 0, pi / design.device.sample_time)  # R is infinite
+
+    def tests(part: _Part, fixed: Values) -> list[Test]:
+        margin, size = any_hand_margins(demands, uncertain, part.delays)
+        return [positive(each, fixed) for each in ([margin, size] if design.gains.velocity > 0 else [margin])]
+
+    found = _proved_over(design, demands, uncertain, (), _ends(None, box, uncertain), tests, MAX_BOXES)
+    return _and_without_reserve(found, prove_any_hand, design, demands, box)
+
+
+def _and_without_reserve(
+    found: Outcome,
+    proof: Callable[[Design, Demands, DeviceBox | None], Outcome],
+    design: Design,
+    demands: Demands,
+    box: DeviceBox | None,
+) -> Outcome:
+    """Return an outcome that holds with the factor 1 too, which of a coupling that may drive is no weaker demand."""
+    if found.verdict is not Verdict.PROVED or demands.factor == 1 or not design.device.coupling_may_drive:
+        return found
+    again = proof(design, replace(demands, factor=1.0), box)
+    return replace(again, boxes=found.boxes + again.boxes)
+
+
+def _proved_over(
+    design: Design,
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    hand_rows: tuple[str, ...],
+    ends: tuple[Floats, Floats],
+    tests: Callable[[_Part, Values], list[Test]],
+    max_boxes: int,
+    near: Resonance | None = None,
+) -> Outcome:
+    """Prove margins of theta, the hand's numbers and the device's positive over all of them.
+
+    Parameters
+    ----------
+    uncertain, hand_rows : numbers of device and hand that are rows of the boxes
+    ends : their least and greatest, the hand's first
+    tests : of a part of the boxes, and of the values that are no rows
+    max_boxes : of each part, before it is left open
+    near : where the hands are those next to resonance
+    """
+    names = hand_rows + tuple(map(row_of, uncertain))
+    band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
+    numbers = (*astuple(design.gains), *astuple(design.coupling))
+    fixed = dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
+    boxes, point = 0, None
+    for part in _parts(design.device, names, *ends):
+        for test in tests(part, fixed):
+            found = prove(
+                part.within(test, names),
+                over_band(names, part.low, part.high, band),
+                1,
+                halved=[True] * (1 + len(names)),
+                max_halvings=MAX_HALVINGS,
+                max_boxes=max_boxes,
+                at_ends=True,
+                few=FEW,
+            )
+            boxes += int(found.boxes[0])
+            if not found.proved[0]:
+                point = found.open[:, 0] if np.isnan(found.failing[0, 0]) else found.failing[:, 0]
+                return _in_doubt(design, demands, uncertain, names, part, point, boxes, near)
+    return Outcome(Verdict.PROVED, boxes)
+
+
+def _in_doubt(
+    design: Design,
+    demands: Demands,
+    uncertain: tuple[str, ...],
+    names: tuple[str, ...],
+    part: _Part,
+    point: Floats,
+    boxes: int,
+    near: Resonance | None,
+) -> Outcome:
+    """Decide by balls about a point at which arrays have not proved the demand."""
+    for row, name in enumerate(names):
+        if name in DELAY_ROWS:  # at its ends the whole samples change
+            inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
+            part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
+    within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
+    count = len(names) - len(uncertain)
+    hand, device = Hand(*within[: len(HAND)]) if count else None, design.device
+    if uncertain:
+        device = device.with_numbers(dict(zip(uncertain, within[count:], strict=True)))
+    theta = min(float(point[0]), pi)
+    if near:
+        hand = near.hand(theta, dict(zip(names, within, strict=True)))
+
+    def fails(theta: float) -> bool:
+        return bool(_margin_at(replace(design, device=device), hand, theta, demands.factor) < 0)
+
+    refuted = fails(theta)
+    if refuted and theta in (0.0, pi):  # no spring and no mass makes a loop grow at an end, but next to it
+        theta = next((beside for off in NEAR_ENDS if fails(beside := abs(theta - pi * off))), theta)
+    outcome = Outcome(
+        Verdict.REFUTED if refuted else Verdict.UNDECIDED, boxes, theta, device if uncertain else None, hand
+    )
+    return in_rad_per_s(outcome, device)
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The devices and hands of a box whose delays have the same whole samples.
+
+    Attributes
+    ----------
+    low, high : ends of the numbers, shape (rows, 1)
+    delays : whole samples
+    sample_time, other : T, and of device and sensor the delay that is no row, s
+    """
+
+    low: Floats
+    high: Floats
+    delays: Delays
+    sample_time: float
+    other: float
+
+    def within(self, test: Test, names: tuple[str, ...]) -> Test:
+        """Return a test that leaves out where the sum of both delays has other whole samples.
+
+        Parameters
+        ----------
+        test : of boxes with these rows
+        names : of the rows, but the frequency
+        """
+        rows = [1 + index for index, name in enumerate(names) if name in DELAY_ROWS]
+        if not rows:
+            return test
+        least = self.delays.felt * self.sample_time * (1 - SNAP)
+        most = (self.delays.felt + 1) * self.sample_time * (1 + SNAP)
+
+        def total(numbers: Floats) -> Floats:
+            return np.asarray(self.other + sum(numbers[row] for row in rows))
+
+        def tested(boxes: Boxes) -> Decided:
+            decided = test(boxes)
+            outside = (total(boxes.low) > most) | (total(boxes.high) < least)
+            there = (total(decided.point) >= least) & (total(decided.point) <= most)
+            decided.side[rows] = 0.0  # an end may be outside, and be left out
+            return replace(decided, proved=decided.proved | outside, fails=decided.fails & there)
+
+        return tested
+
+
+def row_of(key: str) -> str:
+    """Return the name of the row of a number of the device."""
+    return f"device.{key}"
+
+
+DELAY_ROWS = tuple(map(row_of, DELAYS))
+
+
+def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) -> list[_Part]:
+    """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
+    known, T = delays_of(device), device.sample_time
+    sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
+    others = {"device.delay": device.delay, "device.force_sensor.delay": sensor}
+    rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
+    if not rows:
+        return [_Part(low, high, known, T, 0.0)]
+    other = sum(delay for name, delay in others.items() if name not in rows)
+    parts, row = [], rows.get("device.delay")
+    loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
+    for loop in loops:
+        least, most = low.copy(), high.copy()
+        if row is not None:
+            least[row], most[row] = max(low[row, 0], loop * T), min(high[row, 0], (loop + 1) * T)
+        shortest, longest = (other + sum(end[at, 0] for at in rows.values()) for end in (least, most))
+        for felt in _whole(shortest, longest, T, last=loop == loops[-1]):
+            delays = Delays(loop, row is not None or known.loop_fractional, felt, felt_fractional=True)
+            parts.append(_Part(least, most, delays, T, other))
+    return parts
+
+
+def _whole(low: float, high: float, T: float, *, last: bool) -> range:
+    """Return the whole samples of delays between two; of the `last` delays also the whole number that they end at.
+
+    What is sensed at a whole number is not the limit of what is sensed just below it.
+    """
+    first, end = floor(low / T * (1 + SNAP)), high / T
+    return range(first, max(first + 1, floor(end * (1 + SNAP)) + 1 if last else ceil(end * (1 - SNAP))))
+
+
+def prove_poles_in(device: Device, hand: Hand, gains: Gains) -> Outcome:
+    """Prove that the loop is stable in a hand, the environment at rest; the witness is in rad/s.
+
+    Parameters
+    ----------
+    device, hand, gains : taken as the decimals that they are written as
+    """
+    plant = plant_in_hand(device_ball(device), Hand(*map(ball, astuple(hand))), delays_of(device), BALLS)
+    law = gains_ball(gains)
+    outcome, angle = turned_angle(lambda theta: hand_curve(plant, law, theta, BALLS), 0.0, HALF_TURN)
+    if outcome.verdict is not Verdict.PROVED:
+        return in_rad_per_s(outcome, device)
+    return Outcome(Verdict.PROVED if abs(angle) < pi / 2 else Verdict.REFUTED, outcome.boxes)
+
+
+def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -> Number:
+    """Return the margin in a hand, or in any, at one angle, in balls."""
+    exact, delays = design_ball(design), delays_of(design.device)
+    if hand is None:
+        delay = LoopDelay(delays.loop, delays.loop_fractional)
+        return any_hand_margin(exact, delay, arb(theta), ball(factor), BALLS)[0]
+    plant = plant_in_hand(exact.device, Hand(*map(ball, astuple(hand))), delays, BALLS)
+    return hand_margin(plant, exact, arb(theta), ball(factor), BALLS)
+
+
+def _ends(
+    hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...], *, limp: bool = False
+) -> tuple[Floats, Floats]:
+    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device."""
+    devices = () if box is None else (box.low, box.high)
+    numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
+    held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
+    if limp:
+        held = [(*held[0], 0.0), (*held[1], 1.0)]
+    low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
+    return low, high

@@ -1,0 +1,267 @@
+"""The claims of a certificate for many cells at once, on arrays; what stays open is left to Arb.
+
+See proof/README.md, section 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+
+from vctune.model.gains import Gains
+from vctune.model.hands import HAND, Hands
+from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
+from vctune.proof.claims.envelope import envelope
+from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
+from vctune.proof.engine.box_tests import Margin, lower_bound_over, positive
+from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
+from vctune.proof.engine.branching import prove as prove_boxes
+
+HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
+"""What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
+known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
+of those next to K_p = 0 are left to smaller cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Certified:
+    """What is proved of many cells.
+
+    Attributes
+    ----------
+    proved : the cells all of whose designs meet all demands
+    boxes : what it took to prove Llewellyn's conditions, |S|, the model's and the sampled poles, 0 for what is not
+        demanded; shape (4, n)
+    """
+
+    proved: Flags
+    boxes: Integers
+
+
+def prove(demands: Demands, cells: Cells) -> Certified:
+    """Prove all demands throughout each cell.
+
+    A cell whose K_p starts at 0 does not contain K_p = 0 itself, which takes the position out of the loop; a cell
+    whose K_p is 0 throughout does.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    cells : n of them
+
+    Returns
+    -------
+    Certified
+        A cell that is not proved is open, not refuted.
+    """
+    proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
+    for at in by_integrator(cells):
+        part = _proofs(demands, cells.subset(at))
+        proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
+    return proofs
+
+
+def _proofs(demands: Demands, cells: Cells) -> Certified:
+    """Prove claim after claim for the cells that are left."""
+    claims = claims_of(demands)
+
+    def conditions_hold(cells: Cells) -> tuple[Flags, Integers]:
+        low, high = outwards(demands.band)
+        beyond = max(1 / demands.device.sample_time, low)
+        test = positive(claims.conditions, {}, claims.conditions_near_zero if low == 0 else None)
+        finite = beyond if high == inf else high
+        found = cells_over_band(test, cells, low, finite)
+        if resistance_apart(demands.device):
+            apart = cells_over_band(positive(claims.resistance, {}), cells, low, finite)
+            return found.proved & apart.proved, found.boxes + apart.boxes
+        if high < inf:
+            return found.proved, found.boxes
+        above = cells_over_band(positive(claims.conditions_near_infinity, {}), cells, 0.0, 1 / beyond)
+        return found.proved & above.proved, found.boxes + above.boxes
+
+    def sensitivity_holds(cells: Cells) -> tuple[Flags, Integers]:
+        found = cells_over_band(
+            positive(claims.sensitivity, {}, claims.sensitivity_any_position), cells, 0.0, HALF_TURN
+        )
+        return found.proved, found.boxes
+
+    def poles_stay(cells: Cells) -> tuple[Flags, Integers]:
+        turned = encirclements(demands, cells)
+        return (turned.number == 0).all(axis=0), turned.boxes
+
+    steps = ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay))
+    left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
+    for rows, holds in steps if demands.passive else steps[1:]:
+        if len(left):
+            proved, boxes[rows, left] = holds(cells.subset(left))
+            left = left[proved]
+    if demands.any_hand and len(left):
+        left = left[_holds_in_any_hand(demands, claims, cells.subset(left))]
+    if demands.hands is not None and len(left):
+        left = left[_holds_in_hands(demands, claims, cells.subset(left))]
+    if demands.factor > 1 and demands.device.coupling_may_drive and len(left):
+        left = left[_proofs(replace(demands, factor=1.0), cells.subset(left)).proved]
+    proved = np.zeros(len(cells), bool)
+    proved[left] = True
+    return Certified(proved, boxes)
+
+
+def _holds_in_any_hand(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in any passive hand on an impedance display."""
+    if demands.device.least_damping == 0:
+        return np.zeros(len(cells), bool)
+    margin, size = (positive(each, {}) for each in claims.any_hand)
+    if _have_the_same_gains(cells):  # and so the same size
+        one = cells.subset(np.zeros(1, np.intp))
+        return cells_over_band(size, one, 0.0, HALF_TURN).proved & _above_envelope(demands, None, claims, cells)
+    return cells_over_band(size, cells, 0.0, HALF_TURN).proved & cells_over_band(margin, cells, 0.0, HALF_TURN).proved
+
+
+def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in every hand.
+
+    Where the margin is positive no pole of any design of the cell is on the unit circle in any hand: those of one
+    design in one hand decide about all.
+    """
+    hands, proved = demands.hands, np.zeros(len(cells), bool)
+    assert hands is not None
+    # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
+    regular = demands.device.renders_force or hands.low.stiffness > 0
+    hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
+    points = cells.subset(hopeful).centres()
+    left = hopeful[turns_in_hand(demands, points) == 0]
+    if _have_the_same_gains(cells):
+        proved[left] = _above_envelope(demands, hands, claims, cells.subset(left))
+        return proved
+    for some in np.split(left, range(TOGETHER_IN_HANDS, len(left), TOGETHER_IN_HANDS)):
+        part = cells.subset(some)
+        found = prove_boxes(
+            positive(claims.in_hand, {}),
+            over_hands(part, hands, band_of(0.0, HALF_TURN, STEP)),
+            len(part),
+            halved=[True] * (1 + len(HAND) + len(cells.keys)),
+            max_halvings=HALVINGS_IN_HANDS,
+            max_boxes=BOXES_IN_HANDS,
+            at_ends=True,
+            only_whole=True,
+        )
+        proved[some] = found.proved
+    return proved
+
+
+def _have_the_same_gains(cells: Cells) -> bool:
+    """Return whether these are several couplings that meet the same gains."""
+    return cells.extended and not np.ptp((cells.low[:2], cells.high[:2]), axis=(0, 2)).any()
+
+
+def _above_envelope(demands: Demands, hands: Hands | None, claims: Claims, cells: Cells) -> Flags:
+    """Prove the demand in every hand of a box, or in any, for couplings that meet the same gains.
+
+    Cells are divided too, as the angle alone is besides; their callers divide those that are left.
+    """
+    if not len(cells):
+        return np.zeros(0, bool)
+    required = envelope(demands.device, hands, Gains(*map(float, cells.low[:2, 0])))
+    found = prove_boxes(
+        positive(claims.above_bound, {}),
+        required.over(cells),
+        len(cells),
+        halved=(True, False, False, *[True] * len(cells.keys)),
+        max_halvings=CELL_HALVINGS,
+        max_boxes=MAX_BOXES,
+        only_whole=True,
+    )
+    return found.proved
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """For each of n cells, where a demand may fail throughout; None where nothing is demanded.
+
+    Attributes
+    ----------
+    theta_S : rad, angle omega T of |S|, shape (n,)
+    omega : rad/s, frequencies of the band of Llewellyn's conditions, the hardest first, shape (any number, n)
+    theta : rad, angles of any passive hand on an impedance display likewise
+    in_hands : angles and hands likewise, shape (4, any number, n)
+    """
+
+    theta_S: Floats
+    omega: Floats | None = None
+    theta: Floats | None = None
+    in_hands: Floats | None = None
+
+    def subset(self, at: Integers) -> Places:
+        """Return those of some of the cells."""
+        some = (None if of is None else of[..., at] for of in (self.omega, self.theta, self.in_hands))
+        return Places(self.theta_S[at], *some)
+
+
+def refuted(demands: Demands, cells: Cells, places: Places) -> Flags:
+    """Return the cells none of whose designs meets all demands.
+
+    Parameters
+    ----------
+    demands : what is to be met
+    cells : as for `prove`
+    places : where to look
+    """
+    fails = np.zeros(len(cells), bool)
+    for at in by_integrator(cells):
+        claims, part = claims_of(demands), cells.subset(at)
+        lost = negative_at(claims.sensitivity, part, places.theta_S[at])
+        if places.omega is not None:
+            lost |= negative_at(claims.conditions, part, places.omega[0, at])
+            lost |= negative_at(claims.resistance, part, places.omega[0, at])
+        if places.theta is not None:
+            lost |= negative_at(claims.any_hand[0], part, places.theta[0, at])
+        if places.in_hands is not None:
+            lost |= negative_at(claims.in_hand, part, places.in_hands[:, 0, at])
+        left = np.flatnonzero(~lost)
+        number = encirclements(demands, part.subset(left)).number
+        lost[left] = (np.isfinite(number) & (number != 0)).any(axis=0)
+        if demands.hands is not None:
+            left = np.flatnonzero(~lost)
+            number, _ = encirclements_in_hand(demands, part.subset(left))
+            lost[left] = np.isfinite(number) & (number != 0)
+        fails[at] = lost
+    return fails
+
+
+def negative_at(margin: Margin, cells: Cells, at: Floats) -> Flags:
+    """Return where a margin is negative throughout each cell, at one place of its own.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    cells : n of them
+    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
+
+    Returns
+    -------
+    array of bool
+        Shape (n,).
+    """
+    return np.asarray(lower_bound_at(lambda omega, values: -margin(omega, values), cells, at) > 0)
+
+
+def lower_bound_at(margin: Margin, cells: Cells, at: Floats) -> Floats:
+    """Return a lower bound of a margin over each cell, at one place of its own, shape (number of cells,).
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    cells : n of them
+    at : for each cell a frequency as the margin has it, or a frequency and a hand, as `over_each` takes them
+
+    Returns
+    -------
+    array of float
+        In the margin's unit; nan where nothing is known of it.
+    """
+    return lower_bound_over(margin, over_each(cells, at), {})

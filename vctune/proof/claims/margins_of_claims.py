@@ -1,0 +1,363 @@
+"""What is to be proved of a design, as functions that must be positive; written once for every arithmetic."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, nextafter, pi
+
+from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.loop.affine import loop_constants
+from vctune.model.loop.device_response import DeviceResponse, device_response
+from vctune.model.loop.llewellyn import llewellyn_demand, moduli
+from vctune.model.loop.loop import loop_response
+from vctune.model.numbers.arithmetic import Arithmetic, Number
+from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
+from vctune.model.sampled.let_go import Plant, return_difference
+from vctune.model.sampled.plant_in_hand import PlantInHand
+from vctune.model.sampled.velocity_loop import difference_slope
+
+HALF_TURN = nextafter(pi, inf)
+"""theta = omega T at the Nyquist frequency, rounded upwards; the sampled loop's curve is symmetric there."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDelay:
+    """A delay's whole samples, and whether a part of one remains."""
+
+    whole_samples: Number
+    fractional: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """What is judged: a device with its gains and its coupling, in numbers of any arithmetic."""
+
+    device: Device
+    gains: Gains
+    coupling: AnyCoupling
+
+    @property
+    def series(self) -> Coupling:
+        """The coupling of an admittance display, the only one that has a frequency model."""
+        assert isinstance(self.coupling, Coupling)
+        return self.coupling
+
+
+def conditions_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return 2 r (Re Z_c - factor R) at omega > 0, (N s/m)^2, r the loop's resistance (model/README.md, section 4).
+
+    Where it is positive and r > 0, ratio >= factor. Without an operator it is 2 r Re Z_c - factor (|C||D| -
+    Re(C conj D)), of an ideal device in a hand 2 r Re Z_c + factor (2 b_h Re C - ...) with Re C <= 0 where r <= 0: then
+    it is not positive unless r is. Of any other device r > 0 has to be proved beside it (`resistance_apart`).
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, > 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    loop = loop_response(device_response(design.device, omega, ops), design.gains, ops)
+    return 2 * loop.resistance * coupling_impedance(design.series, omega).re - factor * llewellyn_demand(loop, ops)
+
+
+def clamped_margin(design: Design, omega: Number, radius: Number, ops: Arithmetic) -> Number:
+    """Return |N|^2 - r^2 |N - N_0|^2 at omega > 0, positive where N is not 0 for any response within the disc.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, > 0
+    radius : r there
+    ops : arithmetic of all of these
+    """
+    numerator = loop_constants(device_response(design.device.modelled, omega, ops)).numerator
+    return numerator.closed(design.gains).abs2() - radius * radius * numerator.driven(design.gains).abs2()
+
+
+def low_margin(design: Design, omega: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return a margin that is regular at omega = 0 and, where positive, proves as much as `conditions_margin`.
+
+    Both sides of 2 Re D Re Z_c >= factor N are divided by omega^2 where they vanish together, and Re Z_c >= b_0 is all
+    that is used of a coupling with drag, or where an operator eases the demand. Without either R does not vanish if
+    K_p > 0 and b > 0: no margin is positive.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    omega : rad/s, >= 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    device, coupling = design.device, design.series
+    loop = loop_response(device_response(device, omega, ops), design.gains, ops)
+    weight = moduli(loop, ops) + re_conj_product(loop.C_scaled, loop.D_scaled)
+    im = loop.im_C_conj_D_scaled
+    if device.operator is not None and not ops.is_zero(device.operator.damping):
+        eased = 2 * loop.resistance * coupling.drag + factor * loop.operator_relief
+        return eased * weight - factor * (im * im)
+    if not ops.is_zero(coupling.drag):
+        return 2 * loop.resistance * coupling.drag * weight - factor * (im * im)
+    if loop.im_slope is None:
+        return -weight
+    b_c, m_c, reactance = coupling.damping, coupling.mass, coupling.mass * omega
+    slope = b_c * (m_c * m_c) / (b_c * b_c + reactance * reactance)
+    return 2 * loop.resistance * slope * weight - factor * (loop.im_slope * loop.im_slope)
+
+
+def high_margin(design: Design, v: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return `conditions_margin` at omega = 1/v of an ideal device, hold "lag" without delay, smooth at v = 0.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic
+    v : 1/omega, s, >= 0
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    device, gains, coupling = design.device, design.gains, design.series
+    assert device.ideal, "beyond Nyquist only an ideal device has a model"
+    half = device.sample_time / 2
+    decay = 1 / (v * v + half * half)
+    re_C_over_v = (gains.velocity - gains.position * half) * decay * v
+    omega_im_C = -((gains.velocity * half + gains.position * (v * v)) * decay)
+    re_C = re_C_over_v * v
+    re_D = device.damping + re_C
+    im_D_v, re_D_v = device.mass + omega_im_C * (v * v), re_D * v
+    product = (re_C_over_v * re_C_over_v + omega_im_C * omega_im_C) * (re_D_v * re_D_v + im_D_v * im_D_v)
+    excess = ops.sqrt(product) - (re_C * re_D + omega_im_C * im_D_v)
+    mass2, damping_v = coupling.mass * coupling.mass, coupling.damping * v
+    re_Z_c = coupling.drag + coupling.damping * mass2 / (damping_v * damping_v + mass2)
+    if device.operator is None:
+        return 2 * re_D * re_Z_c - factor * excess
+    b_h = device.operator.damping
+    return 2 * (re_D + b_h) * re_Z_c + factor * (2 * b_h * re_C - excess)
+
+
+def sensitivity_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+    """Return limit^2 |F|^2 - |F_0|^2 of the sampled loop at theta = omega T, positive where |S| = |F_0/F| < limit.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |S|
+    ops : arithmetic of all of these
+    """
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
+    return limit * limit * parts.closed(gains).abs2() - parts.open.abs2()
+
+
+def unmodelled_margin(plant: Plant, gains: Gains, theta: Number, radius: Number, ops: Arithmetic) -> Number:
+    """Return |F|^2 - radius^2 |F - F_0|^2, positive where |1 - S| radius < 1.
+
+    Then no response within the disc of that radius around the device's makes a stable loop unstable (small gain).
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    radius : greatest |delta| there
+    ops : arithmetic of all of these
+    """
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
+    loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
+    return (parts.open + loop).abs2() - radius * radius * loop.abs2()
+
+
+def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+    """Return limit^2 |F_0|^2 - |F - F_0|^2: where positive, |L| < limit and |S| < 1/(1 - limit), whatever the phase.
+
+    Whole samples of delay turn F - F_0 and do not change its size.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |L|
+    ops : arithmetic of all of these
+    """
+    parts = return_difference(plant, theta, ops, position=not ops.is_zero(gains.position))
+    loop = parts.velocity.scaled(gains.velocity) + parts.position.scaled(gains.position)
+    return limit * limit * parts.open.abs2() - loop.abs2()
+
+
+def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
+    """Return |F|^2 (Re Z_c - factor R) in a hand at theta = omega T, N s/m (model/README.md, section 14).
+
+    Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. Of an impedance display it
+    is |F|^2 (Re 1/Z_c - factor R)/s^2 (section 15).
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    required = required_in_hand(loop_in_hand(plant, theta, ops), design.gains)
+    return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def limp_hand_margin(
+    plant: PlantInHand, design: Design, theta: Number, share: Number, factor: Number, ops: Arithmetic
+) -> Number:
+    """Return `hand_margin` over rho^2, for K_p = 0 next to theta = 0 and a hand without stiffness.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    design : in numbers of the arithmetic, K_p = 0
+    theta : omega T, rad, in [0, pi]
+    share : of the hand's stiffness in rho, between 0 and 1; where the margin is positive for each of them, it is
+    factor : least Re Z_c / R
+    ops : arithmetic of all of these
+    """
+    required = required_in_limp_hand(plant, design.gains.velocity, theta, share, ops)
+    return room(design.coupling, design.device, required, factor, theta, ops)
+
+
+def any_hand_margin(
+    design: Design, delay: LoopDelay, theta: Number, factor: Number, ops: Arithmetic
+) -> tuple[Number, Number]:
+    """Return size (Re 1/Z_c - factor R)/s^2 in any passive hand on an impedance display, and size.
+
+    Both must be positive (model/README.md, section 15).
+
+    Parameters
+    ----------
+    design : of an impedance display, in numbers of the arithmetic
+    delay : of its device
+    theta : omega T, rad, in [0, pi]
+    factor : least Re(1/Z_c)/R
+    ops : arithmetic of all of these
+    """
+    hand = any_hand(design.device, delay.whole_samples, theta, ops, fractional=delay.fractional)
+    required = hand.required(design.gains)
+    return room(design.coupling, design.device, required, factor, theta, ops), required.size
+
+
+def hand_curve(plant: PlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
+    """Return F of the loop in a hand, turned so that it is real at both ends and comes back without a turn if stable.
+
+    Parameters
+    ----------
+    plant : the device in the hand
+    gains : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    F, half, turns = loop_in_hand(plant, theta, ops).closed(gains), ops.sin(theta / 2), plant.poles / 2
+    turned = Pair(ops.cos(theta * turns), -ops.sin(theta * turns))
+    return Pair(F.even, half * F.odd) * turned
+
+
+def resistance_apart(device: Device) -> bool:
+    """Return whether a loop's resistance has to be proved positive beside the conditions."""
+    return device.operator is not None and not device.ideal
+
+
+def resistance_margin(design: Design, omega: Number, ops: Arithmetic) -> Number:
+    """Return the loop's resistance, N s/m: |D|^2 Re G_hh, of a device in the hand of its least operator.
+
+    Parameters
+    ----------
+    design : in numbers of the arithmetic; only its device and gains
+    omega : rad/s, >= 0
+    ops : arithmetic of both
+    """
+    return loop_response(device_response(design.device, omega, ops), design.gains, ops).resistance
+
+
+def model_curve(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> Pair:
+    """Return D, with an integrator j omega D, of a handle on a spring times (k + j omega c) and a positive number.
+
+    It has the zeros of D, no pole to the right of the imaginary axis, and is real and positive at omega = 0.
+
+    Parameters
+    ----------
+    at : the device at omega >= 0
+    gains : in numbers of the arithmetic
+    ops : arithmetic of both
+    """
+    D = loop_response(at, gains, ops).D_scaled
+    if not ops.is_zero(gains.position):
+        D = Pair(-D.im, D.re)
+    return D if at.spring is None else D * Pair(at.spring.y_k, at.omega * at.spring.y_c)
+
+
+def along_drive(at: DeviceResponse, gains: Gains) -> Number:
+    """Return Re(D conj(e A H)), e = 1 + y Z_2, which does not depend on K_p; regular at omega = 0.
+
+    The integrator's e K_p A H/(j omega) is at right angles to e A H. Where Re(D conj(e A H)) > 0, D is not 0 for any
+    K_p. With D = e W + Z_2 it is |e|^2 Re(W conj(A H)) + Re(Z_2 conj(e A H)).
+
+    Parameters
+    ----------
+    at : the device at omega >= 0
+    gains : in numbers of the arithmetic
+    """
+    omega, drive, spring = at.omega, at.drive, at.spring
+    lagging = omega * drive.lag
+    H2 = drive.re * drive.re + lagging * lagging
+    kept = H2 if at.estimate is None else H2 * at.estimate.re
+    along = at.damping * drive.re - at.mass * omega * lagging + gains.velocity * kept
+    if spring is None:
+        return along
+    Z_2 = Pair(0 if spring.damping is None else spring.damping, omega * spring.mass)
+    e = Pair(omega * (omega * spring.y_c), omega * spring.y_k) * Z_2
+    e = Pair(1 + e.re, e.im)
+    return e.abs2() * along + re_conj_product(Z_2, e * Pair(drive.re, -lagging))
+
+
+def across_position(plant: Plant, gains: Gains, theta: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return Im(F conj P)/theta and |F_0|^2 |P|^2/theta^2, P = dF/dK_p, neither of which depends on K_p.
+
+    Both are regular at theta = 0, where F and F_0 are those of the velocity loop alone times 1 - e^{-j theta}.
+    Where the former is not 0, F is not 0 for any K_p.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : arithmetic of all of these
+    """
+    velocity_loop = return_difference(plant, theta, ops, position=False)
+    P, slope = return_difference(plant, theta, ops, position=True).position, difference_slope(theta, ops)
+    F = velocity_loop.closed(gains) * slope
+    return im_conj_product(F, P), (velocity_loop.open * slope).abs2() * P.abs2()
+
+
+def sensitivity_sufficient_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, ops: Arithmetic) -> Number:
+    """Return limit Im(F conj P) - |F_0||P|, over theta: positive only where |S| < limit whatever K_p is.
+
+    Parameters
+    ----------
+    plant, gains : of the sampled loop, in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    limit : greatest |S|
+    ops : arithmetic of all of these
+    """
+    across, product2 = across_position(plant, gains, theta, ops)
+    return limit * across - ops.sqrt(product2)
+
+
+def outwards(band: tuple[float, float]) -> tuple[float, float]:
+    """Return a band in rad/s widened by the rounding of 2 pi f."""
+    low, high = band
+    for _ in range(4):
+        low, high = nextafter(low, 0.0), nextafter(high, inf)
+    return low, high
+
+
+def inwards(band: tuple[float, float]) -> tuple[float, float]:
+    """Return a band in rad/s that lies within the one that was meant, whatever the rounding of 2 pi f."""
+    low, high = band
+    for _ in range(4):
+        low, high = nextafter(low, inf), nextafter(high, 0.0)
+    return low, high

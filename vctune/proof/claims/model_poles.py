@@ -1,0 +1,94 @@
+"""No pole of the frequency model in the closed right half plane (condition 1 of model/README.md, section 4)."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+from flint import arb
+
+from vctune.model.device import Device
+from vctune.model.gains import Gains
+from vctune.model.loop.device_response import device_response, mechanism
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
+from vctune.model.numbers.pair import Pair
+from vctune.proof.claims.margins_of_claims import model_curve
+from vctune.proof.enclosures.arb_balls import BALLS, device_ball, gains_ball
+from vctune.proof.engine.interval import Outcome, Verdict
+from vctune.proof.engine.winding import turned_angle
+
+NEAR = 1e-6
+"""Allowance for rounding of 1e-12, in a frequency beyond which something holds, and in an angle. Half and twice it
+count alike."""
+ROOM = 2.0
+"""By how much the argument may differ at `curve_end` from where it goes, rad: by less than half pi + 2/7 of all loops
+without a zero to the right, by more than 3 pi/2 - 2/7 of the others. Half would refuse some of the former, twice admit
+some of the latter."""
+
+
+def prove_model_poles(device: Device, gains: Gains) -> Outcome:
+    """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
+
+    The curve of D (`vctune.proof.claims.margins_of_claims.model_curve`) is followed from omega = 0, where it is real and positive, to
+    `curve_end`, beyond which its argument stays within half a turn. With no zero on the axis, there is none to its
+    right if and only if the argument is there what it is for a curve without one.
+
+    Parameters
+    ----------
+    device : one of `Device.loops`; of its responses its own is looked at
+    gains : taken, as the device's numbers, as the decimals that they are written as
+
+    Returns
+    -------
+    Outcome
+        Undecided with a witness in rad/s where the curve comes too close to 0; refuted without one.
+    """
+    exact, law = device_ball(device.modelled), gains_ball(gains)
+    if not gains.closed:
+        return Outcome(Verdict.PROVED if device.damping > 0 else Verdict.REFUTED, 1)
+
+    def curve(omega: arb) -> Pair:
+        return model_curve(device_response(exact, omega, BALLS), law, BALLS)
+
+    outcome, angle = turned_angle(curve, 0.0, curve_end(device, gains.velocity, gains.position))
+    if outcome.verdict is not Verdict.PROVED:
+        return outcome
+    goal = final_angle(device, integral=gains.position > 0)
+    return outcome if abs(angle - goal) < ROOM else Outcome(Verdict.REFUTED, outcome.boxes)
+
+
+def final_angle(device: Device, *, integral: bool) -> float:
+    """Return where the argument of `model_curve` goes for omega -> inf when all poles are stable, rad.
+
+    D grows like s, with an integrator s D like s^2; on a spring (k + c s) D is of two degrees more.
+
+    Parameters
+    ----------
+    device : rigid, or a handle on a spring
+    integral : whether the law has its term K_p/s
+    """
+    return pi / 2 * (1 + integral + (2 if device.structure is not None else 0))
+
+
+def curve_end(device: Device, K_v: float, K_p: float, ops: Arithmetic = FLOATS) -> float:
+    """Return a frequency beyond which the argument of `model_curve` stays within `ROOM` of where it goes, rad/s.
+
+    |C_f| <= K_v + K_p/omega, since hold, actuator and velocity estimate nowhere amplify. Of a rigid device that is
+    at most 5/16 of m omega. On a spring D = e (C_f + Z_1 + Z_2/e) with |Z_2/e| <= 4/3 (c + k/omega): together with C_f
+    at most half of m_1 omega, so that the bracket's imaginary part is positive; and e (k + j omega c) =
+    k - m_2 omega^2 + j omega (c + b_2) is within 2/7 rad of the negative axis.
+
+    Parameters
+    ----------
+    device : its numbers in the arithmetic, enclosures of all devices of a box
+    K_v, K_p : the greatest gains
+    ops : arithmetic of the device's numbers
+    """
+    size = ops.magnitude
+    if device.structure is None:
+        return 4 * max(size(K_v / device.mass), sqrt(size(K_p / device.mass)))
+    parts = mechanism(device, device.structure, ops)
+    motor, handle = parts.motor, parts.handle
+    held = 0.0 if parts.damping is None else size(parts.damping / handle)
+    rates = size(K_v / motor), 4 / 3 * size(parts.viscosity / motor), size(parts.viscosity / handle), held
+    squares = size(K_p / motor), 4 / 3 * size(parts.stiffness / motor), size(parts.stiffness / handle)
+    return (1 + NEAR) * max(*(8 * rate for rate in rates), *(sqrt(8 * square) for square in squares))

@@ -1,0 +1,141 @@
+"""Hands next to resonance with the device, measured by what resonates (README.md, section 10).
+
+A hand of little damping resonates with the device on a surface, theta = T sqrt(K/(m + M)), across which a margin
+changes within a share of the damping ratio. Boxes of mass, stiffness and angle cut across it and have to be as small as
+that in all of them; boxes of mass, angle and the stiffness over the resonant one, y = K/((m + M) (theta/T)^2), lie
+along it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import sqrt
+
+import numpy as np
+
+from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.numbers.arithmetic import Number
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.enclosures.array_intervals import Floats, decimal
+from vctune.proof.engine.box_tests import Margin
+from vctune.proof.engine.boxes import Boxes, Values
+from vctune.proof.engine.branching import Decided, Test
+
+RATIO = "stiffness of the hand over the resonant one"
+ROWS = (*HAND[:2], RATIO)
+"""The numbers of a hand here."""
+SHARP = 0.03
+"""Damping ratio of hand and device below which resonance is looked at apart. Of loops at a ratio of 0.02 half of it
+takes up to two thirds fewer boxes; those at 1e-5 take 34,000 with it and more than half a million without."""
+DAMPED = 0.1
+"""Damping ratio from which on a softer hand resonates no more sharply. Half and twice: as many boxes within a third."""
+AROUND = (0.5, 2.0)
+"""Which multiples of the resonant stiffness are looked at so. Half as far in the logarithm takes up to half as many
+boxes again, twice as far as many within a tenth."""
+WITHIN = 1e-9
+"""By what share a box lies inside at least that is left to the others, or outside that is left out: beyond rounding."""
+DEVICE_MASS = "device.mass"
+
+
+@dataclass(frozen=True, slots=True)
+class Resonance:
+    """Where a hand resonates with a device sharply.
+
+    Attributes
+    ----------
+    mass, sample_time : m, kg, where that is no row, and T, s
+    least, greatest : stiffness of the hands, N/m
+    first : the angle from which on, rad, > 0
+    """
+
+    mass: float
+    sample_time: float
+    least: float
+    greatest: float
+    first: float
+
+    def margin(self, margin: Margin) -> Margin:
+        """Return a margin of the numbers of `HAND` as one of those of `ROWS`."""
+
+        def of_ratio(theta: Number, v: Values) -> Number:
+            per_sample = theta / decimal(self.sample_time)
+            mass = v[HAND[0]] + v.get(DEVICE_MASS, decimal(self.mass))
+            return margin(theta, {**v, HAND[2]: v[RATIO] * (mass * (per_sample * per_sample))})
+
+        return of_ratio
+
+    def left_to_it(self, test: Test, names: tuple[str, ...]) -> Test:
+        """Return a test that leaves boxes of `HAND` next to resonance to those of `ROWS`.
+
+        Parameters
+        ----------
+        test : of boxes with these rows
+        names : of the rows, but the frequency
+        """
+        mass, stiffness = (1 + names.index(name) for name in (HAND[0], HAND[2]))
+
+        def tested(boxes: Boxes) -> Decided:
+            decided = test(boxes)
+            least, most = self._resonant(names, boxes.low), self._resonant(names, boxes.high)
+            low, high = boxes.low[stiffness], boxes.high[stiffness]
+            inside = (low >= AROUND[0] * most * (1 + WITHIN)) & (high <= AROUND[1] * least * (1 - WITHIN))
+            beyond = boxes.low[0] >= self.first
+            across = beyond & (low <= most) & (high >= least)  # to be halved until they are inside
+            cost = decided.cost.copy()
+            cost[:, across] = 0.0
+            cost[0, across] = 2 * np.log(boxes.high[0] / boxes.low[0])[across]
+            cost[mass, across] = np.log((self.mass + boxes.high[mass]) / (self.mass + boxes.low[mass]))[across]
+            cost[stiffness, across] = np.log(high / low)[across]
+            return replace(decided, proved=decided.proved | (inside & beyond), cost=cost)
+
+        return tested
+
+    def in_range(self, test: Test, names: tuple[str, ...]) -> Test:
+        """Return a test that leaves out boxes of `ROWS` none of whose stiffnesses a hand has.
+
+        Parameters
+        ----------
+        test : of boxes with these rows
+        names : of the rows, but the frequency
+        """
+        ratio = 1 + names.index(RATIO)
+        tied = np.array([0, *(1 + k for k, name in enumerate(names) if name in (HAND[0], DEVICE_MASS, RATIO))])
+
+        def stiffness(numbers: Floats) -> Floats:
+            return np.asarray(numbers[ratio] * self._resonant(names, numbers))
+
+        def tested(boxes: Boxes) -> Decided:
+            decided = test(boxes)
+            low, high, at = stiffness(boxes.low), stiffness(boxes.high), stiffness(decided.point)
+            outside = (low > self.greatest * (1 + WITHIN)) | (high < self.least * (1 - WITHIN))
+            whole = (low >= self.least) & (high <= self.greatest)
+            side = decided.side.copy()
+            side[np.ix_(tied, ~whole)] = 0.0  # an end may be outside, and be left out
+            had = (at >= self.least) & (at <= self.greatest)
+            return replace(decided, proved=decided.proved | outside, fails=decided.fails & had, side=side)
+
+        return tested
+
+    def hand(self, theta: float, numbers: dict[str, float]) -> Hand:
+        """Return the hand of some numbers of `ROWS`, within its range."""
+        at = np.array([[theta], *([value] for value in numbers.values())])
+        stiffness = float(numbers[RATIO] * self._resonant(tuple(numbers), at)[0])
+        mass, damping = (numbers[name] for name in HAND[:2])
+        return Hand(mass, damping, min(max(stiffness, self.least), self.greatest))
+
+    def _resonant(self, names: tuple[str, ...], numbers: Floats) -> Floats:
+        """Return (m + M) (theta/T)^2 of the frequency and the other rows."""
+        mass = numbers[1 + names.index(DEVICE_MASS)] if DEVICE_MASS in names else self.mass
+        return np.asarray((mass + numbers[1 + names.index(HAND[0])]) * (numbers[0] / self.sample_time) ** 2)
+
+
+def resonance(design: Design, hands: Hands) -> Resonance | None:
+    """Return where hands resonate sharply with a design without K_p, None if nowhere."""
+    device, gains = design.device, design.gains
+    if gains.position > 0 or hands.high.stiffness == 0:
+        return None
+    damping, mass = device.damping + hands.low.damping + gains.velocity, device.mass + hands.high.mass
+    if damping >= 2 * SHARP * sqrt(hands.high.stiffness * mass):
+        return None
+    first = damping * device.sample_time / (2 * DAMPED * mass)
+    return Resonance(device.mass, device.sample_time, hands.low.stiffness, hands.high.stiffness, max(first, 1e-3))

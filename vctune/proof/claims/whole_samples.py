@@ -1,0 +1,142 @@
+"""Delays at and next to a whole number of samples, where the sensed force jumps with the delay.
+
+Force is sampled just before a new command acts. Where the delay is shorter than a whole number of samples by next to
+nothing that command acts before the sample, and the force of a hand's mass differs by a whole step (model/README.md,
+section 14). Neither side is the safe one. So a design of a device whose delay lies near a whole number of samples is
+proved on both sides of it, beside the delay that the file states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from math import ceil, floor
+
+from vctune.model.device import Device
+from vctune.model.hands import Hands
+from vctune.model.sampled.velocity_loop import SNAP
+from vctune.proof.device_box import DELAYS, DeviceBox
+
+NEAR = 0.05
+"""Share of a sample within which a delay counts as near a whole number of samples: clocks, buses and amplifiers are not
+known better. Half and twice it make other promises, not other proofs."""
+NEXT_TO = 1e-7
+"""How near to a whole sample, in samples, a delay is taken: decimals tell both sides apart. Half and twice it find the
+same designs."""
+
+
+def sensed_force_jumps(device: Device, hands: Hands) -> bool:
+    """Return whether the sensed force changes by a step where the delay passes a whole number of samples.
+
+    It does where the acceleration of a hand's mass is felt at once: the command moves the handle directly, through no
+    actuator's low-pass and no spring, and the sensor has no low-pass.
+
+    Parameters
+    ----------
+    device : of any display; only an admittance display senses force
+    hands : that hold it
+    """
+    filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
+    direct = device.actuator is None and device.structure is None and not filtered
+    return direct and not device.renders_force and hands.high.mass > 0
+
+
+def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:
+    """Return the devices just below and at a whole number of samples of delay, if the delay is near one.
+
+    Parameters
+    ----------
+    device : plain floats; its delay and the force sensor's count together
+    hands : that hold it
+
+    Returns
+    -------
+    tuple of Device
+        Without the device itself; empty where its delay is not near a whole number of samples, or nothing jumps there.
+    """
+    samples = delay_in_samples(device)
+    whole = round(samples)
+    if whole < 1 or abs(samples - whole) > NEAR * (1 + SNAP) or not sensed_force_jumps(device, hands):
+        return ()
+    return tuple(_with(device, at) for at in (whole - NEXT_TO, whole) if abs(samples - at) > NEXT_TO / 2)
+
+
+def reaching_whole_sample(box: DeviceBox, hands: Hands) -> DeviceBox:
+    """Return a box whose uncertain delay reaches a whole number of samples that either end of it is near.
+
+    Parameters
+    ----------
+    box : of devices
+    hands : that hold them
+    """
+    key = next((key for key in DELAYS if key in box.uncertain), None)
+    if key is None or not sensed_force_jumps(box.nominal, hands):
+        return box
+    first, last = delay_in_samples(box.low), delay_in_samples(box.high)
+    above, below = floor(first * (1 + SNAP)), ceil(last * (1 - SNAP))
+    low, high = box.low, box.high
+    if above >= 1 and first - above <= NEAR:
+        low = _with(low, above - NEXT_TO, key)
+    if below - last <= NEAR:
+        high = _with(high, below, key)
+    return replace(box, low=low, high=high)
+
+
+def kept_at_whole_sample(device: Device, before: Device) -> Device:
+    """Return a device whose delay stays next to the whole number of samples at which another's is.
+
+    A price compares a device with one that is better by a little. Near a whole number of samples the demands hold on
+    both sides of it for either.
+
+    Parameters
+    ----------
+    device : with a number changed a little
+    before : as it was
+
+    Returns
+    -------
+    Device
+        `device` itself where `before` is next to no whole number of samples.
+    """
+    samples = delay_in_samples(before)
+    near = round(samples) >= 1 and abs(samples - round(samples)) <= 2 * NEXT_TO
+    return _with(device, samples) if near else device
+
+
+def next_to_whole_samples(box: DeviceBox) -> list[Device]:
+    """Return devices of a box whose delay, or its sum with the force sensor's, is next to whole samples, on both sides.
+
+    There the force that is sensed jumps, or may bend, with the delay.
+
+    Parameters
+    ----------
+    box : of devices
+    """
+    found: dict[Device, None] = {}
+    T = box.nominal.sample_time
+    for device, key in product(box.corners(), (key for key in DELAYS if key in box.uncertain)):
+        low, high = box.low.number(key), box.high.number(key)
+        others = {sum(device.number(name) or 0.0 for name in DELAYS if name != key)}
+        others |= {0.0} if key == "delay" else set()
+        for other in others:
+            for whole in range(ceil((low + other) / T), floor((high + other) / T) + 1):
+                for side in (-NEXT_TO, NEXT_TO):
+                    delay = (whole + side) * T - other
+                    if low <= delay <= high:
+                        found[device.with_numbers({key: delay})] = None
+    return list(found)
+
+
+def delay_in_samples(device: Device) -> float:
+    """Return delay and sensor's delay together, in samples."""
+    return sum(device.number(key) or 0.0 for key in DELAYS) / device.sample_time
+
+
+def _with(device: Device, samples: float, key: str | None = None) -> Device:
+    """Return a device whose delays add up to so many samples, in decimals that a reader knows again.
+
+    The device's own delay is changed, or that of its force sensor where it has no other.
+    """
+    key = key or (DELAYS[1] if device.delay == 0 and device.number(DELAYS[1]) else DELAYS[0])
+    other = sum(device.number(name) or 0.0 for name in DELAYS if name != key)
+    return device.with_numbers({key: float(f"{samples * device.sample_time - other:.15g}")})

@@ -1,0 +1,160 @@
+"""Boxes of devices: numbers known within relative half-widths."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import product
+from math import inf, nextafter, pi
+
+from vctune.model.device import NUMBERS, Device, Unmodelled
+from vctune.model.hands import Hands
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.problem import Uncertainty
+
+DIRECTION = "unmodelled.phase"
+"""Of a response at the edge of the disc."""
+UNCERTAIN = tuple(key for key in NUMBERS if key != "sample_time")
+"""The numbers of a device that may be uncertain: all but the firmware's clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceBox:
+    """Every device whose uncertain numbers lie between those of two.
+
+    Attributes
+    ----------
+    nominal : the device as its numbers say
+    low, high : the numbers' least and greatest values; decimals within the box that is meant, to two units in the last
+        place. Where their responses are not known exactly either, these are at the edge of the disc: proof/README.md,
+        section 9
+    """
+
+    nominal: Device
+    low: Device
+    high: Device
+
+    @property
+    def uncertain(self) -> tuple[str, ...]:
+        """The numbers that are uncertain."""
+        keys = (*UNCERTAIN, *((DIRECTION,) if self.low.unmodelled is not None else ()))
+        ends = ((key, self.low.number(key), self.high.number(key)) for key in keys)
+        return tuple(key for key, low, high in ends if low is not None and low < high)
+
+    @property
+    def modelled(self) -> DeviceBox:
+        """The same devices, each with its own response."""
+        return DeviceBox(self.nominal.modelled, self.low.modelled, self.high.modelled)
+
+    @property
+    def loops(self) -> tuple[DeviceBox, ...]:
+        """The boxes of devices whose velocity loops must be stable by themselves, let go and in the operator's hand."""
+        parts = zip(self.nominal.loops, self.low.loops, self.high.loops, strict=True)
+        return tuple(DeviceBox(*ends) for ends in parts)
+
+    def device(self, numbers: Mapping[str, Number]) -> Device:
+        """Return a device of the box.
+
+        Parameters
+        ----------
+        numbers : all that are uncertain, by their keys
+        """
+        return self.low.with_numbers(numbers)
+
+    def corners(self) -> list[Device]:
+        """Return the devices at the vertices, of many numbers those with one number at an end.
+
+        Responses that are not known exactly are taken at the edge of their discs, in `PHASES` directions.
+        """
+        box = self.modelled
+        ends = {key: (box.low.number(key), box.high.number(key)) for key in box.uncertain}
+        if len(ends) <= MOST_AT_ONCE:
+            found = [dict(zip(ends, values, strict=True)) for values in product(*ends.values())]
+        else:
+            found = [{key: value} for key, pair in ends.items() for value in pair]
+        if self.nominal.unmodelled is not None:
+            turns = [{"unmodelled.share": 1.0, DIRECTION: 2 * pi * k / PHASES} for k in range(PHASES)]
+            found = [numbers | turn for numbers in found for turn in turns]
+        return [self.nominal.with_numbers(numbers) for numbers in found]
+
+    def devices(self) -> list[Device]:
+        """Return the nominal device and those at the vertices."""
+        return [self.nominal, *self.corners()]
+
+
+DELAYS = ("delay", "force_sensor.delay")
+PHASES = 8
+"""Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
+worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""
+MOST_AT_ONCE = 4
+"""Uncertain numbers up to which all vertices are looked at beforehand, 16 of them. With one more there are twice as
+many, with one less a fifth round of the exchange finds what is missing."""
+
+
+def device_box(device: Device, uncertainty: Uncertainty) -> DeviceBox:
+    """Return the box of devices around one.
+
+    Parameters
+    ----------
+    device : the nominal one, plain floats
+    uncertainty : relative half-widths, of which those of numbers that the device lacks do not count, and the disc
+    """
+    low, high = (
+        device.with_numbers(
+            {
+                key: _edge(device.number(key), sign * width)
+                for key, width in uncertainty.half_widths
+                if device.number(key) is not None
+            }
+        )
+        for sign in (-1, 1)
+    )
+    if not uncertainty.unmodelled:
+        return DeviceBox(device, low, high)
+    own = Unmodelled(uncertainty.unmodelled)
+    first, last = replace(own, share=1.0), replace(own, share=1.0, phase=nextafter(2 * pi, inf))
+    return DeviceBox(replace(device, unmodelled=own), replace(low, unmodelled=first), replace(high, unmodelled=last))
+
+
+ADDED = ("mass", "damping")
+"""What a rigid device and a hand have together where only motion is measured."""
+
+
+def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
+    """Return which uncertain numbers of a box are as well a hand's.
+
+    A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one.
+    """
+    if not box.nominal.renders_force or box.nominal.structure is not None:
+        return ()
+    return tuple(key for key in ADDED if key in box.uncertain)
+
+
+def in_longer_hands(box: DeviceBox, hands: Hands, keys: Sequence[str]) -> tuple[DeviceBox, Hands]:
+    """Return the least devices of a box and hands that have its range more: together they move alike.
+
+    Parameters
+    ----------
+    box : of devices
+    hands : that hold them
+    keys : of `moved_as_one`
+    """
+    least = {key: box.low.number(key) for key in keys}
+    range_ = {key: nextafter(box.high.number(key) - value, inf) for key, value in least.items()}
+    high = {key: nextafter(getattr(hands.high, key) + value, inf) for key, value in range_.items()}
+    rest = DeviceBox(*(device.with_numbers(least) for device in (box.nominal, box.low, box.high)))
+    return rest, replace(hands, high=replace(hands.high, **high))
+
+
+def _edge(value: float, change: float) -> float:
+    """Return value (1 + change), of decimals, rounded towards the value: 0.4 by 0.1 is 0.44."""
+    exact = _exact(value) * (1 + _exact(change))
+    edge = float(exact)
+    beyond = _exact(edge) < exact if change < 0 else _exact(edge) > exact
+    return nextafter(edge, value) if beyond else edge
+
+
+def _exact(decimal: float) -> Fraction:
+    """Return the decimal that a float is written as."""
+    return Fraction(repr(float(decimal)))

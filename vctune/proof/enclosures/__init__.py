@@ -1,0 +1,1 @@
+"""Arithmetic that encloses: balls, intervals, jets, polynomials over boxes."""

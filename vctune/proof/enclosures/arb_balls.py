@@ -1,0 +1,165 @@
+"""Single numbers as Arb balls of 128 bits: every result encloses the true value, so a sign that shows is proved.
+
+See proof/README.md, section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import astuple
+from math import factorial
+
+from flint import acb, arb, arb_series
+
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.numbers.arithmetic import Arithmetic, Number, sinc_curvature_series
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.enclosures.array_intervals import UNIT, Enclosure
+from vctune.proof.enclosures.jets import interpolated_over
+
+PRECISION = 128
+"""Working precision, bits. Half and twice it take as many boxes for the designs of problems/ and about as long: the
+reserve is for designs that are nearer to their demands than an optimum in decimals is."""
+SMALL = 0.1
+"""Below it (1 - sinc x)/x^2 is its series, whose rest is enclosed. Half: the subtractions lose a factor 4 more of the
+precision. Twice: the rest is 2e-25 in place of 3e-29 there."""
+
+
+class _BallArithmetic:
+    """Balls, and power series of balls for derivatives."""
+
+    precision = 2.0**-PRECISION
+    arrays = None
+
+    @property
+    def pi(self) -> Number:
+        return arb.pi()
+
+    @staticmethod
+    def is_zero(x: Number) -> bool:
+        return len(x) == 0 if isinstance(x, arb_series) else bool(x == 0)
+
+    @staticmethod
+    def sqrt(x: Number) -> Number:
+        return x.sqrt()
+
+    @staticmethod
+    def modulus(re: Number, im: Number) -> Number:
+        return (re * re + im * im).sqrt()
+
+    @staticmethod
+    def exp(x: Number) -> Number:
+        return x.exp()
+
+    @staticmethod
+    def sin(x: Number) -> Number:
+        return x.sin()
+
+    @staticmethod
+    def cos(x: Number) -> Number:
+        return x.cos()
+
+    @staticmethod
+    def sinc(x: Number) -> Number:
+        return x.sinc() if isinstance(x, arb) else x.sin() / x
+
+    @staticmethod
+    def sinc_curvature(x: Number) -> Number:
+        size = abs(constant(x)).upper() if not isinstance(x, acb) else x.abs_upper()
+        if not size < SMALL:
+            return (1 - x.sin() / x) / (x * x)
+        # what the series leaves out, its derivative and half its second derivative
+        rest = [arb(0, 2 * n * (size ** (14 - k)) / factorial(17)) for k, n in enumerate((1, 14, 91))]
+        series = sinc_curvature_series(x * x)
+        if not isinstance(x, arb_series):
+            return series + rest[0]
+        step = x - x[0]
+        return series + rest[0] + rest[1] * step + rest[2] * (step * step)
+
+    @staticmethod
+    def phi_1(x: Number) -> Number:
+        if isinstance(x, arb_series):
+            return (1 - (-x).exp()) / x
+        return -(-x).expm1() / x if x != 0 else arb(1)
+
+    @staticmethod
+    def phi_2(x: Number) -> Number:
+        return (x + (-x).expm1()) / (x * x) if x != 0 else arb(1) / 2
+
+    @staticmethod
+    def where_positive(x: Number, yes: Callable[[], Number], no: Callable[[], Number]) -> Number:
+        return yes() if constant(x) > 0 else no()
+
+    @staticmethod
+    def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
+        if not isinstance(x, arb):
+            raise TypeError("a table has no power series; over boxes of frequencies, arrays take its slopes")
+        over = interpolated_over(Enclosure(float(x.mid()), float(x.rad()) + UNIT * abs(float(x.mid()))), table)
+        return arb(float(over.mid), float(over.rad))
+
+    @staticmethod
+    def within(radius: Number) -> Number:
+        return arb(0, radius)
+
+    @staticmethod
+    def magnitude(x: Number) -> float:
+        return float(abs(arb(x)).upper()) * (1 + 1e-15)
+
+
+BALLS: Arithmetic = _BallArithmetic()
+
+
+def constant(x: Number) -> arb:
+    """Return a ball, or the constant coefficient of a power series."""
+    return x[0] if isinstance(x, arb_series) else x
+
+
+def ball(decimal: float) -> arb:
+    """Return the decimal that a float is written as, enclosed: 0.4 means 2/5."""
+    return arb(repr(float(decimal)))
+
+
+def as_series(constant: arb) -> arb_series:
+    """Return a ball as a power series with three terms: a product of two of them is cheaper than one with a ball."""
+    return arb_series([constant], 3)
+
+
+def box(low: float, high: float) -> arb:
+    """Return a ball that contains the interval [low, high].
+
+    Parameters
+    ----------
+    low, high : taken as the doubles that they are, not as decimals
+    """
+    return arb(low).union(arb(high))
+
+
+def device_ball(device: Device) -> Device:
+    """Return the device with its decimals enclosed."""
+    return device.converted(ball)
+
+
+def gains_ball(gains: Gains) -> Gains:
+    """Return the gains with their decimals enclosed."""
+    return Gains(ball(gains.velocity), ball(gains.position))
+
+
+def coupling_ball(coupling: AnyCoupling) -> AnyCoupling:
+    """Return the coupling with its decimals enclosed."""
+    return type(coupling)(*map(ball, astuple(coupling)))
+
+
+def design_ball(design: Design) -> Design:
+    """Return the design with its decimals enclosed."""
+    return Design(device_ball(design.device), gains_ball(design.gains), coupling_ball(design.coupling))
+
+
+def design_series(exact: Design) -> Design:
+    """Return a design in balls as one in power series that are constant."""
+    gains, coupling = exact.gains, exact.series
+    return Design(
+        exact.device.converted(as_series),
+        Gains(as_series(gains.velocity), as_series(gains.position)),
+        Coupling(as_series(coupling.damping), as_series(coupling.mass), as_series(coupling.drag)),
+    )

@@ -1,0 +1,190 @@
+"""Midpoint-radius intervals on NumPy arrays in double precision: many boxes at once, every rounding enclosed.
+
+An `Enclosure` holds every number within `rad` of `mid`. IEEE addition, multiplication, division and square root are
+correct to half a unit in the last place; each result's radius grows by a whole one, and by the rounding of the radius
+itself. What overflows or divides by 0 gets a radius that is not a finite number, of which nothing can be proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.numbers.arithmetic import FLOATS
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+UNIT = 2.0**-52
+"""Twice the rounding of an operation, relative (IEEE 754, to nearest)."""
+TINY = 1e-300
+"""More than what underflow can take from a sum of products: the least normal number is 2e-308. No quantity of a haptic
+device comes near it, so that half and twice it are no different."""
+SWELL = 1 + 2.0**-49
+"""Covers 16 roundings of a radius, each u = 2^-53 of it. A reciprocal's takes most, 7: the difference and the sum of
+size and radius, two quotients, the sum with the value's own rounding, the product with this number, which itself is
+exact, and the sum with `TINY`. A product's takes 6. A sum over the rows of a box has no such count, and is `raised` by
+its number of terms. Half would cover 8, twice widens a radius by 2e-15 of itself."""
+
+
+def raised(total: Floats, terms: int) -> Floats:
+    """Return a rounded sum such that it is not below what it would be without rounding.
+
+    With u = 2^-53, n terms are added by n - 1 roundings, and n + 5 more are left for the terms themselves and for this
+    product: (1 - u)^(2n + 4) (1 + 2 (n + 8) u) > 1.
+
+    Parameters
+    ----------
+    total : of positive numbers, each the result of at most n + 4 operations on positive numbers
+    terms : n, at most a million
+    """
+    return total * (1 + (terms + 8) * UNIT)
+
+
+def _enclosed(mid: Floats, rad: Floats) -> Enclosure:
+    """Return mid, itself rounded, with a radius yet to be swollen."""
+    return Enclosure(mid, (rad + UNIT * np.abs(mid)) * SWELL + TINY)
+
+
+class Enclosure:
+    """All real numbers within `rad` of `mid`, elementwise."""
+
+    __slots__ = ("mid", "rad")
+    __array_ufunc__ = None
+
+    def __init__(self, mid: Any, rad: Any = 0.0) -> None:
+        self.mid = mid
+        self.rad = rad
+
+    def __add__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return _enclosed(self.mid + other.mid, self.rad + other.rad)
+        return _enclosed(self.mid + other, self.rad) if _exact(other) else NotImplemented
+
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.mid, self.rad)
+
+    def __sub__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return _enclosed(self.mid - other.mid, self.rad + other.rad)
+        return _enclosed(self.mid - other, self.rad) if _exact(other) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Enclosure:
+        return _enclosed(other - self.mid, self.rad) if _exact(other) else NotImplemented
+
+    def __mul__(self, other: Any) -> Enclosure:
+        if other is self:
+            return self._square()
+        if isinstance(other, Enclosure):
+            rad = np.abs(self.mid) * other.rad + self.rad * (np.abs(other.mid) + other.rad)
+            return _enclosed(self.mid * other.mid, rad)
+        return _enclosed(self.mid * other, self.rad * np.abs(other)) if _exact(other) else NotImplemented
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def _square(self) -> Enclosure:
+        """Return the square, which is nowhere negative."""
+        size = np.abs(self.mid)
+        low, high = np.maximum(size - self.rad, 0.0) ** 2, (size + self.rad) ** 2
+        return Enclosure(0.5 * (high + low), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
+
+    def __truediv__(self, other: Any) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return self * other.reciprocal()
+        return _enclosed(self.mid / other, self.rad / np.abs(other)) if _exact(other) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Enclosure:
+        return self.reciprocal() * other if _exact(other) else NotImplemented
+
+    def reciprocal(self) -> Enclosure:
+        """Return 1/x; nothing is known of it where x may be 0."""
+        size = np.abs(self.mid)
+        gap = np.where(size > self.rad, size - self.rad, np.nan)
+        mid = self.mid / gap / (size + self.rad)
+        rad = self.rad / gap / (size + self.rad)
+        return Enclosure(mid, (rad + 8 * UNIT * np.abs(mid)) * SWELL + TINY)
+
+    def sqrt(self) -> Enclosure:
+        """Return the square root of a number that cannot be negative, whatever its enclosure says."""
+        low = np.sqrt(np.maximum(self.mid - self.rad, 0.0))
+        high = np.sqrt(self.mid + self.rad)
+        return Enclosure(0.5 * (low + high), (0.5 * (high - low) + 4 * UNIT * high) * SWELL + TINY)
+
+    def positive(self) -> Flags:
+        """Return where every number enclosed is > 0."""
+        return np.asarray(self.mid > self.rad)
+
+    def negative(self) -> Flags:
+        """Return where every number enclosed is < 0."""
+        return np.asarray(self.mid < -np.asarray(self.rad))
+
+    def __getitem__(self, at: Any) -> Enclosure:
+        return Enclosure(self.mid[at], self.rad[at])
+
+    def subset(self, at: Any) -> Enclosure:
+        """Return some of the elements."""
+        return Enclosure(np.asarray(self.mid)[at], np.broadcast_to(self.rad, np.shape(self.mid))[at])
+
+
+def _exact(x: Any) -> bool:
+    return isinstance(x, int | float | np.ndarray)
+
+
+def between(low: Any, high: Any) -> Enclosure:
+    """Return an enclosure of the intervals [low, high].
+
+    Parameters
+    ----------
+    low, high : floats or arrays, low <= high, taken as the doubles that they are
+    """
+    mid = 0.5 * (low + high)
+    return Enclosure(mid, np.maximum(high - mid, mid - low) * SWELL)
+
+
+def decimal(x: Any) -> Enclosure:
+    """Return an enclosure of the decimals that floats are written as: 0.4 means 2/5."""
+    return Enclosure(x, UNIT * np.abs(x))
+
+
+def stacked(numbers: Sequence[Any]) -> Enclosure:
+    """Return numbers as one with another axis in front.
+
+    Parameters
+    ----------
+    numbers : enclosures or plain numbers that broadcast against each other
+    """
+    found = [x if isinstance(x, Enclosure) else Enclosure(float(x)) for x in numbers]
+    parts = np.broadcast_arrays(*(part for x in found for part in (x.mid, x.rad)))
+    return Enclosure(np.stack(parts[::2]), np.stack(parts[1::2]))
+
+
+def matmul(a: Enclosure, b: Enclosure) -> Enclosure:
+    """Return the products of matrices whose rows and columns are the first two axes.
+
+    A sum of n products is right to n units of the sum of their sizes, in whatever order it is formed.
+
+    Parameters
+    ----------
+    a, b : of shapes (n, m, ...) and (m, k, ...), m at most 60
+    """
+    size_a, size_b = np.abs(a.mid), np.abs(b.mid)
+    rad = _products(size_a, b.rad + len(b.mid) * UNIT * size_b) + _products(a.rad, size_b + b.rad)
+    return Enclosure(_products(a.mid, b.mid), rad * SWELL**8 + TINY)
+
+
+def _products(a: Any, b: Any) -> Any:
+    return FLOATS.matmul(a, b)
+
+
+def selected(where: Flags, yes: Enclosure, no: Enclosure) -> Enclosure:
+    """Return yes where the condition holds and no elsewhere.
+
+    Parameters
+    ----------
+    where : the condition
+    yes, no : of its shape, or such that they broadcast against it
+    """
+    return Enclosure(np.where(where, yes.mid, no.mid), np.where(where, yes.rad, no.rad))

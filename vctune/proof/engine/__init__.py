@@ -1,0 +1,1 @@
+"""Intervals and boxes, halved until each is decided."""

@@ -1,0 +1,56 @@
+"""Tests of many cells over a band of frequency, which is halved where a test fails."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from vctune.proof.enclosures.array_intervals import Floats
+from vctune.proof.engine.boxes import Boxes, Cells, band_of, over_cells
+from vctune.proof.engine.branching import Proofs, Test, prove
+
+STEP = 1.4
+"""Ratio of the edges of the first intervals. Its square root takes 60 % more boxes, its square 16 % fewer; a cell that
+is nearly blurred is proved by the one and not the other."""
+HALVINGS = 24
+"""How often an interval of frequency is halved for a single design: to 2e-8 of it, where an optimal design touches its
+demand. Half and twice as often prove the same designs around those of problems/."""
+CELL_HALVINGS = 10
+"""The same for a cell, whose own size soon blurs a curve more than the interval does. Half as often leaves cells open,
+up to half of those near the edge of what is admissible; twice as often proves no more."""
+MAX_BOXES = 4_000
+"""Boxes of a cell that are looked at for one claim before it is left open; most take some hundred. Half and twice as
+many prove the same cells."""
+
+
+def cells_over_band(
+    test: Test, cells: Cells, low: float, high: float, measure: Callable[[Boxes], Floats] | None = None
+) -> Proofs:
+    """Test cells over a band.
+
+    Parameters
+    ----------
+    test : of boxes of frequency and cell
+    cells : n of them
+    low, high : edges of the band, in the unit of frequency that the test has
+    measure : what is added up over the boxes that pass, if anything
+    """
+    return prove(
+        test,
+        over_cells(cells, band_of(low, high, STEP)),
+        len(cells),
+        halved=halved_rows(cells, 1),
+        max_halvings=CELL_HALVINGS if cells.extended else HALVINGS,
+        max_boxes=MAX_BOXES,
+        measure=measure,
+    )
+
+
+def halved_rows(cells: Cells, rows: int) -> tuple[bool, ...]:
+    """Return which rows are halved: those of frequency, and hands; cells are their caller's business.
+
+    Parameters
+    ----------
+    cells : whose keys come last
+    rows : how many come before
+    """
+    return (*[True] * rows, *[False] * len(cells.keys))

@@ -1,0 +1,362 @@
+"""Tests of boxes: that a margin is positive throughout, that a curve misses 0.
+
+A margin is bounded from below by its value at one point of the box: the middle in those rows in which it may both rise
+and fall, which costs their slope times their half-width, and the worse end in those in which its slope keeps its sign,
+which costs nothing. So a worst device, or a worst design, at a vertex of its box is met exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.pair import Pair
+from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, raised
+from vctune.proof.enclosures.box_minimum import least_over_boxes
+from vctune.proof.enclosures.jets import Jet, variables
+from vctune.proof.enclosures.taylor import variables as polynomials
+from vctune.proof.engine.boxes import Boxes, Values, in_chunks
+from vctune.proof.engine.branching import Decided, Test
+from vctune.proof.engine.interval import WIDE
+from vctune.running import check_time
+
+NARROW = 1.02
+"""Ratio of a box's frequencies below which it is worth another margin that needs it narrower. Half and twice its excess
+over 1 take as many boxes."""
+FROM_ZERO = 0.1
+"""As how wide, relative, an interval from frequency 0 counts: halved it is no narrower. Half and twice it take as many
+boxes."""
+
+FEW = 128
+"""Boxes that take about as long as one. Half and twice it: as long for random devices in hands; four times: a third
+more."""
+
+NEAR_ZERO = 1e-3
+"""Share of its range below which a number that may be 0 counts as that, where nothing else is known of a box. A tenth
+takes a fifth more boxes, ten times as much as many; 0 would halve such a row again and again."""
+
+WIDER = 0.1
+"""Power of its relative width by which what a row loses counts: of two that lose it together the wider is halved. Half
+takes as many boxes, without an integrator up to five times as many; two and a half times a fifth more; 0 leaves some of
+the latter open."""
+
+Margin = Callable[[Number, Values], Number]
+"""What must be positive, of a frequency and of numbers by name, over enclosures and jets."""
+Curve = Callable[[Number, Values], Pair]
+"""What must not be 0."""
+Rows = Sequence[Number]
+OfRows = Callable[[Rows], Number]
+
+
+def positive(margin: Margin, fixed: Values, sufficient: Margin | None = None, below: float = 0.0) -> Test:
+    """Return the test that a margin is positive.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    fixed : the values that are not among a box's rows
+    sufficient : another margin that proves as much and is regular at frequency 0, tried there and on wide intervals
+    below : frequency below which it is tried on narrow ones too: what vanishes towards 0 may hardly vary relative to
+        itself
+    """
+
+    def test(boxes: Boxes) -> Decided:
+        def of(margin: Margin) -> OfRows:
+            return lambda rows: margin(rows[0], boxes.named(rows, fixed))
+
+        near, rows = of(sufficient or margin), boxes.rows()
+        if _from_zero(boxes):
+            decided = _by_slopes(near, boxes, rows).decided
+            return decided if sufficient is None else _without_failures(decided)
+        if _wide(boxes):
+            proved = of(margin)(rows).positive()
+            return _to_halve_in_frequency(boxes, proved if sufficient is None else proved | near(rows).positive())
+        decided = _by_slopes(of(margin), boxes, rows).decided
+        narrow = boxes.high[0] < np.minimum(boxes.low[0] * NARROW, below)
+        left = np.flatnonzero(~decided.proved & ~decided.fails & narrow)
+        if left.size:
+            part = boxes.subset(left)
+            other = _by_slopes(lambda rows: (sufficient or margin)(rows[0], part.named(rows, fixed)), part, part.rows())
+            decided.proved[left] = other.decided.proved
+            decided.cost[:, left] = np.where(other.decided.fails, decided.cost[:, left], other.decided.cost)
+        return decided
+
+    return partial(_kind_by_kind, test)
+
+
+def positive_by_polynomials(margin: Margin, fixed: Values, spans: Floats, by_slopes: Test) -> Test:
+    """Return the test that a margin is positive, which knows how the rows of a box act together.
+
+    Many boxes that it leaves open are told to be at a face of the whole: at which end of a row a margin is least slopes
+    know, and polynomials, whose rest has none, do not.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values, over `vctune.proof.enclosures.taylor`
+    fixed : the values that are not among a box's rows
+    spans : of the whole range of each row but the frequency, shape (rows - 1, 1)
+    by_slopes : the test of the same margin by slopes
+    """
+
+    def of(boxes: Boxes, varied: Sequence[bool]) -> Number:
+        rows = polynomials(boxes.rows(), varied)
+        return margin(rows[0], boxes.named(rows, fixed))
+
+    def test(boxes: Boxes) -> Decided:
+        check_time()
+        varied = boxes.varied()
+        least = least_over_boxes(of(boxes, varied))
+        proved, width = least.bound > 0, boxes.high - boxes.low
+        at, cost = np.zeros_like(width), np.zeros_like(width)
+        at[varied], cost[varied] = least.at, least.cost
+        point = np.clip(0.5 * (boxes.low + boxes.high + width * at), boxes.low, boxes.high)
+        fails = ~proved & (least.estimate < 0)
+        if fails.any():
+            there = replace(boxes.subset(fails), low=point[:, fails], high=point[:, fails])
+            fails[fails] = of(there, there.varied()).enclosed().negative()
+        known, side = np.isfinite(least.bound), np.zeros_like(width)
+        left = np.flatnonzero(~proved & ~fails)
+        if left.size > FEW:
+            sloping = by_slopes(boxes.subset(left))
+            proved[left], fails[left], side[:, left] = sloping.proved, sloping.fails, sloping.side
+            point[:, left] = np.where(sloping.fails, sloping.point, point[:, left])
+        sizes = np.abs(boxes.low) + np.abs(boxes.high)
+        sizes[1:] += NEAR_ZERO * spans
+        relative = width / sizes
+        relative[0] = np.where(boxes.low[0] == 0, FROM_ZERO, relative[0])
+        cost = np.where((width > 0) & (side == 0), np.where(known, cost * relative**WIDER, relative), 0.0)
+        return Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side)
+
+    return test
+
+
+def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -> Test:
+    """Return the test that a curve misses 0.
+
+    It does where the rectangle around its image does not contain 0, where `sufficient` is positive, or where its
+    component along its own value at the middle of the box is.
+
+    Parameters
+    ----------
+    curve : of a frequency and of values
+    fixed : the values that are not among a box's rows
+    sufficient : a margin that is positive only where the curve is not 0
+    """
+
+    def test(boxes: Boxes) -> Decided:
+        def image_of(rows: Rows) -> Pair:
+            return curve(rows[0], boxes.named(rows, fixed))
+
+        rows = boxes.rows()
+        image = image_of(rows)
+        missed = image.re.positive() | image.re.negative() | image.im.positive() | image.im.negative()
+        if sufficient is not None:
+            missed |= sufficient(rows[0], boxes.named(rows, fixed)).positive()
+        if missed.all() or (_wide(boxes) and not _from_zero(boxes)):
+            return _to_halve_in_frequency(boxes, missed)
+        middle = image_of([Enclosure(row.mid) for row in rows])
+        size = np.hypot(middle.re.mid, middle.im.mid)
+        re, im = middle.re.mid / size, middle.im.mid / size
+
+        def component(rows: Rows) -> Number:
+            value = image_of(rows)
+            return value.re * re + value.im * im
+
+        decided = _without_failures(_by_slopes(component, boxes, rows).decided)
+        return Decided(
+            proved=decided.proved | missed,
+            fails=decided.fails,
+            point=decided.point,
+            cost=decided.cost,
+            known=decided.known,
+            side=decided.side,
+        )
+
+    return partial(_kind_by_kind, test)
+
+
+def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
+    """Return how far a curve that misses 0 turns around it over a box's frequencies, rad (`vctune.proof.engine.winding`).
+
+    The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
+    a turn a box lies.
+
+    Parameters
+    ----------
+    curve : of a frequency and of values
+    fixed : the values that are not among a box's rows
+
+    Returns
+    -------
+    function
+        Of n boxes; its angles have the shape (n,).
+    """
+
+    def turn(boxes: Boxes) -> Floats:
+        rows = boxes.rows()
+        start, stop = (curve(Enclosure(edge[0]), boxes.named(rows, fixed)) for edge in (boxes.low, boxes.high))
+        cross = start.re * stop.im - start.im * stop.re
+        dot = start.re * stop.re + start.im * stop.im
+        sided = cross.positive() | cross.negative() | dot.positive()
+        return np.where(sided, np.arctan2(cross.mid, dot.mid), np.nan)
+
+    return turn
+
+
+def lower_bound_over(margin: Margin, boxes: Boxes, fixed: Values) -> Floats:
+    """Return a lower bound of a margin over each box; nan where nothing is known of it.
+
+    Parameters
+    ----------
+    margin : of a frequency and of values
+    boxes : n of them
+    fixed : the values that are not among a box's rows
+
+    Returns
+    -------
+    array of float
+        Shape (n,).
+    """
+
+    def least(part: Boxes) -> Floats:
+        return _by_slopes(lambda rows: margin(rows[0], part.named(rows, fixed)), part, part.rows()).least
+
+    with np.errstate(all="ignore"):
+        return np.asarray(in_chunks(least, boxes))
+
+
+def next_to_zero(rows: Sequence[int], sufficient: Margin, fixed: Values, test: Test) -> Test:
+    """Return a test that has another margin where some rows begin at 0 together.
+
+    Parameters
+    ----------
+    rows : which ones
+    sufficient : a margin that proves as much there, the more so the narrower these rows are; where it is negative, or
+        least, says nothing of the claim's
+    fixed : the values that are not among a box's rows
+    test : of the other boxes
+    """
+    both = list(rows)
+
+    def there(boxes: Boxes) -> Decided:
+        found = _by_slopes(lambda x: sufficient(x[0], boxes.named(x, fixed)), boxes, boxes.rows())
+        decided = _without_failures(found.decided)
+        decided.cost[both] = np.where(decided.known, found.reach[both], decided.cost[both])
+        return replace(decided, side=np.zeros_like(decided.side))
+
+    def by_place(boxes: Boxes) -> Decided:
+        at = (boxes.low[both] == 0).all(axis=0)
+        return _by_kind([(at, there), (~at, test)], boxes)
+
+    return by_place
+
+
+def _kind_by_kind(test: Test, boxes: Boxes) -> Decided:
+    """Test boxes from frequency 0, those that are wide in frequency, and the others."""
+    zero = boxes.low[0] == 0
+    wide = (boxes.high[0] > WIDE * boxes.low[0]) & ~zero
+    return _by_kind([(kind, test) for kind in (zero, wide, ~(zero | wide))], boxes)
+
+
+def _by_kind(tests: Sequence[tuple[Flags, Test]], boxes: Boxes) -> Decided:
+    """Test each box by the one test that is for its kind."""
+    present = [(kind, test) for kind, test in tests if kind.any()]
+    if len(present) == 1:
+        return present[0][1](boxes)
+    n = len(boxes)
+    found = Decided(
+        proved=np.zeros(n, bool),
+        fails=np.zeros(n, bool),
+        point=np.zeros_like(boxes.low),
+        cost=np.zeros_like(boxes.low),
+        known=np.zeros(n, bool),
+        side=np.zeros_like(boxes.low),
+    )
+    for kind, test in present:
+        decided = test(boxes.subset(kind))
+        for name in Decided.__slots__:
+            getattr(found, name)[..., kind] = getattr(decided, name)
+    return found
+
+
+def _from_zero(boxes: Boxes) -> bool:
+    return bool(boxes.low[0, 0] == 0)
+
+
+def _wide(boxes: Boxes) -> bool:
+    return bool(boxes.high[0, 0] > WIDE * boxes.low[0, 0])
+
+
+def _to_halve_in_frequency(boxes: Boxes, proved: Flags) -> Decided:
+    cost = np.zeros_like(boxes.low)
+    cost[0] = 1.0
+    none = np.zeros(len(boxes), bool)
+    point = 0.5 * (boxes.low + boxes.high)
+    return Decided(proved=proved, fails=none, point=point, cost=cost, known=none, side=np.zeros_like(cost))
+
+
+def _without_failures(decided: Decided) -> Decided:
+    """Return what a sufficient margin shows: where it is negative nothing is known of the claim."""
+    return Decided(
+        proved=decided.proved,
+        fails=np.zeros_like(decided.fails),
+        point=decided.point,
+        cost=decided.cost,
+        known=decided.known,
+        side=decided.side,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Bounded:
+    """A lower bound of a margin over each box, what it decides, and what the margin varies by with each row."""
+
+    least: Floats
+    decided: Decided
+    reach: Floats
+
+
+def _by_slopes(margin: OfRows, boxes: Boxes, rows: Sequence[Enclosure]) -> _Bounded:
+    """Bound a margin from below by its value at one point of each box and by its slopes.
+
+    Halving a row saves what its slope costs; where the margin is negative at that point, what it varies by; where
+    nothing is known of the slopes, the widest row is as good as any.
+    """
+    check_time()
+    varied = boxes.varied()
+    over_box = margin(variables(rows, varied))
+    n, count = len(boxes), len(rows)
+    side, reach = np.zeros((count, n)), np.zeros((count, n))
+    direct: Enclosure = over_box.value if isinstance(over_box, Jet) else over_box
+    rad = np.stack([np.broadcast_to(row.rad, n) for row in rows])
+    middle = np.stack([row.mid for row in rows])
+    for row, slope in zip(np.flatnonzero(varied), over_box.slopes if isinstance(over_box, Jet) else (), strict=False):
+        if slope is not None:
+            side[row] = 1.0 * slope.negative() - slope.positive()
+            reach[row] = (np.abs(slope.mid) + slope.rad) * rad[row]
+    point = middle + side * rad
+    at_point = [
+        Enclosure(p, 2 * UNIT * (np.abs(p) + r)) if varies else row
+        for p, r, row, varies in zip(point, rad, rows, varied, strict=True)
+    ]
+    least = margin(at_point)
+    loose = np.where(side == 0, reach, 0.0)
+    bound = np.zeros(n) + np.fmax(
+        _lowest(least.mid, raised(least.rad + loose.sum(axis=0), 1 + count)), _lowest(direct.mid, direct.rad)
+    )
+    fails, known = np.broadcast_to(least.negative(), n), np.asarray(np.isfinite(reach).all(axis=0))
+    width = rad / np.abs(middle)
+    width[0] = np.where(rad[0] >= middle[0], FROM_ZERO, width[0])
+    cost = np.where(known, np.where(fails, reach, loose), width)
+    cost = np.where(np.array(varied)[:, None], cost, 0.0)
+    proved = np.asarray(bound > 0)
+    return _Bounded(bound, Decided(proved=proved, fails=fails, point=point, cost=cost, known=known, side=side), reach)
+
+
+def _lowest(mid: Floats, rad: Floats) -> Floats:
+    """Return mid - rad rounded downwards: two differences and a sum, each by a quarter of what is taken off."""
+    return np.asarray(mid - rad - 2 * UNIT * (np.abs(mid) + rad))

@@ -1,0 +1,274 @@
+"""Boxes of a frequency and of the numbers that a claim is to be proved for: designs, uncertain devices.
+
+A box is an interval for each of several named numbers. The names are the keys of the problem file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.hands import HAND, Hands
+from vctune.model.numbers.arithmetic import Number
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS, keys_of
+from vctune.proof.enclosures.array_intervals import UNIT, Enclosure, Flags, Floats, between
+from vctune.proof.engine.interval import WIDE
+
+Integers = NDArray[np.intp]
+
+FREQUENCY = "frequency"
+"""omega in rad/s, theta = omega T in rad, or 1/omega in s, as the claim has it."""
+WHOLE_SAMPLES = "whole samples of device.delay"
+CHUNK = 4096
+"""Boxes evaluated together: their arrays stay in the processor's cache. Half and twice it take as long."""
+
+Values = Mapping[str, Number]
+"""Numbers by name; what is not among them is a claim's own."""
+
+
+def gains_of(values: Values) -> Gains:
+    """Return the gains among some values."""
+    return Gains(values[KEYS[0]], values[KEYS[1]])
+
+
+def coupling_of(values: Values) -> AnyCoupling:
+    """Return the coupling among some values."""
+    if SPRING_KEYS[3] in values:
+        return SpringDamper(values[SPRING_KEYS[2]], values[SPRING_KEYS[3]])
+    return Coupling(values[KEYS[2]], values[KEYS[3]], values[KEYS[4]])
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Boxes of designs, [low, high] in each number of a design; arrays of shape (numbers, cells).
+
+    A cell whose edges meet is a single design.
+    """
+
+    low: Floats
+    high: Floats
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of the numbers, `KEYS` or `SPRING_KEYS`."""
+        return keys_of(len(self.low))
+
+    def __len__(self) -> int:
+        return int(self.low.shape[1])
+
+    def subset(self, at: Integers | Flags) -> Cells:
+        """Return some of the cells."""
+        return Cells(self.low[:, at], self.high[:, at])
+
+    def centres(self) -> Cells:
+        """Return the middle of each cell."""
+        middle = 0.5 * (self.low + self.high)
+        return Cells(middle, middle)
+
+    @property
+    def extended(self) -> bool:
+        """Whether some cell is more than a single design."""
+        return bool(np.any(self.low < self.high))
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """Boxes of a frequency and of other numbers.
+
+    Attributes
+    ----------
+    names : of the rows, `FREQUENCY` first
+    low, high : edges, shape (rows, n)
+    owner : which of several proofs each box belongs to, shape (n,)
+    whole_samples : N, of the delay, where that is uncertain, shape (n,)
+    """
+
+    names: tuple[str, ...]
+    low: Floats
+    high: Floats
+    owner: Integers
+    whole_samples: Integers
+
+    def __len__(self) -> int:
+        return int(self.low.shape[1])
+
+    def subset(self, at: Any) -> Boxes:
+        """Return some of the boxes."""
+        return Boxes(
+            names=self.names,
+            low=self.low[:, at],
+            high=self.high[:, at],
+            owner=self.owner[at],
+            whole_samples=self.whole_samples[at],
+        )
+
+    def count(self, owners: int) -> Integers:
+        """Return how many boxes each owner has."""
+        return np.bincount(self.owner, minlength=owners)
+
+    def rows(self) -> list[Enclosure]:
+        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for."""
+        value = between(self.low, self.high)
+        value.rad[1:] += 4 * UNIT * np.abs(self.high[1:])
+        return [Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)]
+
+    def named(self, rows: Sequence[Number], fixed: Values) -> Values:
+        """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed.
+
+        Parameters
+        ----------
+        rows : one number for each of `names`, the frequency first
+        fixed : the other numbers by name; a row replaces one of its name
+        """
+        return {**fixed, **dict(zip(self.names[1:], rows[1:], strict=True)), WHOLE_SAMPLES: self.whole_samples}
+
+    def varied(self) -> list[bool]:
+        """Return for each row whether some box has a width there; a frequency always counts."""
+        return [True, *np.any(self.low[1:] < self.high[1:], axis=1).tolist()]
+
+    def ends(self, side: Floats) -> Boxes:
+        """Return the face of each box at the ends of some of its rows: -1 the lower one, 1 the upper, 0 for neither."""
+        low, high = np.where(side > 0, self.high, self.low), np.where(side < 0, self.low, self.high)
+        return replace(self, low=low, high=high)
+
+    def halved(self, axis: Integers) -> Boxes:
+        """Return both halves of each box along an axis of its own.
+
+        A wide interval is halved in the logarithm, one that starts at 0 near 0.
+        """
+        at = np.arange(len(self))
+        low, high = self.low[axis, at], self.high[axis, at]
+        wide = np.where(low > 0, np.sqrt(low) * np.sqrt(high), high / 16)
+        middle = np.where(high > WIDE * low, wide, (low + high) / 2)
+        left, right = self.high.copy(), self.low.copy()
+        left[axis, at] = right[axis, at] = middle
+        return joined(replace(self, high=left), replace(self, low=right))
+
+
+def joined(*parts: Boxes) -> Boxes:
+    """Return several sets of boxes of the same numbers as one."""
+    low, high, owner, whole_samples = (
+        np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Boxes.__slots__[1:]
+    )
+    return Boxes(names=parts[0].names, low=low, high=high, owner=owner, whole_samples=whole_samples)
+
+
+def band_of(low: float, high: float, ratio: float) -> tuple[Floats, Floats]:
+    """Return a band in intervals of at most this ratio, equal in the logarithm; low may be 0.
+
+    Parameters
+    ----------
+    low, high : 0 <= low < high
+    ratio : > 1
+
+    Returns
+    -------
+    tuple of two arrays of float
+        Lower and upper edges of the intervals.
+    """
+    start = low if low > 0 else high * 1e-3
+    edges = np.geomspace(start, high, 2 + int(np.log(high / start) / np.log(ratio)))
+    edges[0], edges[-1] = start, high
+    edges = edges if low > 0 else np.concatenate(([0.0], edges))
+    return edges[:-1], edges[1:]
+
+
+def over_band(
+    names: Sequence[str], low: Floats, high: Floats, band: tuple[Floats, Floats], whole_samples: int = 0
+) -> Boxes:
+    """Return each interval of a band with each of several boxes of other numbers, which own what becomes of them.
+
+    Parameters
+    ----------
+    names : of the other numbers
+    low, high : their edges, shape (names, owners)
+    band : edges of the intervals, from `band_of`
+    whole_samples : N, of the delay
+    """
+    owners, intervals = low.shape[1], len(band[0])
+    left, right = (
+        np.vstack((np.tile(frequency, owners), np.repeat(edge, intervals, axis=1)))
+        for frequency, edge in zip(band, (low, high), strict=True)
+    )
+    owner = np.repeat(np.arange(owners), intervals)
+    return Boxes(
+        names=(FREQUENCY, *names), low=left, high=right, owner=owner, whole_samples=np.full(owner.size, whole_samples)
+    )
+
+
+def over_cells(cells: Cells, band: tuple[Floats, Floats]) -> Boxes:
+    """Return each interval of a band with each cell.
+
+    Parameters
+    ----------
+    cells : n of them
+    band : edges of m intervals, from `band_of`
+
+    Returns
+    -------
+    Boxes
+        n m of them, each owned by its cell.
+    """
+    return over_band(cells.keys, cells.low, cells.high, band)
+
+
+def over_hands(cells: Cells, hands: Hands, band: tuple[Floats, Floats]) -> Boxes:
+    """Return each interval of a band with each cell in all hands of a box.
+
+    Parameters
+    ----------
+    cells : n of them
+    hands : the box
+    band : edges of m intervals, from `band_of`
+
+    Returns
+    -------
+    Boxes
+        n m of them, each owned by its cell; the hand is three rows before those of the cell.
+    """
+    low, high = (
+        np.vstack((np.tile(np.array(astuple(hand), float)[:, None], len(cells)), edge))
+        for hand, edge in ((hands.low, cells.low), (hands.high, cells.high))
+    )
+    return over_band((*HAND, *cells.keys), low, high, band)
+
+
+def over_each(cells: Cells, at: Floats) -> Boxes:
+    """Return each cell at one frequency of its own, or in one hand at one.
+
+    Parameters
+    ----------
+    cells : n of them
+    at : the frequency of each as the claim has it, rad/s or rad, shape (n,); or its rows with those of a hand, (4, n)
+
+    Returns
+    -------
+    Boxes
+        n of them, without width in frequency and hand, each owned by its cell.
+    """
+    at = np.atleast_2d(at)
+    low, high = (np.vstack((at, edge)) for edge in (cells.low, cells.high))
+    names, owner = (FREQUENCY, *HAND[: len(at) - 1], *cells.keys), np.arange(len(cells))
+    return Boxes(names=names, low=low, high=high, owner=owner, whole_samples=np.zeros_like(owner))
+
+
+def in_chunks(f: Callable[[Boxes], Any], boxes: Boxes) -> Any:
+    """Return an array for all boxes, its last axis theirs, from as many of them at a time as the cache holds.
+
+    Parameters
+    ----------
+    f : of boxes; its last axis is theirs
+    boxes : n of them
+
+    Returns
+    -------
+    array
+        Of shape (..., n).
+    """
+    starts = range(0, max(len(boxes), 1), CHUNK)
+    return np.concatenate([f(boxes.subset(slice(i, i + CHUNK))) for i in starts], axis=-1)

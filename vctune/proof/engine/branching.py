@@ -1,0 +1,180 @@
+"""One prover for claims over boxes: halve what is not decided, where that promises most.
+
+Each box belongs to an owner: a cell of designs, or the one design that is proved for a box of devices. A claim is
+proved of an owner when it is proved on all of its boxes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from vctune.proof.enclosures.array_intervals import Flags, Floats
+from vctune.proof.engine.boxes import CHUNK, Boxes, Integers
+from vctune.running import check_time, tell
+
+BLUR = 2.0
+"""A box is left open when the rows that may not be halved contribute this much more to its uncertainty than the others:
+halving those would not decide it. Half and twice it prove the same cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Decided:
+    """What a test finds out about boxes.
+
+    Attributes
+    ----------
+    proved : where the claim holds throughout
+    fails : where it does not hold at `point`
+    point : a point of each box, shape (rows, n)
+    cost : what each row contributes to the uncertainty of each box, of the same shape
+    known : where that is more than the row's width: nothing is known of the slopes elsewhere
+    side : end of each row at which the margin is least, -1 and 1, whatever the others; 0 where that is not known
+    """
+
+    proved: Flags
+    fails: Flags
+    point: Floats
+    cost: Floats
+    known: Flags
+    side: Floats
+
+
+Test = Callable[[Boxes], Decided]
+
+
+@dataclass(frozen=True, slots=True)
+class Proofs:
+    """What became of a claim, for each owner.
+
+    Attributes
+    ----------
+    proved : whether it holds throughout, shape (owners,)
+    failing : a point at which it does not hold, nan where none was met, shape (rows, owners)
+    open : a point of a box that stays open, nan where there is none, of the same shape
+    boxes : how many boxes were looked at
+    total : sum of what was measured over the proved boxes
+    """
+
+    proved: Flags
+    failing: Floats
+    open: Floats
+    boxes: Integers
+    total: Floats
+
+
+@np.errstate(all="ignore")
+def prove(
+    test: Test,
+    boxes: Boxes,
+    owners: int,
+    *,
+    halved: Sequence[bool],
+    max_halvings: int,
+    max_boxes: int,
+    measure: Callable[[Boxes], Floats] | None = None,
+    at_ends: bool = False,
+    few: int = 0,
+    only_whole: bool = False,
+) -> Proofs:
+    """Test boxes and halve those that are not proved, until each owner's are, one of them fails, or effort ends.
+
+    Parameters
+    ----------
+    test : of boxes
+    boxes : to begin with
+    owners : their number
+    halved : which rows may be halved
+    max_halvings : how often a box is halved at most
+    max_boxes : boxes of one owner that are looked at before it is left open
+    measure : of proved boxes; what is summed up in `Proofs.total`
+    at_ends : whether a box is given up for its face where the margin is least there: for a test of one margin alone,
+        without `measure`
+    few : boxes that are halved again before they are tested: a test takes a time of its own, however few they are
+    only_whole : give an owner up as soon as a box of it stays open: where it fails is not asked for
+
+    Returns
+    -------
+    Proofs
+        For each owner; proved only if all of its boxes are.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it.
+    """
+    shape = (len(boxes.names), owners)
+    failing, open_ = np.full(shape, np.nan), np.full(shape, np.nan)
+    count, total = np.zeros(owners, np.intp), np.zeros(owners)
+    first = float(len(boxes))
+    for again in range(max_halvings + 1):
+        if not len(boxes):
+            break
+        tell(partial(_stage, count.sum(), len(boxes) / first))
+        count += boxes.count(owners)
+        decided = _in_chunks(test, boxes)
+        failing[:, boxes.owner[decided.fails]] = decided.point[:, decided.fails]
+        if measure is not None and decided.proved.any():
+            np.add.at(total, boxes.owner[decided.proved], measure(boxes.subset(decided.proved)))
+        axis, blurred = _axis(decided, np.asarray(halved))
+        hopeful = np.isnan(failing[0]) & (count < max_boxes) & (again < max_halvings)
+        left = ~decided.proved
+        if at_ends:
+            boxes = boxes.ends(decided.side)
+            blurred |= ~np.any(boxes.low < boxes.high, axis=0)
+        goes_on = left & ~blurred & hopeful[boxes.owner]
+        stays = left & ~goes_on
+        open_[:, boxes.owner[stays]] = decided.point[:, stays]
+        if only_whole:
+            goes_on &= np.isnan(open_[0, boxes.owner])
+        kept = boxes.subset(goes_on)
+        boxes = _halved(kept, axis[goes_on], decided.cost[:, goes_on], np.asarray(halved), few)
+        first *= len(boxes) / max(len(kept), 1)
+    return Proofs(
+        proved=np.isnan(open_[0]) & np.isnan(failing[0]), failing=failing, open=open_, boxes=count, total=total
+    )
+
+
+def _axis(decided: Decided, halved: Flags) -> tuple[Integers, Flags]:
+    """Return the row along which each box is halved, and whether that would not help."""
+    cost = _known(decided.cost)
+    axis = _costliest(cost, halved)
+    blurred = decided.known & (cost[~halved].sum(axis=0) > BLUR * cost[halved].max(axis=0))
+    return axis, blurred
+
+
+def _known(cost: Floats) -> Floats:
+    return np.where(np.isnan(cost), np.inf, cost)
+
+
+def _costliest(cost: Floats, halved: Flags) -> Integers:
+    """Return the row that contributes most to each box's uncertainty, of those that may be halved."""
+    return np.asarray(np.flatnonzero(halved)[np.argmax(cost[halved], axis=0)])
+
+
+def _halved(boxes: Boxes, axis: Integers, cost: Floats, halved: Flags, few: int) -> Boxes:
+    """Return the halves of boxes along an axis of each, and as long as they are few, of these the halves."""
+    cost = _known(cost)
+    while True:
+        at, boxes = np.arange(len(boxes)), boxes.halved(axis)
+        if not 0 < len(boxes) <= few:
+            return boxes
+        cost[axis, at] /= 2
+        cost = np.tile(cost, 2)
+        axis = _costliest(cost, halved)
+
+
+def _stage(boxes: int, open_: float) -> str:
+    """Return how far a proof is: all boxes of a round have been halved equally often, and their number is a share."""
+    return f"{boxes} boxes, {1 - open_:.1%} proved"
+
+
+def _in_chunks(test: Test, boxes: Boxes) -> Decided:
+    parts = []
+    for i in range(0, len(boxes), CHUNK):
+        check_time()
+        parts.append(test(boxes.subset(slice(i, i + CHUNK))))
+    return Decided(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in Decided.__slots__))

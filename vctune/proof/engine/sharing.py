@@ -1,0 +1,90 @@
+"""What many boxes have in common, worked out once: the plants of the same hand and device at other frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from vctune.model.numbers.arithmetic import Number
+from vctune.proof.enclosures.array_intervals import Enclosure, raised, selected
+from vctune.proof.enclosures.jets import Jet
+from vctune.proof.enclosures.taylor import Taylor
+
+
+def shared(f: Callable[..., Any], rows: Sequence[Number]) -> Any:
+    """Return f of rows of boxes, evaluated once for those that are the same in all of them, and as near as its slopes.
+
+    Parameters
+    ----------
+    f : of as many numbers as there are rows; a dataclass of numbers and tuples of numbers
+    rows : enclosures of n boxes, or jets or Taylor polynomials of them, each of itself alone
+
+    Returns
+    -------
+    Any
+        Of f, for each box. A number of it is enclosed by its values over the box, or by the one at its middle and by
+        what its slopes make of that, whichever is narrower.
+    """
+    plain = [_values(row) for row in rows]
+    n = max(np.size(row.mid) for row in plain)
+    columns = np.stack([np.broadcast_to(part, n) for row in plain for part in (row.mid, row.rad)], axis=1)
+    as_bytes = np.ascontiguousarray(columns).view(np.dtype((np.void, columns.itemsize * columns.shape[1]))).ravel()
+    _, first, inverse = np.unique(as_bytes, return_index=True, return_inverse=True)
+    few = [_some(row, first) for row in rows]
+    found, radii = f(*few), {}
+    for row in few:
+        if isinstance(row, Jet):
+            radii[next(place for place, slope in enumerate(row.slopes) if slope is not None)] = row.value.rad
+    if radii:
+        middle = f(*(Enclosure(row.value.mid) if isinstance(row, Jet) else row for row in few))
+        found = _mapped(lambda over, at: _narrowed(over, at, radii), found, middle)
+    return _mapped(lambda number: _some(number, inverse), found)
+
+
+def _values(row: Number) -> Enclosure:
+    """Return all values of a row."""
+    if isinstance(row, Taylor):
+        return row.enclosed()
+    return row.value if isinstance(row, Jet) else row
+
+
+def _narrowed(over: Number, at: Number, radii: dict[int, Any]) -> Number:
+    """Return a number over a box, its values narrowed by the one at the middle and the slopes, by their places."""
+    if not isinstance(over, Jet):
+        return over
+    slopes = [(over.slopes[place], rad) for place, rad in radii.items() if place < len(over.slopes)]
+    reach = sum((np.abs(slope.mid) + slope.rad) * rad for slope, rad in slopes if slope is not None)
+    rad = raised(at.rad + reach, 1 + len(slopes))
+    return Jet(selected(np.asarray(rad < over.value.rad), Enclosure(at.mid, rad), over.value), over.slopes)
+
+
+def _some(number: Number, at: Any) -> Number:
+    """Return some of a number's elements; one that has no more than one stays."""
+    if isinstance(number, Jet):
+        slopes = tuple(None if slope is None else _some(slope, at) for slope in number.slopes)
+        return Jet(_some(number.value, at), slopes)
+    if isinstance(number, Taylor):
+        return number.subset(at)
+    if np.size(number.mid) > 1:
+        return number.subset(at)
+    return (
+        number
+        if np.size(number.rad) == 1
+        else Enclosure(np.broadcast_to(number.mid, number.rad.shape), number.rad).subset(at)
+    )
+
+
+def _mapped(f: Callable[..., Number], *trees: Any) -> Any:
+    """Return what f makes of the numbers of trees of one shape; all else is the first one's."""
+    first = trees[0]
+    if isinstance(first, Enclosure | Jet | Taylor):
+        return f(*trees)
+    if isinstance(first, tuple):
+        return tuple(_mapped(f, *parts) for parts in zip(*trees, strict=True))
+    if is_dataclass(first) and not isinstance(first, type):
+        names = [field.name for field in fields(first)]
+        return replace(first, **{name: _mapped(f, *(getattr(tree, name) for tree in trees)) for name in names})
+    return first

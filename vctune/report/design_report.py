@@ -1,0 +1,81 @@
+"""From a design's record to its report: report.html and its figures as SVG."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from vctune.document.reading import parse_problem
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.simulation_json import SimulationRecord
+from vctune.document.text.output_files import write_together
+from vctune.report.figures.design_figures import Design, figures
+from vctune.report.figures.experiment_figures import simulation_figure
+from vctune.report.page.contents import REPORT, report_paths
+from vctune.report.page.page import figure_file, page, svg
+from vctune.report.page.sliders import overlays
+
+
+def write_report(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> None:
+    """Write report.html and the figures of a design, none of an earlier one left; needs nothing but its record.
+
+    Parameters
+    ----------
+    record : of the design
+    folder : for report.html and the figures
+    simulation : of this design; None without one
+
+    Raises
+    ------
+    InputError
+        If the record's problem cannot be read or the folder cannot be written.
+    """
+    files = report_files(record, folder, simulation)
+    write_together(files, [path for path in report_paths(folder) if path not in files])
+
+
+def report_files(record: DesignRecord, folder: Path, simulation: SimulationRecord | None = None) -> dict[Path, str]:
+    """Return what `write_report` writes, the page last.
+
+    Parameters
+    ----------
+    record : of the design
+    folder : for the files
+    simulation : of this design; None without one
+
+    Returns
+    -------
+    dict
+        Texts by path.
+
+    Raises
+    ------
+    InputError
+        If the record's problem cannot be read.
+    """
+    problem = parse_problem(record.problem.text, record.problem.name, record.problem.name)
+    drawn: dict[str, Figure] = {}
+    if record.design is not None:
+        drawn = figures(Design(problem, *record.design, record))
+    if simulation is not None:
+        drawn["simulation"] = simulation_figure(simulation)
+    pictures = {name: svg(figure, name) for name, figure in drawn.items()}
+    files = {folder / f"{name}.svg": text for name, text in pictures.items()}
+    return {**files, folder / REPORT: page(record, problem, pictures, overlays(drawn), simulation)}
+
+
+def simulation_files(simulation: SimulationRecord, folder: Path) -> dict[Path, str]:
+    """Return the figure of a simulation alone.
+
+    Parameters
+    ----------
+    simulation : of any design
+    folder : for the file
+
+    Returns
+    -------
+    dict
+        The SVG text by its path.
+    """
+    return figure_file(simulation_figure(simulation), folder, "simulation")

@@ -1,0 +1,1 @@
+"""Curves and the figures that show them."""

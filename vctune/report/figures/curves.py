@@ -1,0 +1,162 @@
+"""The curves behind the figures, from a problem and a design.
+
+See paper eqs. 10, 11, 17; model/README.md, sections 2 to 8.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, replace
+from math import pi, sqrt
+
+import numpy as np
+
+from vctune.analysis.demands import error_terms, response, stability_ratio, weighted_square
+from vctune.analysis.extrema import Floats
+from vctune.analysis.feel import felt_impedance
+from vctune.analysis.resonance import with_resonance
+from vctune.analysis.sampled_loop import Complex, loop_gain
+from vctune.model.coupling import coupling_impedance
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.loop.llewellyn import required_resistance
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Problem
+
+POINTS = 400
+NARROWER = 6.0
+"""How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
+SPRING, DAMPER = 200.0, 14.0
+"""The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Llewellyn:
+    """Re Z_c, the required R (nan where Re G_hh <= 0) and their ratio over hz."""
+
+    hz: Floats
+    coupling: Floats
+    required: Floats
+    ratio: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Nyquist:
+    """The sampled loop L = K_v G_v + K_p G_x over hz up to the Nyquist frequency."""
+
+    hz: Floats
+    L: Complex
+
+
+@dataclass(frozen=True, slots=True)
+class Transparency:
+    """|Z_0 G_hh|, |1 - G_he|, |Z_c|/Z_0 and e over hz."""
+
+    hz: Floats
+    admittance: Floats
+    tracking: Floats
+    coupling: Floats
+    error: Floats
+
+
+def frequencies(problem: Problem) -> Floats:
+    """Return the page's frequency axis, Hz: both bands and a decade around, up to Nyquist, closer at a resonance."""
+    bands = (problem.transparency.band, problem.stability.band)
+    nyquist = problem.nyquist / (2 * pi)
+    low = min(band.min for band in bands if band.min > 0) / (2 * pi)
+    high = max(band.max for band in bands if np.isfinite(band.max)) / (2 * pi)
+    hz = np.geomspace(low / 10, min(high * 10, nyquist * (1 - 1e-9)), POINTS)
+    return _closer(problem.device, hz)
+
+
+def llewellyn(problem: Problem, gains: Gains, coupling: Coupling) -> Llewellyn:
+    """Return Re Z_c, R and their ratio.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+    """
+    hz = frequencies(problem)
+    omega = 2 * pi * hz
+    loop = response(problem.device, gains, omega)
+    with np.errstate(all="ignore"):
+        required = np.where(loop.resistance > 0, required_resistance(loop, FLOATS), np.nan)
+        ratio = stability_ratio(problem.device, gains, coupling, omega)
+    return Llewellyn(
+        hz, coupling_impedance(coupling, omega).re + 0 * omega, required, np.where(loop.resistance > 0, ratio, np.nan)
+    )
+
+
+def nyquist(problem: Problem, gains: Gains) -> Nyquist:
+    """Return L on a fine logarithmic axis.
+
+    Parameters
+    ----------
+    problem : the device
+    gains : of the velocity loop
+    """
+    top = problem.nyquist / (2 * pi)
+    hz = _closer(problem.device, np.geomspace(top * 1e-5, top, 4 * POINTS))
+    return Nyquist(hz, loop_gain(problem.device, gains, 2 * pi * hz))
+
+
+def transparency(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Transparency:
+    """Return the three terms of the error and their weighted sum.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+    """
+    hz = frequencies(problem)
+    omega = 2 * pi * hz
+    squares = error_terms(problem, gains, coupling, omega)
+    error = np.sqrt(weighted_square(problem.transparency.weights, squares)) + 0 * omega
+    admittance, tracking, share = (np.sqrt(part) + 0 * omega for part in astuple(squares))
+    return Transparency(hz, admittance, tracking, share, error)
+
+
+def handle_impedance(
+    problem: Problem, gains: Gains, coupling: AnyCoupling
+) -> tuple[Floats, dict[str, tuple[Floats, Floats]]]:
+    """Return hz and the impedance felt at the handle, free, with a damper, a spring and rigid, and the ideal ones.
+
+    The ideal handle feels Z_e itself. Of a rotary device, which the paper has not, the damper is Z_0 and the spring as
+    stiff as it in the middle of the transparency band.
+
+    Parameters
+    ----------
+    problem : the device and its bands
+    gains, coupling : the design
+
+    Returns
+    -------
+    hz : shape (`POINTS`,)
+    felt : by environment, both moduli of that shape; the ideal of a rigid environment is inf
+    """
+    hz = frequencies(problem)
+    s = np.asarray(2j * pi * hz, np.complex128)
+    units, damper, spring = problem.units, DAMPER, SPRING
+    if problem.device.units == "rotary":
+        wanted = problem.transparency
+        damper = wanted.reference_impedance
+        spring = damper * sqrt(wanted.band.min * wanted.band.max)
+    environments: dict[str, Complex | None] = {
+        "free": 0 * s,
+        f"{damper:.3g} {units.damping}": damper + 0 * s,
+        f"{spring:.3g} {units.stiffness}": spring / s,
+        "rigid": None,
+    }
+    felt = {}
+    for name, Z_e in environments.items():
+        impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)
+        felt[name] = (np.abs(impedance), np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e))
+    return hz, felt
+
+
+def _closer(device: Device, hz: Floats) -> Floats:
+    """Return frequencies with more of them around a structure's resonance: round as a curve, not as a polygon."""
+    if device.structure is None:
+        return hz
+    narrow = replace(device.structure, damping_ratio=device.structure.damping_ratio / NARROWER)
+    return with_resonance(replace(device, structure=narrow), 2 * pi * hz) / (2 * pi)

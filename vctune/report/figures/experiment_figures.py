@@ -1,0 +1,95 @@
+"""The experiments of simulation.json as a figure in the manner of the paper's 6 and 7, and as a table."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vctune.document.records.simulation_json import ExperimentRecord, RunRecord, SimulationRecord
+from vctune.model.numbers.units import Units
+from vctune.report.figures.style import BLUE, GREY, ORANGE, RED, STYLE, canvas
+
+HEADINGS = ("experiment", "controller", "felt", "off by", "non-overlap", "residual", "ripple", "motor", "loop")
+
+
+def simulation_figure(simulation: SimulationRecord) -> Figure:
+    """Return the figure: a row an experiment, a) with the regular PID on the left, b) with the design on the right."""
+    with rc_context(STYLE):
+        count, units = len(simulation.experiments), simulation.units
+        figure = canvas(8, 3.1 * count, top=0.35, gaps=(0.06, 0.4))
+        rows = figure.subplots(count, 2, squeeze=False, sharey="row", sharex="row")
+        for (left, right), experiment in zip(rows, simulation.experiments, strict=True):
+            _draw(left, experiment, experiment.baseline, "a) regular PID", ORANGE, units)
+            _draw(right, experiment, experiment.design, "b) this design", BLUE, units)
+            left.set_ylabel(f"{units.force_name} of the hand, {units.force}")
+    return figure
+
+
+def _draw(
+    axes: Axes, experiment: ExperimentRecord, run: RunRecord | None, title: str, colour: str, units: Units
+) -> None:
+    axes.set_title(f"{experiment.name}: {title}")
+    axes.set_xlabel(
+        {"position": f"position, {units.position}", "velocity": f"velocity, {units.speed}"}[experiment.axis]
+    )
+    if run is None:
+        axes.text(0.5, 0.5, "no baseline in the file", transform=axes.transAxes, ha="center", color=GREY)
+        return
+    curve = np.array(run.curve)
+    axes.plot(curve[:, 0], curve[:, 1], color=colour, linewidth=1.0)
+    ends = np.linspace(curve[:, 0].min(), curve[:, 0].max(), 401)
+    asked = _asked(experiment, ends)
+    reached = (asked >= curve[:, 1].min()) & (asked <= curve[:, 1].max())
+    axes.plot(ends[reached], asked[reached], color=RED, linewidth=1, linestyle="--")
+    axes.locator_params(axis="x", nbins=5)
+    if run.diverged_s is not None:
+        note = f"diverged from {run.diverged_s:.4g} s on"
+        axes.text(0.5, 0.9, note, transform=axes.transAxes, ha="center", color=RED)
+
+
+def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
+    """Return the force that the environment asks for over the figure's axis, as if at rest or at constant speed."""
+    environment = experiment.environment
+    if experiment.axis == "velocity":
+        return environment.damping * at
+    force = environment.stiffness * (at - environment.zero)
+    return np.maximum(force, 0.0) if environment.wall else force
+
+
+def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
+    """Return the rows of the table under `HEADINGS`, as texts."""
+    return [
+        (experiment.name, controller, *_cells(run, simulation.units))
+        for experiment in simulation.experiments
+        for run, controller in (
+            (experiment.baseline, "regular PID"),
+            (experiment.design, simulation.controller or "this design"),
+        )
+        if run is not None
+    ]
+
+
+def _cells(run: RunRecord, units: Units) -> tuple[str, ...]:
+    stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
+    measured = run.metrics
+    if measured is None:
+        return (f"diverged from {run.diverged_s:.4g} s on", "", "", "", "", "", stable)
+    fits = {name: (fit.value, fit.asked) for name, fit in measured.fits.items() if fit.value is not None}
+    felt = ", ".join(f"{value:.5g} {units.of(name)}" for name, (value, _) in fits.items())
+    off = ", ".join(f"{100 * (value / asked - 1):+.3g} %" for value, asked in fits.values() if asked)
+    saturated = f", {measured.saturated:.1%} saturated" if measured.saturated else ""
+    return (
+        felt,
+        off,
+        *(_force(value, units) for value in (measured.non_overlap, measured.residual, measured.ripple)),
+        _force(measured.peak_motor, units) + saturated,
+        stable,
+    )
+
+
+def _force(value: float | None, units: Units) -> str:
+    return "" if value is None else f"{value:.3g} {units.force}"

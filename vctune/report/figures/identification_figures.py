@@ -1,0 +1,174 @@
+"""Figures of an identification: force in time, response, what is left, and each number with what limits it."""
+
+from __future__ import annotations
+
+from math import ceil, pi
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from vctune.document.recording import Floats
+from vctune.document.records.identification_json import IdentificationRecord
+from vctune.identification.identify import Identified
+from vctune.identification.motion.motion_study import MotionStudy
+from vctune.identification.record_study import RecordStudy
+from vctune.identification.response.periodic_study import PeriodicStudy, behind_force
+from vctune.identification.response.unmodelled import covered
+from vctune.model.numbers.units import Units
+from vctune.report.figures.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
+
+WINDOW = 2.0
+"""How long the part of the log is that is shown closely, s."""
+MOST_POINTS = 2000
+SPECTRUM_BINS = 120
+
+
+def identification_figures(found: Identified, record: IdentificationRecord) -> dict[str, Figure]:
+    """Return the figures of an identification, by name.
+
+    Parameters
+    ----------
+    found : Identified
+    record : of it
+    """
+    figures = {}
+    moved = [study for study in found.records if study.motion is not None]
+    repeated = [study for study in found.records if study.periodic is not None]
+    with rc_context(STYLE):
+        if moved:
+            figures["time-fit"] = _time_fit(moved, record.units)
+        if repeated:
+            figures["response"] = _response(found, repeated, record.units)
+        figures["residual-spectrum"] = _residual_spectra(found.records, record.units)
+        figures["numbers"] = _numbers(record)
+    return figures
+
+
+def _time_fit(studies: list[RecordStudy], units: Units) -> Figure:
+    figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
+    axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
+    for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
+        assert study.motion is not None
+        fit = study.motion.samples
+        left = fit.left
+        worst = fit.time[int(np.argmax(np.abs(left)))]
+        shown = np.abs(fit.time - worst) < WINDOW / 2
+        close.plot(fit.time[shown], fit.measured[shown], color=BLUE, label=f"recorded, {study.recording.name}")
+        close.plot(fit.time[shown], fit.fitted[shown], "--", color=ORANGE, label=units.translated("mass and friction"))
+        close.set_ylabel(f"{units.force_name}, {units.force}")
+        legend_above(close, 2)
+        every = max(1, left.size // MOST_POINTS)
+        whole.plot(fit.time[::every], left[::every], color=GREY, linewidth=0.8)
+        whole.set(ylabel=f"residual, {units.force}", xlabel="time, s")
+    return figure
+
+
+def _response(found: Identified, studies: list[RecordStudy], units: Units) -> Figure:
+    figure = canvas(9, 8.5, top=0.35, gaps=(0.0, 0.12))
+    size, phase, repeat = figure.subplots(3, 1, sharex=True, height_ratios=[3, 2, 1])
+    colours = (BLUE, GREEN, ORANGE, GREY)
+    for study, colour in zip(studies, colours * len(studies), strict=False):
+        periodic = study.periodic
+        assert periodic is not None
+        _lines(size, phase, repeat, periodic, colour, study.recording.name)
+    first = studies[0].periodic
+    assert first is not None
+    omega = first.measured.position.omega
+    hertz = omega / (2 * pi)
+    device, bounds = behind_force(first, studies[0].sample_time, found.device, found.bounds)
+    allowed = covered(device, bounds, found.unmodelled, omega, held=first.measured.input == "command")
+    size.fill_between(hertz, allowed[0], allowed[1], color=GREY, alpha=0.25, label="box and unmodelled")
+    phase.fill_between(hertz, allowed[2], allowed[3], color=GREY, alpha=0.25)
+    size.set_ylabel(f"position / {units.force_name}, {units.compliance}")
+    decades(size)
+    phase.set_ylabel("phase, degrees")
+    repeat.set(ylabel="coherence", ylim=(0, 1.05))
+    frequency_axis(repeat, 0.9 * float(hertz[0]), 1.1 * float(hertz[-1]))
+    legend_above(size, 3)
+    return figure
+
+
+def _lines(size: Axes, phase: Axes, repeat: Axes, periodic: PeriodicStudy, colour: str, name: str) -> None:
+    lines, model = periodic.measured.position, periodic.fit.position
+    hertz = lines.omega / (2 * pi)
+    amplitude = np.abs(lines.ratio)
+    bars = np.minimum(2 * lines.spread, 0.99) * amplitude
+    size.errorbar(hertz, amplitude, bars, fmt=".", color=colour, markersize=3, elinewidth=0.7, label=name)
+    size.plot(hertz, np.abs(model), color=colour, linewidth=1.0, label="fit")
+    phase.plot(hertz, _degrees(lines.ratio), ".", color=colour, markersize=3)
+    phase.plot(hertz, _degrees(model), color=colour, linewidth=1.0)
+    repeat.plot(hertz, lines.coherence, ".", color=colour, markersize=3)
+
+
+def _degrees(response: np.ndarray) -> Floats:
+    return np.degrees(np.unwrap(np.angle(-response))) - 180.0
+
+
+def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
+    figure = canvas(9, 3.4, top=0.35)
+    axes = figure.subplots()
+    ends = []
+    for study, colour in zip(studies, (BLUE, GREEN, ORANGE, GREY) * len(studies), strict=False):
+        hertz, power, noise = _motion_left(study, study.motion) if study.motion is not None else _lines_left(study)
+        axes.plot(
+            hertz, power, ".-" if study.periodic else "-", color=colour, linewidth=1.0, label=study.recording.name
+        )
+        axes.plot(hertz, noise, "--", color=colour, linewidth=1.0, label="noise")
+        ends += [float(hertz[0]), float(hertz[-1])]
+    axes.set_ylabel(f"residual, share of the {units.force_name}")
+    decades(axes)
+    frequency_axis(axes, min(ends), max(ends))
+    legend_above(axes, 4)
+    return figure
+
+
+def _motion_left(study: RecordStudy, motion: MotionStudy) -> tuple[Floats, Floats, Floats]:
+    """Return frequencies, the residual's and the encoder's root mean square in bands of a fifth of an octave."""
+    fit, samples = motion.directional, motion.samples
+    T = samples.step
+    whole = np.zeros(ceil(fit.samples[1] * study.sample_time / T * (1 - 1e-12)))
+    whole[samples.rows] = samples.left
+    spectrum = 2 * np.abs(np.fft.rfft(whole)) ** 2 / whole.size**2
+    f = np.asarray(np.fft.rfftfreq(whole.size, T), dtype=np.float64)
+    edges = np.exp(np.linspace(np.log(f[2]), np.log(min(3 * fit.cutoff_hz, 0.5 / T)), SPECTRUM_BINS))
+    place = np.digitize(f, edges)
+    found = [i for i in range(1, edges.size) if np.any(place == i)]
+    power = np.array([np.sqrt(spectrum[place == i].sum()) for i in found]) / fit.force
+    middle = np.array([np.sqrt(edges[i - 1] * edges[i]) for i in found])
+    each = motion.encoder_noise(f, study.sample_time) / fit.force
+    noise = np.array([np.sqrt(np.sum(each[place == i] ** 2)) for i in found])
+    return middle, np.maximum(power, 1e-12), np.maximum(noise, 1e-12)
+
+
+def _lines_left(study: RecordStudy) -> tuple[Floats, Floats, Floats]:
+    periodic = study.periodic
+    assert periodic is not None
+    lines = periodic.measured.position
+    return lines.omega / (2 * pi), np.maximum(periodic.left, 1e-12), np.maximum(lines.spread, 1e-12)
+
+
+def _numbers(record: IdentificationRecord) -> Figure:
+    figure = canvas(9, 0.55 * len(record.numbers) + 1.1, left=2.2, top=0.35)
+    axes = figure.subplots()
+    for row, each in enumerate(record.numbers):
+        low, high = each.low / each.value - 1, each.high / each.value - 1
+        axes.barh(
+            row, 100 * (high - low), left=100 * low, height=0.5, color=GREY, alpha=0.35, label="" if row else "box"
+        )
+        places = np.linspace(-0.15, 0.15, len(each.estimates)) if len(each.estimates) > 1 else [0.0]
+        for place, one in zip(places, each.estimates, strict=True):
+            sigma = 200 * (one.sigma or 0.0) / each.value
+            axes.errorbar(
+                100 * (one.value / each.value - 1), row + place, xerr=sigma, fmt="o", color=BLUE, markersize=4,
+                label="found, twice the standard deviation" if row == 0 and place == places[0] else "",
+            )  # fmt: skip
+    axes.set_yticks(range(len(record.numbers)), [each.key for each in record.numbers])
+    axes.invert_yaxis()
+    axes.set_xscale("symlog", linthresh=1.0)
+    axes.set_xlim(-110, 110)
+    axes.set_xticks([-100, -10, -1, 0, 1, 10, 100], ["-100", "-10", "-1", "0", "1", "10", "100"])
+    axes.set_xlabel("per cent from the middle of the box")
+    legend_above(axes, 2)
+    return figure

@@ -1,0 +1,211 @@
+"""The picture of a region: what is proved where, the optimum, contours of the error, the low-frequency limit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, MaxNLocator
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.prepared import prepare
+from vctune.design.search.grid import least_errors
+from vctune.design.variables import point
+from vctune.model.gains import Gains
+from vctune.model.numbers.keys import labelled
+from vctune.model.numbers.units import Units
+from vctune.model.problem import Problem
+from vctune.report.figures.style import INK, PAPER, RED, STYLE, canvas
+from vctune.study.plane import Plane, Squares
+from vctune.study.region import Kind, Region
+from vctune.study.region_check import Recheck
+from vctune.study.region_record import Design
+
+GOOD, BAD, OPEN = ("#b5d9f2", ""), ("#e58b2a", "///"), ("#6e6e78", "...")
+"""Colour and hatching, apart for every kind of sight and in grey."""
+FILLS = {Kind.FEASIBLE: GOOD, Kind.INFEASIBLE: BAD, Kind.UNDECIDED: OPEN}
+LABELS = {kind: f"proved {kind.name.lower()}" for kind in FILLS} | {Kind.UNDECIDED: "undecided"}
+STRIP, GAP = 0.03, 0.008
+"""Height of the strip that stands for the line K_p = 0, and its distance from the plane."""
+APART = (0.07, 0.035)
+"""Least distance of the marks on x and y."""
+MESH = 48
+
+
+def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -> Figure:
+    """Return the cells in the optimiser's coordinates, in which their areas are counted.
+
+    Parameters
+    ----------
+    problem : for contours of the error and, with any passive hand, the limit of K_p, where the axes are K_v and K_p
+    region : the cells and what is proved of each; of one that was interrupted the title says so
+    designs : gain sets to mark
+    """
+    plane = region.plane
+    with rc_context(STYLE):
+        interrupted = "interrupted: some of what is undecided was not looked at" * region.interrupted
+        figure, axes = _frame(plane, problem.units, interrupted)
+        for kind, fill in FILLS.items():
+            _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
+        _marked(axes, plane, designs, "*", PAPER, "optimum")
+        if set(plane.axes) == {0, 1} and not problem.device.renders_force:
+            _contours(axes, problem, region)
+            if problem.passive:
+                _limit(axes, problem, plane)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def lost_figure(again: Recheck) -> Figure:
+    """Return what is still proved of a baseline's feasible cells and gain sets, and what has lost its proof."""
+    plane, kept = again.region.plane, again.region.kinds == Kind.FEASIBLE
+    with rc_context(STYLE):
+        figure, axes = _frame(plane, again.units)
+        _fill(axes, plane, again.region.squares[:, kept], GOOD, "proved again")
+        _fill(axes, plane, again.region.squares[:, ~kept], BAD, "lost")
+        for holds, mark, colour, label in (
+            (True, "*", PAPER, "gain set, proved again"),
+            (False, "X", RED, "gain set, lost"),
+        ):
+            listed = zip(again.designs, again.certified, strict=True)
+            _marked(axes, plane, [design for design, certified in listed if certified is holds], mark, colour, label)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return figure
+
+
+def _frame(plane: Plane, units: Units, title: str = "") -> tuple[Figure, Axes]:
+    figure = canvas(8.6, 5.2, left=0.95, right=2.1, top=0.35 if title else 0.15)
+    axes = figure.subplots()
+    axes.set_title(title, loc="left")
+    axes.grid(visible=False)
+    for place, axis in enumerate(plane.axes):
+        values, at = _marks(plane, place)
+        low = -STRIP if plane.has_line(place) else 0.0
+        keywords: Any = {
+            "xy"[place] + part: value
+            for part, value in (("lim", (low, 1)), ("label", labelled(plane.keys[axis], units)))
+        }
+        axes.set(**keywords)
+        (axes.set_xticks, axes.set_yticks)[place](at, [_number(value) for value in values])
+    return figure, axes
+
+
+def _marks(plane: Plane, k: int) -> tuple[Floats, Floats]:
+    """Return values to mark on an axis, and where: powers of ten, or round numbers where those are few; and 0."""
+    edges = plane.edges[k]
+    low = edges[edges > 0][0]
+    values = 10.0 ** np.arange(np.ceil(np.log10(low)), np.floor(np.log10(edges[-1])) + 1)
+    if len(values) < 3:
+        values = np.array(LogLocator(subs=(1, 2, 5)).tick_values(low, edges[-1]))
+    if edges[-1] < 3 * low:
+        values = np.array(MaxNLocator(6).tick_values(low, edges[-1]))
+    values = values[(values >= low) & (values <= edges[-1])]
+    at = _place(plane, k, values)
+    zero = [] if edges[0] > 0 else [-(STRIP + GAP) / 2 if plane.has_line(k) else 0.0]
+    kept: list[int] = []
+    for i in np.flatnonzero(np.isfinite(at)).tolist()[::-1]:  # from the top, where the marks are furthest apart
+        nearest = min((abs(at[i] - other) for other in [*zero, *at[kept[-1:]]]), default=1.0)
+        kept += [i] if nearest >= APART[k] else []
+    return np.concatenate((np.zeros(len(zero)), values[kept])), np.concatenate((zero, at[kept]))
+
+
+def _number(value: float) -> str:
+    exponent = round(np.log10(value)) if value > 0 else 0
+    plain = -4 <= exponent <= 5 or not np.isclose(value, 10.0**exponent)
+    return f"{value:g}" if plain else f"$10^{{{exponent}}}$"
+
+
+def _place(plane: Plane, k: int, values: Floats) -> Floats:
+    """Return where values of an axis lie between 0 and 1; nan outside."""
+    edges = plane.edges[k]
+    return np.interp(values, edges, np.linspace(0, 1, len(edges)), left=np.nan, right=np.nan)
+
+
+def _spot(plane: Plane, k: int, value: float) -> float:
+    """Return where a design lies on an axis, K_p = 0 on the strip."""
+    on_line = value == 0 and plane.has_line(k)
+    return -(STRIP + GAP) / 2 if on_line else float(_place(plane, k, np.array([value]))[0])
+
+
+def _fill(axes: Axes, plane: Plane, squares: Squares, fill: tuple[str, str], label: str) -> None:
+    """Draw cells as one path, without seams; those of the line K_p = 0 on the strip."""
+    colour, hatch = fill
+    lines = (squares[[0, 2]] == squares[[1, 3]]).any(axis=0)
+    squares = np.concatenate([_joined(_joined(part, 1), 0) for part in (squares[:, lines], squares[:, ~lines])], axis=1)
+    low, high = squares[[0, 2]] / (len(plane.edges[0]) - 1), squares[[1, 3]] / (len(plane.edges[0]) - 1)
+    on_line = low == high
+    (x0, y0), (x1, y1) = np.where(on_line, -STRIP, low), np.where(on_line, -GAP, high)
+    corners = np.stack(
+        [np.stack((x, y), axis=1) for x, y in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))], axis=1
+    )
+    codes = [Path.MOVETO, *[Path.LINETO] * 3, Path.CLOSEPOLY] * len(corners)
+    cells = Path(corners.reshape(-1, 2), codes) if codes else Path(np.zeros((1, 2)))
+    axes.add_patch(PathPatch(cells, facecolor=colour, hatch=hatch, linewidth=0, label=label))
+
+
+def _joined(squares: Squares, along: int) -> Squares:
+    """Join cells that touch along an axis, 0 or 1, and reach equally far across it."""
+    low, high = 2 * along, 2 * along + 1
+    start, end = 2 - low, 3 - low
+    ordered = squares[:, np.lexsort(squares[[low, end, start]])]
+    apart = (ordered[low, 1:] != ordered[high, :-1]) | (np.diff(ordered[[start, end]]) != 0).any(axis=0)
+    first = np.flatnonzero(np.append(True, apart))[: ordered.shape[1]]
+    joined = ordered[:, first]
+    joined[high] = ordered[high, np.append(first[1:] - 1, -1)[: len(first)]]
+    return joined
+
+
+def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colour: str, label: str) -> None:
+    if designs:
+        x, y = np.array(
+            [[_spot(plane, k, point(*design)[axis]) for design in designs] for k, axis in enumerate(plane.axes)]
+        )
+        axes.scatter(x, y, s=180, c=colour, marker=mark, edgecolors=INK, label=label, zorder=5, clip_on=False)
+
+
+def _contours(axes: Axes, problem: Problem, region: Region) -> None:
+    """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    plane = region.plane
+    prepared = prepare(problem)
+    marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
+    x, y = np.meshgrid(plane.edges[0][marks], plane.edges[1][marks], indexing="ij")
+    K_v, K_p = (x, y) if plane.axes == (0, 1) else (y, x)
+    K_v, K_p, *_ = prepared.units.to_dimensionless((K_v, K_p, 0.0, 0.0, 0.0))
+    with np.errstate(all="ignore"):
+        errors = least_errors(prepared.scaled, Gains(K_v, K_p)) * prepared.units.error
+    sound = np.isfinite(errors) & _feasible(region)[np.ix_(marks, marks)]
+    if sound.sum() < 4:
+        return
+    levels = np.unique([float(f"{level:.2g}") for level in np.quantile(errors[sound], (0.02, 0.1, 0.3, 0.6, 0.9))])
+    place = marks / marks[-1]
+    drawn = axes.contour(place, place, np.where(sound, errors, np.nan).T, levels=levels, colors=INK, linewidths=0.8)
+    axes.clabel(drawn, fmt="%g", fontsize=8)
+    if any(drawn.allsegs):
+        axes.plot([], [], color=INK, linewidth=0.8, label="least error")
+
+
+def _feasible(region: Region) -> NDArray[np.bool_]:
+    """Return which crossings of the edges belong to a cell that is proved feasible."""
+    count = len(region.plane.edges[0])
+    inside = np.zeros((count, count), bool)
+    for x_low, x_high, y_low, y_high in region.squares[:, region.kinds == Kind.FEASIBLE].T:
+        inside[x_low : x_high + 1, y_low : y_high + 1] = True
+    return inside
+
+
+def _limit(axes: Axes, problem: Problem, plane: Plane) -> None:
+    """Draw tau K_p = b + K_v, beyond which Re G_hh < 0 at low frequencies."""
+    device, swapped = problem.device, plane.axes == (1, 0)
+    K_v = plane.edges[1 if swapped else 0]
+    K_p = (device.damping + K_v) / device.loop_lag
+    x, y = (K_p, K_v) if swapped else (K_v, K_p)
+    at = _place(plane, 0, x), _place(plane, 1, y)
+    if np.isfinite(sum(at)).any():
+        axes.plot(*at, "--", color=INK, linewidth=1.4, label="τ K_p = b + K_v")

@@ -1,0 +1,131 @@
+"""Pictures of a sweep over one or two axes, and of a front."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from vctune.analysis.extrema import Floats
+from vctune.report.figures.style import BLUE, GREY, RED, STYLE, canvas
+from vctune.study.study_table import Table
+
+WIDE = 10.0
+"""Positive values that span more than this ratio are drawn on a logarithmic axis."""
+COLOURS = "viridis_r"
+TERM_LABELS = {"admittance": "|Z_0 G_hh|", "tracking": "|1 - G_he|", "coupling": "|Z_c| / Z_0"}
+FEW = 40
+
+
+def sweep_figure(table: Table, *, grid: bool) -> Figure | None:
+    """Return the error over the one or two axes that vary, or None if more or fewer do.
+
+    Parameters
+    ----------
+    table : of the sweep
+    grid : whether the points are every combination of the axes' values
+    """
+    finite = np.logical_and.reduce([np.isfinite(column) for column in table.axes.values()])
+    table = table.subset(np.flatnonzero(finite))
+    varied = {key: column for key, column in table.axes.items() if np.unique(column).size > 1}
+    with rc_context(STYLE):
+        if len(varied) == 1:
+            return _line(table, *varied.items())
+        if len(varied) == 2:
+            return _map(table, *varied.items(), grid=grid)
+    return None
+
+
+def _line(table: Table, axis: tuple[str, Floats]) -> Figure:
+    figure, axes = _frame()
+    key, x = axis
+    order, certified = np.argsort(x, kind="stable"), table.certified
+    error = np.where(certified, table.numbers["error"], np.nan)[order]
+    axes.plot(x[order], error, "o-", color=BLUE, markersize=4 if x.size <= FEW else 1.5, label="certified")
+    if not certified.all():
+        floor, at_floor = np.zeros(np.count_nonzero(~certified)), axes.get_xaxis_transform()
+        axes.plot(x[~certified], floor, "x", color=RED, transform=at_floor, clip_on=False, label="no certified design")
+    _scale(axes, "x", x)
+    axes.set(xlabel=key, ylabel="transparency error")
+    axes.legend(loc="best")
+    return figure
+
+
+def _map(table: Table, across: tuple[str, Floats], up: tuple[str, Floats], *, grid: bool) -> Figure:
+    figure, axes = _frame()
+    (x_key, x), (y_key, y) = across, up
+    certified = table.certified
+    error = np.where(certified, table.numbers["error"], np.nan)
+    norm = LogNorm() if _wide(error[certified]) else None
+    if grid:
+        columns, i = np.unique(x, return_inverse=True)
+        rows, j = np.unique(y, return_inverse=True)
+        cells = np.full((rows.size, columns.size), np.nan)
+        cells[j, i] = error
+        drawn: Any = axes.pcolormesh(
+            columns, rows, np.ma.masked_invalid(cells), cmap=COLOURS, norm=norm, rasterized=True
+        )
+    else:
+        drawn = axes.scatter(x[certified], y[certified], c=error[certified], cmap=COLOURS, norm=norm, s=18)
+    if certified.any():
+        figure.colorbar(drawn, label="transparency error")
+    if not certified.all():
+        axes.plot(x[~certified], y[~certified], "x", color=RED, markersize=4, label="no certified design")
+        axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    _scale(axes, "x", x)
+    _scale(axes, "y", y)
+    axes.set(xlabel=x_key, ylabel=y_key)
+    axes.grid(visible=not grid)
+    return figure
+
+
+def terms_figure(front: Table) -> Figure:
+    """Return the front between the three terms: two of them as axes, the third as colour."""
+    with rc_context(STYLE):
+        figure, axes = _frame()
+        x, y, colour = (front.numbers[term] for term in ("coupling_term", "tracking_term", "admittance_term"))
+        drawn = axes.scatter(x, y, c=colour, cmap=COLOURS, norm=LogNorm() if _wide(colour) else None, s=26)
+        if colour.size:
+            figure.colorbar(drawn, label=TERM_LABELS["admittance"])
+        _scale(axes, "x", x)
+        _scale(axes, "y", y)
+        axes.set(xlabel=TERM_LABELS["coupling"], ylabel=TERM_LABELS["tracking"])
+    return figure
+
+
+def band_figure(front: Table, transparency_edge_hz: float) -> Figure:
+    """Return the front of the error against the upper edge of the stability band.
+
+    Parameters
+    ----------
+    front : designs that none other beats, by the edge, Hz
+    transparency_edge_hz : upper edge of the transparency band, which is marked
+    """
+    with rc_context(STYLE):
+        figure, axes = _frame()
+        edge = front.axes["stability.band_hz[1]"]
+        axes.plot(edge, front.numbers["error"], "o-", color=BLUE, markersize=4, label="certified, not dominated")
+        axes.axvline(transparency_edge_hz, color=GREY, linewidth=1, linestyle="--", label="transparency band ends")
+        _scale(axes, "x", edge)
+        _scale(axes, "y", front.numbers["error"])
+        axes.set(xlabel="upper edge of the stability band, Hz", ylabel="transparency error")
+        axes.legend(loc="best")
+    return figure
+
+
+def _frame() -> tuple[Figure, Axes]:
+    figure = canvas(8, 5, right=0.3, top=0.45)
+    return figure, figure.subplots()
+
+
+def _scale(axes: Axes, which: str, values: Floats) -> None:
+    if _wide(values):
+        (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+
+
+def _wide(values: Floats) -> bool:
+    return bool(values.size and values.min() > 0 and values.max() > WIDE * values.min())

@@ -1,0 +1,1 @@
+"""The page: its contents, tables, sliders and sentences."""

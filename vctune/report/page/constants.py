@@ -1,0 +1,206 @@
+"""A device as complex constants per frequency, in which everything is affine, for the script of a page.
+
+The script closes the loop with them for any gains (README.md, section 1); it knows no device.
+"""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from dataclasses import astuple
+from math import inf, pi
+from typing import Any
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats
+from vctune.analysis.resonance import with_resonance
+from vctune.analysis.sampled_loop import Complex, return_difference_at
+from vctune.document.records.design_json import DesignRecord
+from vctune.model.device import Device
+from vctune.model.gains import Gains, SpringDamper
+from vctune.model.hands import Hand
+from vctune.model.loop.affine import Affine, LoopConstants, loop_constants
+from vctune.model.loop.device_response import device_response
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.pair import EvenOdd, Pair
+from vctune.model.problem import Problem
+from vctune.model.sampled.any_hand import any_hand
+from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
+from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance, spring_forms
+from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
+from vctune.model.transparency import log_quadrature
+from vctune.report.figures.curves import frequencies
+
+PANELS = 8
+"""Parts of the transparency band with Gauss's nodes in each: the sampled error is the design's to 1e-6 and better. Half
+misses a resonance in the band, twice is a longer page."""
+SHOWN = 100
+"""Frequencies of the curves beside the nodes. Half shows corners, twice is a longer page."""
+ANGLES, PER_SAMPLE = 120, 16
+"""Angles of the sampled loop up to Nyquist, and how many more of them even for each sample of delay, so that its curve
+turns by less than half a turn from one to the next. Half shows corners in Nyquist's picture."""
+IN_HAND, LOWEST = 128, 1e-3
+"""Angles in each hand, and the least beside 0. Half steps over the narrow minima of stiff hands, twice is a longer
+page."""
+
+
+def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
+    """Return the constants of the frequency model, and the weights of the error's quadrature.
+
+    Parameters
+    ----------
+    problem : of the design
+    record : of the design, whose bands are shown
+    """
+    wanted, axis = problem.transparency.band, frequencies(problem)
+    nodes, weights = log_quadrature(wanted.min, wanted.max, PANELS)
+    places = [2 * pi * axis[:: max(1, axis.size // SHOWN)], [wanted.min, wanted.max]]
+    proof, edges = record.certificate, problem.stability.band
+    places.append([edge for edge in (edges.min, edges.max) if 0 < edge < inf])
+    if proof is not None and proof.worst_hz and proof.worst_hz > 0:
+        places.append([2 * pi * proof.worst_hz])
+    omega = np.unique(np.concatenate([nodes, *places]))
+    share = np.zeros(omega.size)
+    share[np.searchsorted(omega, nodes)] = weights
+    at = device_response(problem.device.modelled, omega, FLOATS)
+    known = loop_constants(at)
+    nodes_of = {"hz": _numbers(omega / (2 * pi)), "weight": _numbers(share)}
+    if problem.device.renders_force:
+        return nodes_of | _force_model(problem.device, known, omega)
+    turned = None if at.sensor is None else -omega * at.sensor.lag
+    return {
+        **nodes_of,
+        "controller": _affine(known.controller, omega),
+        "C": _affine(known.C, omega) if turned is not None else None,
+        "sensor_im": None if turned is None else _numbers(turned),
+        "D": _affine(known.D, omega),
+        "miss": _affine(known.miss, omega),
+        "numerator": None if problem.device.structure is None else _affine(known.numerator, omega),
+    }
+
+
+def _force_model(device: Device, known: LoopConstants, omega: Floats) -> dict[str, Any]:
+    """Return the constants of an impedance display; those of k_c stand where an admittance display has K_p's.
+
+    Before a wall b_c acts as K_v does, and k_c as b_c times what one has of Z_c over what the other has.
+    """
+    theta = omega * device.sample_time
+    low_pass, drive = firmware_filter(device, theta, FLOATS), known.controller.velocity
+    damper, spring = (
+        1 / _complex(spring_damper_admittance(SpringDamper(*one), device.sample_time, low_pass, theta, FLOATS))
+        for one in ((1.0, 0.0), (0.0, 1.0))
+    )
+
+    def before_wall(number: Affine) -> Affine:
+        if number.velocity is None:
+            return number
+        stiff = _complex(number.velocity) * spring / damper
+        return Affine(number.constant, number.velocity, Pair(stiff.real, stiff.imag))
+
+    assert drive is not None
+    coupling = Affine(None, Pair(damper.real, damper.imag), Pair(spring.real, spring.imag))
+    return {
+        "drive": _pair(drive, omega),
+        "coupling": _affine(coupling, omega),
+        "D": _affine(before_wall(known.D), omega),
+        "numerator": _affine(before_wall(known.numerator), omega),
+    }
+
+
+def _complex(pair: Pair) -> Complex:
+    return np.asarray(pair.re + 1j * pair.im)
+
+
+def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any]:
+    """Return the parts of the sampled loop's return difference.
+
+    Parameters
+    ----------
+    device : let go
+    record : of the design, whose frequencies are shown
+    """
+    theta, loop = np.geomspace(1e-5 * pi, pi, ANGLES), record.inner_loop
+    even = int(PER_SAMPLE * (4 + device.delay / device.sample_time))
+    theta = np.union1d(theta, np.linspace(0.0, pi, even + 1)[1:])
+    if loop is not None and loop.peak_sensitivity_hz:
+        theta = np.union1d(theta, min(2 * pi * loop.peak_sensitivity_hz * device.sample_time, pi))
+    if device.structure is not None:
+        theta = np.union1d(
+            theta, np.minimum(with_resonance(device, theta / device.sample_time) * device.sample_time, pi)
+        )
+    parts = return_difference_at(device.bare.modelled, theta / device.sample_time, position=True)
+    return {
+        "theta": _numbers(theta),
+        **{name: _pair(getattr(parts, name), theta) for name in ("open", "velocity", "position")},
+    }
+
+
+def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict[str, Any]:
+    """Return the parts of the loop in some hands, at angles up to Nyquist and at the worst frequencies.
+
+    Parameters
+    ----------
+    device : of the design
+    met : the hands; None for any passive one
+    worst : frequencies of the least ratios, rad/s
+    """
+    theta = np.geomspace(LOWEST, pi, IN_HAND)
+    theta = np.unique(np.concatenate([[0.0], theta, [min(each * device.sample_time, pi) for each in worst]]))
+    delays = delays_of(device)
+    if device.renders_force:
+        theta = theta[
+            theta > 0
+        ]  # where F of a hand without stiffness is 0; at the least angle the rest is at its limit
+        offered = [of + 0 * theta for form in spring_forms(device, theta, FLOATS) for of in form]
+        required = [_required(device, hand, theta) for hand in met]
+        return {"theta": _numbers(theta), "offered": _numbers(np.stack(offered, axis=-1)), "required": required}
+    hands = [hand for hand in met if hand is not None]
+    some = Hand(*(np.array(numbers)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))
+    loop = loop_in_hand(plant_in_hand(device, some, delays, FLOATS), theta, FLOATS)
+    shape = (len(hands), theta.size)
+    return {
+        "theta": _numbers(theta),
+        **{name: _even_odd(part, shape) for name, part in loop._asdict().items()},
+    }
+
+
+def _required(device: Device, hand: Hand | None, theta: Floats) -> str:
+    """Return R/s^2 in a hand, or in any passive one, as coefficients of 1, K_v and, below, K_v^2, at each angle.
+
+    They are known from its numerator and denominator at three gains.
+    """
+    delays, unit = delays_of(device), device.mass / device.sample_time
+
+    def at(K_v: float) -> tuple[Floats, Floats]:
+        gains = Gains(K_v, 0.0)
+        if hand is None:
+            found = any_hand(device, delays.loop, theta, FLOATS, fractional=delays.loop_fractional).required(gains)
+        else:
+            loop = loop_in_hand(plant_in_hand(device, hand, delays, FLOATS), theta, FLOATS)
+            found = required_in_hand(loop, gains)
+        return found.lost + 0 * theta, found.size + 0 * theta
+
+    (lost, size), (lost_more, more), (_, less) = at(0.0), at(unit), at(-unit)
+    below = size, (more - less) / (2 * unit), (more + less - 2 * size) / (2 * unit * unit)
+    return _numbers(np.stack([lost, (lost_more - lost) / unit, *below], axis=-1))
+
+
+def _affine(number: Affine, omega: Floats) -> dict[str, str | None]:
+    parts = {"constant": number.constant, "velocity": number.velocity, "position": number.position}
+    return {name: None if part is None else _pair(part, omega) for name, part in parts.items()}
+
+
+def _pair(number: Pair, like: Floats) -> str:
+    """Return a complex number at each place as its real and imaginary parts in turn."""
+    return _numbers(np.stack([number.re + 0 * like, number.im + 0 * like], axis=-1))
+
+
+def _even_odd(number: EvenOdd, shape: tuple[int, int]) -> list[str]:
+    """Return even and odd parts in turn, at each angle, for each hand."""
+    parts = np.stack([np.broadcast_to(part, shape) for part in (number.even, number.odd)], axis=-1)
+    return [_numbers(each) for each in parts]
+
+
+def _numbers(values: Floats) -> str:
+    """Return doubles to the last bit, in base 64: shorter than as decimals."""
+    return b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

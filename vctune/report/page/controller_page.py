@@ -1,0 +1,46 @@
+"""The page of an exported controller: block diagram, coefficients and difference equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.units import UNITS
+from vctune.report.figures.diagram import loop_figure
+from vctune.report.page.page import inline, svg
+
+BLOCKS = {
+    "estimate": "Velocity estimate",
+    "drive": "Coupling, before the environment",
+    "environment": "Environment, built in",
+    "law": "Coupling, and the law on the velocity error",
+}
+"""The blocks of a controller in the order in which they are executed."""
+
+
+def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
+    """Return the HTML of a controller, one page that needs nothing from outside.
+
+    Parameters
+    ----------
+    controller : the object of controller.json
+    device, gains, coupling : that the block diagram shows
+    """
+    environment = Environment(
+        loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
+    )
+    blocks = {
+        title: [one for one in controller["equations"] if one["block"] == block] for block, title in BLOCKS.items()
+    }
+    diagram = inline(svg(loop_figure(device, gains, coupling), "controller"))
+    return environment.get_template("controller.html.j2").render(
+        controller=controller,
+        blocks=blocks,
+        diagram=diagram,
+        doubt=controller.get("not_proved", ""),
+        renders_force=device.renders_force,
+        push=UNITS[device.units].force_name,
+    )

@@ -1,0 +1,78 @@
+"""Which part is how late: the phases of a design as the rows of a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import degrees
+
+import numpy as np
+
+from vctune.analysis.phases import PARTS, Phases, crossover, force_phases, loop_phases, sensor_miss
+from vctune.model.gains import Gains
+from vctune.model.numbers.frequency import hertz
+from vctune.model.problem import Problem
+
+POINTS = 200
+"""Frequencies of the mean of |1 - F_s|, midpoints of log-spaced intervals. Half and twice show the same digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseTable:
+    """The phases of a design's parts, as texts.
+
+    Attributes
+    ----------
+    headings : of the columns
+    rows : part, and its phase in each column; the last row is their sum
+    remark : how much the force sensor loses; empty without one
+    """
+
+    headings: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    remark: str
+
+
+def phase_table(problem: Problem, gains: Gains) -> PhaseTable:
+    """Return the phases of the loop at its crossover, and of the force path there and at the upper edge of the band.
+
+    Parameters
+    ----------
+    problem : its device and transparency band
+    gains : of the design
+    """
+    device, edge, push = problem.device, problem.transparency.band.max, problem.units.force_name
+    cross = crossover(device, gains)
+    columns: list[tuple[str, Phases]] = []
+    if cross is not None:
+        columns = [(f"loop, {_hz(cross)}", loop_phases(device, gains, cross))]
+        columns += [(f"{push} path, {_hz(cross)}", force_phases(device, gains, cross))]
+    if gains.closed:
+        columns += [(f"{push} path, {_hz(edge)}", force_phases(device, gains, edge))]
+    parts = [part for part in PARTS if any(part in phases.shares for _, phases in columns)]
+    rows = [
+        (problem.units.translated(part), *(_degrees(phases.shares.get(part)) for _, phases in columns))
+        for part in parts
+    ]
+    rows += [("together", *(_degrees(phases.total) for _, phases in columns))] if columns else []
+    return PhaseTable(("", *(heading for heading, _ in columns)), rows, _remark(problem))
+
+
+def _remark(problem: Problem) -> str:
+    band = problem.transparency.band
+    share = np.append((np.arange(POINTS) + 0.5) / POINTS, 1.0)
+    miss = sensor_miss(problem.device, band.min * (band.max / band.min) ** share)
+    if miss is None:
+        return ""
+    mean, push = float(np.sqrt(np.mean(miss[:-1] ** 2))), problem.units.force_name
+    return (
+        f"The {push} sensor misses |1 - F_s| = {mean:.2g} of the hand's {push} in the mean over the transparency band, "
+        f"{miss[-1]:.2g} at its upper edge. No gain has a part in that, and the error does not count it."
+    )
+
+
+def _degrees(angle: float | None) -> str:
+    return "" if angle is None else f"{round(degrees(angle), 1) + 0.0:.1f}°"
+
+
+def _hz(omega: float) -> str:
+    return f"{hertz(omega):.4g} Hz"

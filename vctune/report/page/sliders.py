@@ -1,0 +1,130 @@
+"""What the page's sliders need: the numbers that can be tried, and the device as constants (README.md, section 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import astuple
+from itertools import product
+from math import inf
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
+from vctune.document.records.design_json import DesignRecord
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.hands import Hand, Hands
+from vctune.model.problem import Problem, Range
+from vctune.report.page.constants import frequency_model, in_hands, sampled_loop
+
+REACH = 10.0
+"""By what factor a slider goes up and down from the shipped value."""
+PANELS_OF = {
+    "llewellyn": ("resistance", "ratio"),
+    "hands": ("in_hand", "hand_ratio"),
+    "any-hand": ("in_hand", "hand_ratio"),
+    "impedance": ("impedance",),
+    "transparency": ("admittance", "tracking", "coupling", "error"),
+    "nyquist": ("nyquist",),
+}
+"""Which axes of a figure the script draws tried curves in, in the order of the figure's axes."""
+
+
+def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: DesignRecord) -> dict[str, Any]:
+    """Return the object that the page's script works on.
+
+    Parameters
+    ----------
+    problem : of the nominal device
+    gains, coupling : the shipped design
+    record : of it; where its extrema are belongs to the samples
+    """
+    stability, transparency, operator = problem.stability, problem.transparency, problem.device.operator
+    band, worst = problem.stability.band.hz, least_ratios(problem, gains, coupling)
+    hands = _hands(problem, worst)
+    return {
+        "display": problem.device.display,
+        "variables": _variables(problem, gains, coupling),
+        "sample_time": problem.device.sample_time,
+        "factor": stability.safety_factor,
+        "max_sensitivity": stability.max_sensitivity,
+        "reference": transparency.reference_impedance,
+        "weights": list(astuple(transparency.weights)),
+        "norm": transparency.norm,
+        "band_hz": [band[0], None if band[1] == inf else band[1]] if problem.passive else None,
+        "operator_damping": 0.0 if operator is None else operator.damping,
+        "transparency_hz": list(transparency.band.hz),
+        "hands": ["any passive hand" if hand is None else hand.in_words(problem.units) for hand in hands],
+        "constants": {
+            "model": frequency_model(problem, record),
+            "sampled": sampled_loop(problem.device, record),
+            "hands": in_hands(problem.device, hands, [each.omega for each in worst]) if hands else None,
+        },
+    }
+
+
+def _hands(problem: Problem, worst: Sequence[RatioInHand | RatioInAnyHand]) -> list[Hand | None]:
+    """Return the corners of the box of hands and the worst hands in it; None for any passive one, in their place."""
+    if problem.any_hand:
+        return [None]
+    corners = [] if problem.hands_met is None else _corners(problem.hands_met)
+    return list(dict.fromkeys([*corners, *(each.hand for each in worst)]))
+
+
+def _corners(hands: Hands) -> list[Hand]:
+    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
+    return [Hand(*numbers) for numbers in product(*(sorted(set(pair)) for pair in ends))]
+
+
+def overlays(drawn: dict[str, Figure]) -> dict[str, list[dict[str, Any]]]:
+    """Return where on each figure, in its own points, the axes are in which tried curves are drawn.
+
+    Parameters
+    ----------
+    drawn : figures that have been written, so that their axes have their places
+    """
+    return {
+        name: [_axes(drawn[name], number, curve) for number, curve in enumerate(curves)]
+        for name, curves in PANELS_OF.items()
+        if name in drawn
+    }
+
+
+def _axes(figure: Figure, number: int, curve: str) -> dict[str, Any]:
+    axes = figure.axes[number]
+    width, height = (72 * inches for inches in figure.get_size_inches())
+    place = axes.get_position()
+    box = place.x0 * width, height * (1 - place.y1), place.width * width, place.height * height
+    return {
+        "curve": curve,
+        "box": [round(each, 2) for each in box],
+        "x": [*map(float, axes.get_xlim()), axes.get_xscale() == "log"],
+        "y": [*map(float, axes.get_ylim()), axes.get_yscale() == "log"],
+    }
+
+
+def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[dict[str, Any]]:
+    """Return the sliders: what each is called, its unit, shipped value and ends; those that are 0 begin there."""
+    bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
+    named: list[tuple[str, str, str, float, Range, float]]
+    if isinstance(coupling, SpringDamper):
+        stiffness, T = coupling.stiffness, device.sample_time
+        named = [
+            ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, device.mass / device.loop_lag),
+            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, stiffness * T),
+            ("coupling.stiffness", "k_c", units.stiffness, stiffness, bounds.stiffness, 1.0),
+        ]
+    else:
+        corner = (device.damping + gains.velocity) / device.loop_lag
+        named = [
+            ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, 1.0),
+            ("gains.position", "K_p", units.stiffness, gains.position, bounds.position, corner),
+            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, 1.0),
+            ("coupling.mass", "m_c", units.mass, coupling.mass, bounds.mass, 1.0),
+            ("coupling.drag", "b_0", units.damping, coupling.drag, bounds.drag, damping),
+        ]
+    return [
+        {"key": key, "symbol": symbol, "unit": unit, "value": value, "top": REACH * value if value > 0 else most,
+         "low": value / REACH if value > 0 else 0.0, "bounds": None if range_.fixed else [range_.min, range_.max]}
+        for key, symbol, unit, value, range_, most in named
+    ]  # fmt: skip

@@ -1,0 +1,299 @@
+"""The tables of a page: what was asked, what is claimed and with what margin, what is assumed, what it feels like."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, astuple, fields
+from math import inf
+from typing import NamedTuple
+
+from vctune.analysis.demands import ratio_minima, unmodelled_maxima
+from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
+from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.part import text
+from vctune.document.schema.number_units import unit_of
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.hands import Hand
+from vctune.model.numbers.frequency import hertz
+from vctune.model.problem import Band, Problem
+from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.report.figures.style import time_text
+
+LABELS = {
+    "mass": "mass m",
+    "damping": "damping b",
+    "sample_time": "sample time T",
+    "delay": "delay",
+    "velocity.filter_hz": "velocity estimate: low-pass",
+    "actuator.bandwidth_hz": "actuator: bandwidth",
+    "force_sensor.bandwidth_hz": "force sensor: bandwidth",
+    "force_sensor.delay": "force sensor: delay",
+    "structure.handle_mass": "structure: mass of the handle",
+    "structure.frequency_hz": "structure: resonance",
+    "structure.damping_ratio": "structure: damping ratio",
+}
+"""What the numbers of a device are called; seconds are shown as what suits them."""
+
+
+class Line(NamedTuple):
+    """A number for people: what it is, its value, its unit, and what else is to be said of it."""
+
+    label: str
+    value: str
+    unit: str = ""
+    note: str = ""
+
+
+class ClaimLine(NamedTuple):
+    """A claim, its verdict, what was found and what was asked."""
+
+    claim: str
+    verdict: str
+    found: str
+    asked: str
+
+
+class FeelLine(NamedTuple):
+    """A number of what a hand feels, of the design and of the bare device."""
+
+    label: str
+    design: str
+    bare: str
+    unit: str
+
+
+def asked(problem: Problem) -> dict[str, list[Line]]:
+    """Return device, demands and hands as rows, by the titles of their tables."""
+    return {"Device": _device(problem), "Demands": _demands(problem), "Hands": _hands(problem)}
+
+
+def _device(problem: Problem) -> list[Line]:
+    device, uncertain, units = problem.device, problem.uncertainty, problem.units
+    widths = dict(uncertain.half_widths) if uncertain is not None else {}
+    lines = []
+    for key, number in device.numbers().items():
+        unit = unit_of(tuple(key.split(".")), units)
+        value, unit = time_text(number, 4) if unit == units.time else (text(float(number)), unit)
+        lines.append(
+            Line(units.translated(LABELS[key]), value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else "")
+        )
+    estimate = device.velocity
+    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
+    display = [Line("display", "impedance", "", f"motion in, {units.force_name} out")] if device.renders_force else []
+    lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
+    if uncertain is not None and uncertain.unmodelled:
+        radii = [radius for _, radius in uncertain.unmodelled]
+        lines.append(Line("not modelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
+    return lines
+
+
+def _demands(problem: Problem) -> list[Line]:
+    wanted, stable = problem.transparency, problem.stability
+    weights = ", ".join(f"{weight:g}" for weight in astuple(wanted.weights))
+    lines = [
+        Line(
+            "Re 1/Z_c / R" if problem.device.renders_force else "Re Z_c / R",
+            f"≥ {stable.safety_factor:g}",
+            "",
+            "the safety factor",
+        ),
+        Line("|S| of the sampled loop", f"≤ {stable.max_sensitivity:g}", "", "up to the Nyquist frequency"),
+    ]
+    if problem.passive:
+        lines.append(Line("stability band", _band(stable.band), "Hz", "for any passive hand"))
+    return [
+        *lines,
+        Line(
+            "transparency band", _band(wanted.band), "Hz", {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
+        ),
+        Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", problem.units.damping),
+        Line("weights", weights, "", "admittance, tracking, coupling"),
+    ]
+
+
+def _hands(problem: Problem) -> list[Line]:
+    lines, met, least, units = [], problem.hands_met, problem.device.operator, problem.units
+    if met is not None:
+        for field, low, high in zip(fields(Hand), astuple(met.low), astuple(met.high), strict=True):
+            name, unit = units.translated(field.name), units.of(field.name)
+            lines.append(Line(name, f"{low:g} to {high:g}", unit, "every hand of the box, at every frequency"))
+    if problem.any_hand:
+        lines.append(Line("any passive hand", "", "", "at every frequency"))
+    if problem.passive:
+        lines.append(Line("any passive hand", "", "", "on the stability band"))
+        if least is not None:
+            for name, number in asdict(least).items():
+                lines.append(Line(f"that has at least the {units.translated(name)}", f"{number:g}", units.of(name)))
+    return lines
+
+
+def _band(band: Band) -> str:
+    low, high = band.hz
+    return f"{low:.5g} to {'∞' if high == inf else f'{high:.5g}'}"
+
+
+def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
+    """Return each claim of a design with what was found and what was asked; none without a design.
+
+    Parameters
+    ----------
+    record : of the design
+    problem : that it states
+    """
+    proof, loop, design = record.certificate, record.inner_loop, record.design
+    if proof is None or loop is None or design is None:
+        return []
+    shown = []
+    for claim in proof.claims:
+        found, wanted = _found(claim.claim, proof, loop, problem, design)
+        shown.append(ClaimLine(claim.claim, claim.verdict, found, wanted))
+    return shown
+
+
+def _found(
+    claim: str, proof: CertificateRecord, loop: InnerLoopRecord, problem: Problem, design: tuple[Gains, AnyCoupling]
+) -> tuple[str, str]:
+    """Return what was found of a claim and what was asked."""
+    factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
+    if claim in IN_HANDS and hands is not None:
+        hand = hands.worst_hand.in_words(problem.units)
+        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
+    if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
+        return _least_in_any_hand(proof, problem, design), factor
+    if claim == Claim.SENSITIVITY:
+        return (
+            f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}",
+            f"≤ {problem.stability.max_sensitivity:g}",
+        )
+    if claim == Claim.SAMPLED_POLES:
+        margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
+        left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
+        left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
+        return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+    if claim == Claim.UNMODELLED:
+        return f"peak {text(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
+    return "", ""
+
+
+def _least_in_any_hand(proof: CertificateRecord, problem: Problem, design: tuple[Gains, AnyCoupling]) -> str:
+    """Return the least ratio in any passive hand, of an admittance display on the band.
+
+    Where the record has but that in hands, it is that of the nominal device.
+    """
+    if proof.any_hand is not None:
+        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}"
+    if proof.hands is None or proof.hands.min_ratio != proof.min_ratio:
+        return f"least {_at(proof.min_ratio, proof.worst_hz)}"
+    least = ratio_minima(problem, *design)
+    found = f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}"
+    return found if problem.uncertainty is None else f"{found}, of the nominal device"
+
+
+def _at(value: float | None, hz: float | None) -> str:
+    return f"{text(value)}, {_hz(hz)}"
+
+
+def _hz(hz: float | None) -> str:
+    return "where ω → ∞" if hz is None else f"at {text(hz, 5)} Hz"
+
+
+def assumptions(problem: Problem) -> list[str]:
+    """Return what a certificate of a problem assumes (model/README.md, section 11)."""
+    device, uncertain = problem.device, problem.uncertainty
+    within = "with exactly the numbers above" if uncertain is None else "with any numbers of the box above"
+    moves = {"linear": "moves along one axis and is linear", "rotary": "turns about one axis and is linear"}[
+        device.units
+    ]
+    lines = [
+        f"The device {moves}, {within}: no dry friction, no backlash, no saturated motor.",
+        f"The loop dynamics are those stated and nothing else: {_stated(device)}. What is not stated is ideal.",
+    ]
+    if uncertain is not None and uncertain.unmodelled:
+        lines.append(
+            "But for that, the mechanism's response may be off by the radius above, each frequency for itself"
+            + ("; in the box of hands it is the device's own." if problem.hands_met is not None else ".")
+        )
+    if problem.any_hand:
+        lines.append(
+            "Any passive hand: linear and time-invariant, in the exact sampled loop, at every frequency, aliasing "
+            "included. What the encoder rounds and friction holds decides about chatter, and is not in it."
+        )
+    if problem.passive:
+        lines.append(
+            "Any passive hand: linear and time-invariant, on the stability band, as far as the frequency model goes. "
+            "It knows no aliasing. Outside the proved band such a hand can make the handle oscillate."
+        )
+    if problem.hands_met is not None:
+        lines.append(
+            "Hands of the box: a mass, a damper and a spring, linear, unchanging while they hold; in the exact sampled "
+            "loop, at every frequency, aliasing included. Of a hand outside the box nothing is proved."
+        )
+    lines.append(
+        "The environment is passive as it runs in the firmware, sample by sample, and may be a one-sided wall. A mass "
+        "that is stepped explicitly is not."
+        if problem.hands_met is not None or problem.any_hand
+        else "The environment is passive as it runs in the firmware; a mass that is stepped explicitly is not."
+    )
+    return [problem.units.translated(line) for line in lines]
+
+
+def _stated(device: Device) -> str:
+    stated = [f"hold “{device.hold}” of {' '.join(time_text(device.sample_time, 4))}"]
+    stated += [f"delay {' '.join(time_text(device.delay, 4))}"] if device.delay > 0 else []
+    stated += ["velocity estimate"] if device.velocity is not None else []
+    stated += ["actuator"] if device.actuator is not None else []
+    stated += ["force sensor"] if device.force_sensor is not None else []
+    return ", ".join(stated + (["handle on a spring"] if device.structure is not None else []))
+
+
+def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[FeelLine]:
+    """Return what a hand feels of a design beside the bare device (analysis/README.md, section 1).
+
+    Parameters
+    ----------
+    problem : its device
+    gains, coupling : the design
+    """
+    here, bare, units = feel(problem.device, gains, coupling), feel(problem.device, *NO_LOOP), problem.units
+    lines = [
+        FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
+        for name, unit, ours, theirs in (
+            (units.mass_name, units.mass, here.mass, bare.mass),
+            ("damping", units.damping, here.damping, bare.damping),
+        )
+        for k, hz in enumerate(FREE_HZ)
+    ]
+    walls = (
+        (here.static_stiffness, bare.static_stiffness, "at rest"),
+        (here.stiffness, bare.stiffness, f"{WALL_HZ:g} Hz"),
+    )
+    lines += [
+        FeelLine(f"stiffest wall felt, {where}", _number(ours), _number(theirs), units.stiffness)
+        for ours, theirs, where in walls
+    ]
+    force = f"{units.force_name} for a steady {SPEED:g} {units.speed}"
+    lines.append(FeelLine(force, _number(here.force), _number(bare.force), units.force))
+    ends = _number(here.tracking_bandwidth), _number(bare.tracking_bandwidth)
+    lines.append(FeelLine("bandwidth of tracking", ends[0], ends[1], "Hz"))
+    late = [
+        ("loop latency", here.loop_latency),
+        (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
+    ]
+    if problem.device.renders_force:  # which moves at once, and whose force path is its loop
+        late = late[:1]
+    return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
+
+
+def _late(seconds: float) -> tuple[str, str, str]:
+    value, unit = time_text(seconds, 3)
+    return value, "no loop", unit
+
+
+def _number(value: float | None) -> str:
+    """Return a value to four digits, in plain decimals as far as they are few."""
+    if value is None:
+        return "above Nyquist"
+    if abs(value) <= 1e-12:
+        return "0"
+    return f"{float(f'{value:.4g}'):.10g}"

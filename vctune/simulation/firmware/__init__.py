@@ -1,0 +1,1 @@
+"""The firmware as equations: in floats, in symbols, compiled."""

@@ -1,0 +1,209 @@
+"""The firmware: one pure function from (state, measurement) to (state, force), as `equations` describes it.
+
+`vctune export` makes C of the same equations.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+from vctune.model.experiment import Environment
+from vctune.model.gains import AnyCoupling, SpringDamper
+from vctune.model.numbers.arithmetic import Number
+from vctune.simulation.firmware import equations
+from vctune.simulation.firmware.coefficient_values import (
+    coupling_coefficients,
+    environment_coefficients,
+    limit_coefficients,
+)
+from vctune.simulation.firmware.equations import Equation, Parts
+from vctune.simulation.firmware.expression import Symbol, value
+from vctune.simulation.firmware.operations import Arithmetic
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """The numbers of the firmware.
+
+    Attributes
+    ----------
+    sample_time : s
+    velocity, position, integral : K_v, K_p and K_i of the law K_v + K_p/s + K_i/s^2, N s/m, N/m, N/(m s)
+    coupling : damping b_c and mass m_c in series and the drag b_0 beside them, or of an impedance display a stiffness
+        beside a damping; None for no coupling
+    virtual_mass, virtual_damping : beside the environment, kg, N s/m
+    environment : what is rendered
+    position_resolution : of the encoder, m; 0 for none
+    difference : whether the velocity is the backward difference of the measured position; measured itself if not
+    smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
+    low_passes : how many of them, up to 2
+    limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
+    """
+
+    sample_time: float
+    velocity: float
+    position: float
+    integral: float
+    coupling: AnyCoupling | None
+    virtual_mass: float
+    virtual_damping: float
+    environment: Environment
+    position_resolution: float
+    difference: bool
+    smoothing: float | None
+    low_passes: int
+    limit: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What the sensors say at a sample: position [m] and velocity [m/s] of the motor, force of the hand [N]."""
+
+    position: Number
+    velocity: Number
+    force: Number
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """What the firmware remembers.
+
+    Attributes
+    ----------
+    reference, desired : x_e and v_e, position and velocity of the rendered environment, m, m/s
+    coupling : force of the coupling's damper and mass, N
+    integral : of the position error, m s
+    measured : position at the sample before, m
+    filtered, twice_filtered : velocity behind the first low-pass and behind the second, m/s
+    inertia : force of the environment's mass, N; of the trapezoidal rule alone
+    smoothed, twice_smoothed : v_e behind the first low-pass and behind the second, m/s; of an impedance display
+    """
+
+    reference: Number
+    desired: Number
+    coupling: Number
+    integral: Number
+    measured: Number
+    filtered: Number
+    twice_filtered: Number
+    inertia: Number = 0.0
+    smoothed: Number = 0.0
+    twice_smoothed: Number = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """The force that the motor is commanded, and the environment's share f_e of the hand's force, N."""
+
+    force: Number
+    environment: Number
+
+
+def control(law: Law, state: State, measurement: Measurement, ops: Arithmetic) -> tuple[State, Command]:
+    """Run the firmware for one sample.
+
+    The hand's force drives coupling and environment, which move as one: f_h = (Z_c + Z_e) v_e (paper eqs. 15 to 18).
+    What is stiff is implicit: v_e solves this equation at the end of the sample.
+
+    Parameters
+    ----------
+    law : the numbers of the firmware
+    state : what it remembers from the sample before
+    measurement : what its sensors say
+    ops : arithmetic of state and measurement
+
+    Returns
+    -------
+    state : to remember
+    command : for the motor
+    """
+    written, given = _written(law)
+    known = dict(given)
+    known |= {Symbol(name, before=True): getattr(state, name) for name in _REMEMBERED}
+    known[Symbol("measured_position")] = measurement.position
+    known[Symbol("measured_velocity")] = measurement.velocity
+    known[Symbol("measured_force")] = measurement.force
+    for equation in written:
+        known[Symbol(equation.quantity.name)] = value(equation.right, known, ops)
+    remembered = {name: known[Symbol(name)] for name in remembered_by(law)}
+    kept = State(**{name: remembered.get(name, getattr(state, name)) for name in _REMEMBERED})
+    return kept, Command(known[Symbol("command")], known[Symbol("environment_force")])
+
+
+_REMEMBERED = tuple(field.name for field in fields(State))
+
+
+def parts_of(law: Law) -> Parts:
+    """Return what a firmware consists of."""
+    rendered = law.environment
+    return Parts(
+        quantised=law.position_resolution > 0,
+        difference=law.difference,
+        low_passes=law.low_passes,
+        coupling=law.coupling is not None,
+        virtual=law.virtual_mass > 0,
+        mass=rendered.mass > 0,
+        trapezoid=rendered.rule == "trapezoid",
+        contact=rendered.stiffness > 0 or rendered.damping > 0,
+        wall=rendered.wall,
+        integral=law.integral > 0,
+        limit=law.limit is not None,
+        renders_force=isinstance(law.coupling, SpringDamper),
+    )
+
+
+def coefficients_of(law: Law) -> dict[str, float]:
+    """Return the coefficients of a firmware by their names in `equations.COEFFICIENTS`."""
+    T, given = law.sample_time, coupling_coefficients(law.coupling, law.sample_time, law.smoothing, law.low_passes)
+    given["resistance"] += law.virtual_mass / T + law.virtual_damping
+    return {
+        "sample_time": T,
+        "half_sample_time": T / 2,
+        "velocity_gain": law.velocity,
+        "position_gain": law.position,
+        "integral_gain": law.integral,
+        "virtual_inertance": law.virtual_mass / T,
+        "smoothing": 1.0 if law.smoothing is None else law.smoothing,
+        "resolution": law.position_resolution,
+        **given,
+        **environment_coefficients(law.environment, T),
+        **limit_coefficients(law.limit, law.position, law.integral),
+    }
+
+
+def remembered_by(law: Law) -> tuple[str, ...]:
+    """Return the fields of `State` that a firmware needs at its next sample."""
+    return equations.remembered(parts_of(law))
+
+
+@lru_cache(maxsize=64)
+def _written(law: Law) -> tuple[tuple[Equation, ...], dict[Symbol, Number]]:
+    """Return the equations of a firmware and the values of its coefficients."""
+    written = tuple(_blocks(parts_of(law)))
+    return written, {Symbol(name): number for name, number in coefficients_of(law).items()}
+
+
+def _blocks(parts: Parts) -> Iterator[Equation]:
+    yield from equations.estimate(parts)
+    yield from equations.drive(parts)
+    yield from equations.environment(parts)
+    yield from equations.law(parts)
+
+
+def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
+    """Return a position as the encoder has it, m.
+
+    Parameters
+    ----------
+    law : with the encoder's resolution, m
+    position : m
+    ops : arithmetic of the position
+    """
+    first = next(equations.estimate(parts_of(law)))
+    return value(
+        first.right,
+        {Symbol("measured_position"): position, Symbol("resolution"): law.position_resolution},
+        ops,
+    )

@@ -1,0 +1,315 @@
+"""The firmware as difference equations with named coefficients, in the order in which they are executed.
+
+From this one description come the simulated controller (`controller.py`), the exported C and its coefficients
+(`vctune/firmware/`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from vctune.model.numbers.units import Units
+from vctune.simulation.firmware.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a name stands for.
+
+    Attributes
+    ----------
+    name, symbol : in code and in formulas
+    of : which quantity it is (`vctune.model.numbers.units`); "" for a mere number
+    meaning : on a linear device
+    """
+
+    name: str
+    symbol: str
+    of: str
+    meaning: str
+
+    def unit(self, units: Units) -> str:
+        """Return its unit, "1" for none."""
+        return units.of(self.of) or "1"
+
+
+@dataclass(frozen=True, slots=True)
+class Equation:
+    """A quantity and what gives it its value, of quantities before it, coefficients and inputs."""
+
+    quantity: Quantity
+    right: Term
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What a firmware consists of.
+
+    Attributes
+    ----------
+    quantised : whether the encoder's position is rounded here; it comes rounded from a real one
+    difference : whether the velocity is the backward difference of the position; measured itself if not
+    low_passes : how many the velocity goes through, 0 to 2
+    coupling : whether there is a virtual coupling
+    virtual : whether a virtual mass and damping stand beside the environment
+    mass, trapezoid : whether the environment has a mass, and whether it may be one of the trapezoidal rule
+    contact : whether the environment has stiffness or damping
+    wall : whether these may be one-sided
+    integral : whether the position error is integrated once more
+    limit : whether the force is limited, and with it the integral parts of the law
+    renders_force : whether it is an impedance display's: its coupling is a spring and a damper, and it has no law
+    """
+
+    quantised: bool = False
+    difference: bool = False
+    low_passes: int = 0
+    coupling: bool = True
+    virtual: bool = False
+    mass: bool = True
+    trapezoid: bool = True
+    contact: bool = True
+    wall: bool = True
+    integral: bool = False
+    limit: bool = True
+    renders_force: bool = False
+
+
+INPUTS = (
+    Quantity("measured_position", "x", "position", "position of the motor, as the encoder has it"),
+    Quantity("measured_velocity", "v", "speed", "velocity of the motor, where it is measured"),
+    Quantity("measured_force", "f_s", "force", "force of the hand, as the sensor has it just before the command acts"),
+)
+COEFFICIENTS = {
+    name: Quantity(name, *told)
+    for name, told in {
+        "sample_time": ("T", "time", "sample time"),
+        "half_sample_time": ("T/2", "time", "half the sample time"),
+        "velocity_gain": ("K_v", "damping", "velocity gain"),
+        "position_gain": ("K_p", "stiffness", "position gain"),
+        "integral_gain": ("K_i", "integral_gain", "gain of the integrated position error"),
+        "coupling_step": ("b_c/(1 + a)", "damping", "force of the coupling per step of v_e, a = T b_c/(2 m_c)"),
+        "coupling_decay": ("(1 - a)/(1 + a)", "", "what a sample leaves of the coupling's force"),
+        "coupling_stiffness": ("k_c", "stiffness", "stiffness of the coupling"),
+        "coupling_damping": ("b_c", "damping", "damping of the coupling"),
+        "resistance": ("R_v", "damping", "force per v_e, of all but the environment"),
+        "virtual_inertance": ("M_0/T", "damping", "of the virtual mass"),
+        "smoothing": ("a_f", "", "of the velocity's low-pass, 1 - exp(-2 pi f T)"),
+        "resolution": ("q", "position", "of the encoder"),
+        "limit": ("u_max", "force", "greatest force"),
+        "position_reach": ("u_max/K_p", "position", "position error whose force is the limit"),
+        "integral_reach": ("u_max/K_i", "position_integral", "integrated position error whose force is the limit"),
+        "inertance": ("M/T", "damping", "of the environment's mass; twice that by the trapezoidal rule"),
+        "inertia_carry": ("c", "", "0 by backward Euler, 1 by the trapezoidal rule"),
+        "stiffness": ("k", "stiffness", "of the environment's spring"),
+        "zero": ("x_0", "position", "where the spring is without force"),
+        "slope": ("b + k h", "damping", "of damper and spring per v_e; h is T, by the trapezoidal rule T/2"),
+        "least_contact": ("f_min", "force", "least force of spring and damper: 0 at a wall, else none"),
+    }.items()
+}
+STATE = {
+    name: Quantity(name, *told)
+    for name, told in {
+        "reference": ("x_e", "position", "position of the environment"),
+        "desired": ("v_e", "speed", "velocity of the environment"),
+        "coupling": ("f_c", "force", "force of the coupling's damper and mass"),
+        "integral": ("i", "position_integral", "integrated position error"),
+        "measured": ("x", "position", "position of the motor"),
+        "filtered": ("v_1", "speed", "velocity behind the first low-pass"),
+        "twice_filtered": ("v_2", "speed", "velocity behind the second low-pass"),
+        "smoothed": ("w_1", "speed", "v_e behind the first low-pass"),
+        "twice_smoothed": ("w_2", "speed", "v_e behind the second low-pass"),
+        "inertia": ("f_m", "force", "force of the environment's mass"),
+    }.items()
+}
+"""What a firmware can have to remember."""
+
+
+def remembered(parts: Parts) -> tuple[str, ...]:
+    """Return what of `STATE` a firmware needs at its next sample."""
+    needed = {
+        "coupling": parts.coupling and not parts.renders_force,
+        "integral": parts.integral,
+        "measured": parts.difference,
+        "filtered": parts.low_passes > 0,
+        "twice_filtered": parts.low_passes > 1,
+        "smoothed": parts.renders_force and parts.low_passes > 0,
+        "twice_smoothed": parts.renders_force and parts.low_passes > 1,
+        "inertia": parts.mass and parts.trapezoid,
+    }
+    return tuple(name for name in STATE if needed.get(name, True))
+
+
+def _new(name: str, symbol: str, of: str, meaning: str, right: Term) -> Equation:
+    return Equation(Quantity(name, symbol, of, meaning), right)
+
+
+def _kept(name: str, right: Term) -> Equation:
+    return Equation(STATE[name], right)
+
+
+def _now(name: str) -> Symbol:
+    return Symbol(name)
+
+
+def _was(name: str) -> Symbol:
+    return Symbol(name, before=True)
+
+
+def estimate(parts: Parts) -> Iterator[Equation]:
+    """Yield what the firmware knows of the motion: position, and the velocity that the law acts on."""
+    position: Term = _now("measured_position")
+    if parts.quantised:
+        position = _now("resolution") * floor(position / _now("resolution") + 0.5)
+    yield _kept("measured", position)
+    velocity: Term = _now("measured_velocity")
+    if parts.difference:
+        velocity = (_now("measured") - _was("measured")) / _now("sample_time")
+    yield _new("raw_velocity", "v'", "speed", "velocity before the low-passes", velocity)
+    source = "raw_velocity"
+    for name in ("filtered", "twice_filtered")[: parts.low_passes]:
+        yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
+        source = name
+    yield _new("velocity", "v_hat", "speed", "velocity that the law acts on", _now(source))
+
+
+def drive(parts: Parts) -> Iterator[Equation]:
+    """Yield what drives the environment: f_h = (Z_c + Z_e) v_e, solved for v_e at the end of the sample.
+
+    Of an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
+    """
+    if parts.renders_force:
+        yield from _pulled(parts)
+        return
+    force: Expression = _now("measured_force")
+    if parts.coupling:
+        force = force + _now("coupling_step") * _was("desired") - _now("coupling_decay") * _was("coupling")
+    if parts.virtual:
+        force = force + _now("virtual_inertance") * _was("desired")
+    yield _new("drive", "f", "force", "force that is left to drive v_e", force)
+    yield _middle()
+
+
+def _middle() -> Equation:
+    middle = _was("reference") + _now("half_sample_time") * _was("desired")
+    return _new("middle", "x_m", "position", "x_e without the share of the new v_e", middle)
+
+
+def _pulled(parts: Parts) -> Iterator[Equation]:
+    """Yield the force of spring and damper between handle and tool, without the share of the new v_e.
+
+    The spring is between positions, so that no sum of velocities drifts: x_e is T/2 v_e behind what its force follows.
+    """
+    yield _middle()
+    apart: Expression = _now("velocity")
+    for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
+        carried = _was(name) - _now("smoothing") * _was(name)
+        yield _new(f"{name}_carried", f"{STATE[name].symbol}'", "speed", "what a sample leaves of it", carried)
+    if parts.low_passes == 1:
+        apart = apart - _now("smoothed_carried")
+    elif parts.low_passes == 2:
+        apart = apart - _now("twice_smoothed_carried") - _now("smoothing") * _now("smoothed_carried")
+    yield _new("apart", "d", "speed", "velocity of the handle from the tool, without the share of the new v_e", apart)
+    force = _now("coupling_stiffness") * (_now("measured") - _now("middle")) + _now("coupling_damping") * _now("apart")
+    yield _new("drive", "f", "force", "force of the coupling, without the share of the new v_e", force)
+
+
+def environment(parts: Parts) -> Iterator[Equation]:
+    """Yield the built-in environment: v_e with resistance v_e + f_e = drive, and f_e.
+
+    Mass and spring by backward Euler, which stays passive and damps what it cannot resolve, so that a wall may be as
+    stiff as one likes; or by the trapezoidal rule, lossless.
+    """
+    total: Term = _now("resistance")
+    pushed: Term = _now("drive")
+    if parts.mass:
+        total = total + _now("inertance")
+        pushed = pushed + _now("inertance") * _was("desired")
+        if parts.trapezoid:
+            pushed = pushed + _now("inertia_carry") * _was("inertia")
+    yield _new("pushed", "f_p", "force", "drive with what the mass brings along", pushed)
+    yield _new("total", "r", "damping", "force per v_e without spring and damper", total)
+    yield _new("free", "v_f", "speed", "v_e without spring and damper", _now("pushed") / _now("total"))
+    contact: Term = 0.0
+    if parts.contact:
+        offset = _now("stiffness") * (_now("middle") - _now("zero"))
+        yield _new("offset", "f_0", "force", "force of the spring without a step", offset)
+        met: Term = (_now("pushed") - _now("offset")) / (_now("total") + _now("slope"))
+        if parts.wall:
+            met = choice(_now("offset") + _now("slope") * _now("free"), _now("least_contact"), met, _now("free"))
+        yield _kept("desired", met)
+        contact = _now("offset") + _now("slope") * _now("desired")
+        if parts.wall:
+            contact = maximum(_now("least_contact"), contact)
+    else:
+        yield _kept("desired", _now("free"))
+    if parts.mass:
+        inertia = _now("inertance") * (_now("desired") - _was("desired"))
+        yield _kept("inertia", inertia - _now("inertia_carry") * _was("inertia") if parts.trapezoid else inertia)
+        contact = contact + _now("inertia")
+    yield _new("environment_force", "f_e", "force", "force of the environment", contact)
+
+
+def law(parts: Parts) -> Iterator[Equation]:
+    """Yield coupling, reference and the law K_v + K_p/s on the velocity error, limited.
+
+    x_e and the coupling follow the trapezoidal rule, whose impedances at omega are the continuous ones at
+    (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
+    as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
+
+    An impedance display has no law: its command is the coupling's force, and what K_v damps.
+    """
+    if parts.renders_force:
+        yield from _rendered(parts)
+        return
+    if parts.coupling:
+        step = _now("coupling_step") * (_now("desired") - _was("desired"))
+        yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
+    reference = _now("middle") + _now("half_sample_time") * _now("desired")
+    yield _new("led", "x_e'", "position", "x_e, unless the limit acts", reference)
+    yield _new("error", "e", "position", "position error", _now("led") - _now("measured"))
+    force = _now("velocity_gain") * (_now("desired") - _now("velocity")) + _now("position_gain") * _now("error")
+    if parts.integral:
+        integral = _was("integral") + _now("sample_time") * _now("error")
+        yield _new("summed", "i'", "position_integral", "integrated position error, unless the limit acts", integral)
+        force = force + _now("integral_gain") * _now("summed")
+    yield _new("asked", "u'", "force", "force before it is limited", force)
+    if not parts.limit:
+        yield _kept("reference", _now("led"))
+        if parts.integral:
+            yield _kept("integral", _now("summed"))
+        yield _new("command", "u", "force", "force that the motor is commanded", _now("asked"))
+        return
+    yield _new("size", "|u'|", "force", "its size", maximum(-_now("asked"), _now("asked")))
+    slip = choice(_now("size"), _now("limit"), _now("error") - _within("position_reach", _now("error")), 0.0)
+    yield _new("slip", "d", "position", "by how much x_e goes back to the handle where the limit acts", slip)
+    yield _kept("reference", _now("led") - _now("slip"))
+    if parts.integral:
+        held = _within("integral_reach", _now("summed"))
+        yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
+    yield _new("command", "u", "force", "force that the motor is commanded", _within("limit", _now("asked")))
+
+
+def _rendered(parts: Parts) -> Iterator[Equation]:
+    """Yield what is remembered of the tool, and the command against coupling and damping."""
+    source = "desired"
+    for name in ("smoothed", "twice_smoothed")[: parts.low_passes]:
+        yield _kept(name, _was(name) + _now("smoothing") * (_now(source) - _was(name)))
+        source = name
+    yield _kept("reference", _now("middle") + _now("half_sample_time") * _now("desired"))
+    met = _now("drive") - _now("resistance") * _now("desired")
+    yield _new("coupled", "f_c", "force", "force of the coupling", met)
+    asked = -_now("coupled") - _now("velocity_gain") * _now("velocity")
+    yield _new("asked", "u'", "force", "force before it is limited", asked)
+    yield _new(
+        "command",
+        "u",
+        "force",
+        "force that the motor is commanded",
+        _within("limit", _now("asked")) if parts.limit else _now("asked"),
+    )
+
+
+def _within(bound: str, term: Symbol) -> Expression:
+    """Return a term that is kept from minus a bound to the bound."""
+    return maximum(-_now(bound), minimum(_now(bound), term))

@@ -1,0 +1,138 @@
+"""Arithmetic that is written down before it is done: the right-hand sides of the firmware's equations.
+
+Evaluated in the order in which they are written, on plain floats, on CasADi's symbols, in C: the same operations, so
+that doubles come out the same to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from vctune.model.numbers.arithmetic import Number
+from vctune.simulation.firmware.operations import Arithmetic
+
+Operator = Literal["+", "-", "*", "/", "negative", "minimum", "maximum", "floor", "choice"]
+"""`choice` of (a, b, c, d) is c if a > b, else d."""
+
+
+class Expression:
+    """What can be calculated with."""
+
+    __slots__ = ()
+
+    def __add__(self, other: Term) -> Operation:
+        return Operation("+", (self, other))
+
+    def __radd__(self, other: Term) -> Operation:
+        return Operation("+", (other, self))
+
+    def __sub__(self, other: Term) -> Operation:
+        return Operation("-", (self, other))
+
+    def __mul__(self, other: Term) -> Operation:
+        return Operation("*", (self, other))
+
+    def __rmul__(self, other: Term) -> Operation:
+        return Operation("*", (other, self))
+
+    def __rtruediv__(self, other: Term) -> Operation:
+        return Operation("/", (other, self))
+
+    def __truediv__(self, other: Term) -> Operation:
+        return Operation("/", (self, other))
+
+    def __rsub__(self, other: Term) -> Operation:
+        return Operation("-", (other, self))
+
+    def __neg__(self) -> Operation:
+        return Operation("negative", (self,))
+
+
+Term = Expression | float
+"""An operand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Symbol(Expression):
+    """The value of a quantity: at this sample, or as it was left by the sample before."""
+
+    name: str
+    before: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Operation(Expression):
+    """An operator and its operands."""
+
+    operator: Operator
+    operands: tuple[Term, ...]
+
+
+def minimum(a: Term, b: Term) -> Operation:
+    """Return the lesser of two terms.
+
+    Parameters
+    ----------
+    a, b : names, numbers or operations
+    """
+    return Operation("minimum", (a, b))
+
+
+def maximum(a: Term, b: Term) -> Operation:
+    """Return the greater of two terms.
+
+    Parameters
+    ----------
+    a, b : names, numbers or operations
+    """
+    return Operation("maximum", (a, b))
+
+
+def floor(a: Term) -> Operation:
+    """Return the greatest integer that is not above a term."""
+    return Operation("floor", (a,))
+
+
+def choice(above: Term, limit: Term, yes: Term, no: Term) -> Operation:
+    """Return one term where another is above a limit, and a third where it is not.
+
+    Parameters
+    ----------
+    above, limit : what is compared
+    yes : where `above` is the greater
+    no : elsewhere
+    """
+    return Operation("choice", (above, limit, yes, no))
+
+
+def value(term: Term, known: Mapping[Symbol, Number], ops: Arithmetic) -> Number:
+    """Return the value of a term.
+
+    Parameters
+    ----------
+    term : Term
+    known : value of every symbol in it
+    ops : arithmetic of these values
+    """
+    if isinstance(term, Symbol):
+        return known[term]
+    if isinstance(term, Operation):
+        return _operate(term.operator, [value(operand, known, ops) for operand in term.operands], ops)
+    return term
+
+
+def _operate(operator: Operator, on: list[Number], ops: Arithmetic) -> Number:
+    evaluated: dict[Operator, Callable[[], Number]] = {
+        "+": lambda: on[0] + on[1],
+        "-": lambda: on[0] - on[1],
+        "*": lambda: on[0] * on[1],
+        "/": lambda: on[0] / on[1],
+        "negative": lambda: -on[0],
+        "minimum": lambda: ops.minimum(on[0], on[1]),
+        "maximum": lambda: ops.maximum(on[0], on[1]),
+        "floor": lambda: ops.floor(on[0]),
+        "choice": lambda: ops.where(on[0] > on[1], on[2], on[3]),
+    }
+    return evaluated[operator]()

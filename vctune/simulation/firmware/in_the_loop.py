@@ -1,0 +1,141 @@
+"""A scene whose firmware is somebody else's: sample by sample, beside the design's own on the same measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import isfinite
+from typing import Protocol
+
+import numpy as np
+
+from vctune.interrupt import interrupt_deferred
+from vctune.simulation.firmware.controller import coefficients_of, encoded
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.firmware.stepped import Precision, Start, SteppedFirmware, exported_parts
+from vctune.simulation.mechanics.intended_motion import Floats, sample_count
+from vctune.simulation.mechanics.step import ANSWER, CHUNK, OpenStep, build_open, columns
+from vctune.simulation.run import DIVERGENCE, Traces, motion_inputs, traces_of
+from vctune.simulation.scene import Scene, equilibrium
+
+REWRITTEN = 1e-9
+"""Share of the greatest command by which firmware in double precision may differ: what another order of operations
+makes is some 1e-12, a constant in seven correct digits 1e-7."""
+ROUNDED = 2.0
+"""How many times what single precision makes of the design's own commands firmware in it may differ, as in replay.c."""
+
+
+class Controller(Protocol):
+    """A firmware that is called sample by sample; `precision` is that of its numbers."""
+
+    @property
+    def precision(self) -> Precision: ...
+
+    def start(self, scene: Scene) -> None:
+        """Begin a run of a scene."""
+
+    def step(self, measured: Floats) -> Floats:
+        """Return x_e [m], v_e [m/s], f_e and u [N] for position [m], velocity [m/s] and force [N]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """By how much a firmware's commands differ from those of the design, both in its precision, on what was measured.
+
+    Attributes
+    ----------
+    force : the greatest difference, N
+    time : when, s
+    tolerance : the greatest difference that passes, N
+    precision : of the firmware
+    """
+
+    force: float
+    time: float
+    tolerance: float
+    precision: Precision
+
+    @property
+    def passes(self) -> bool:
+        """Whether the commands are those of the design, but for rounding."""
+        return isfinite(self.force) and self.force <= self.tolerance
+
+
+@np.errstate(all="ignore")
+def run_in_the_loop(
+    scene: Scene,
+    controller: Controller,
+    progress: Callable[[float], None] = lambda share: None,
+    tolerance: float | None = None,
+) -> tuple[Traces, Difference]:
+    """Simulate a scene with a firmware in the place of its law.
+
+    Parameters
+    ----------
+    scene : Scene
+    controller : the firmware
+    progress : told the share of the samples that is done
+    tolerance : greatest difference of a command that passes, N; None for what rounding explains
+
+    Returns
+    -------
+    traces : finite; a run that diverges ends where it began to
+    difference : from the design's own commands
+    """
+    samples, T = sample_count(scene.operator, scene.device.sample_time), scene.device.sample_time
+    with interrupt_deferred():
+        step = build_open(scene)
+    beside, noise = _Beside(scene, controller.precision), np.random.default_rng(scene.seed)
+    recorded, wanted = np.empty((samples, len(columns(scene)))), np.empty(samples)
+    reach = DIVERGENCE * abs(scene.operator.end - scene.operator.start)
+    controller.start(scene)
+    state, done, diverged = step.start, 0, False
+    given, own, exact = np.zeros((3, samples))
+    while done < samples and not diverged:
+        count = min(CHUNK, samples - done)
+        inputs = motion_inputs(scene, done, noise)
+        for k in range(count):
+            at = done + k
+            state, recorded[at], measured, given[at] = _sample(step, controller, state, inputs[:, k])
+            own[at], exact[at] = beside.commands(measured)
+        block = recorded[done : done + count]
+        wanted[done : done + count] = inputs[0, :count]
+        done += count
+        diverged = not (np.isfinite(block).all() and np.abs(block[:, 0] - inputs[0, :count]).max() <= reach)
+        progress(done / samples)
+    traces = traces_of(scene, recorded[:done], wanted[:done], diverged=diverged)
+    given, own, exact = (commands[: len(traces.time)] for commands in (given, own, exact))
+    apart = np.abs(given - own)
+    if tolerance is None:
+        single = controller.precision == "single"
+        tolerance = float(ROUNDED * np.abs(own - exact).max() if single else REWRITTEN * np.abs(own).max())
+    at = int(apart.argmax())
+    return traces, Difference(float(apart[at]), at * T, tolerance, controller.precision)
+
+
+def _sample(
+    step: OpenStep, controller: Controller, state: Floats, inputs: Floats
+) -> tuple[Floats, Floats, Floats, float]:
+    """Return state, record and what was measured and commanded of one sample."""
+    with interrupt_deferred():
+        measured = np.asarray(step.sense(state, inputs)).ravel()
+        answer = controller.step(measured)
+        after, record = step.one(state, np.concatenate([inputs, answer]))
+    return np.asarray(after).ravel(), np.asarray(record).ravel(), measured, float(answer[ANSWER.index("motor")])
+
+
+class _Beside:
+    """The design's own firmware, which sees what the other one sees, in the precision of that one and in double."""
+
+    def __init__(self, scene: Scene, precision: Precision) -> None:
+        begin, law = equilibrium(scene), scene.law
+        start = Start(law.environment, law.limit, encoded(law, begin.position, FLOATS), begin.reference)
+        parts, coefficients = exported_parts(law), coefficients_of(law)
+        self._own = SteppedFirmware(parts, coefficients, start, precision)
+        self._exact = SteppedFirmware(parts, coefficients, start, "double") if precision != "double" else None
+
+    def commands(self, measured: Floats) -> tuple[float, float]:
+        """Return the force that the design commands, in either precision, after position, velocity and force."""
+        read = measured.tolist()
+        own = self._own.command(read)
+        return own, own if self._exact is None else self._exact.command(read)

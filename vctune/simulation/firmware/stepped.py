@@ -1,0 +1,85 @@
+"""A design's own firmware, sample by sample, in numbers of one precision: to the last bit what its C comes to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
+from typing import Any, Literal
+
+import numpy as np
+
+from vctune.model.experiment import Environment
+from vctune.simulation.firmware import equations
+from vctune.simulation.firmware.coefficient_values import environment_coefficients, limit_coefficients
+from vctune.simulation.firmware.controller import Law, parts_of
+from vctune.simulation.firmware.equations import STATE, Parts
+from vctune.simulation.firmware.expression import Symbol, value
+from vctune.simulation.firmware.operations import FLOATS
+
+Precision = Literal["double", "single"]
+NUMBERS: dict[Precision, Callable[[Any], Any]] = {"double": float, "single": np.float32}
+"""What makes a float a number of a precision."""
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """What a firmware is told before its first sample.
+
+    Attributes
+    ----------
+    environment : what it renders
+    limit : greatest force, N; None for none
+    position, reference : of the motor as the encoder has it, and x_e, m
+    """
+
+    environment: Environment
+    limit: float | None
+    position: float
+    reference: float
+
+
+def exported_parts(law: Law) -> Parts:
+    """Return what the exported firmware of a law consists of: any built-in environment, a limit, no encoder."""
+    of = parts_of(law)
+    return replace(Parts(), difference=of.difference, low_passes=of.low_passes, renders_force=of.renders_force)
+
+
+class SteppedFirmware:
+    """A firmware with its state, every operation of which is rounded to one precision."""
+
+    def __init__(self, parts: Parts, coefficients: Mapping[str, float], start: Start, precision: Precision) -> None:
+        """Begin before the first sample.
+
+        Parameters
+        ----------
+        parts : what the firmware consists of; positions come as the encoder has them
+        coefficients : of the controller, by their names in `equations.COEFFICIENTS`
+        start : what it renders, and where it begins
+        precision : of every number; coefficients are rounded to it first
+        """
+        self._number = number = NUMBERS[precision]
+        blocks = (equations.estimate, equations.drive, equations.environment, equations.law)
+        self._written = [equation for block in blocks for equation in block(parts)]
+        given = {name: number(constant) for name, constant in coefficients.items()}
+        names = ("mass", "damping", "stiffness", "zero")
+        held = replace(start.environment, **{name: number(getattr(start.environment, name)) for name in names})
+        given |= environment_coefficients(held, given["sample_time"])
+        limit = inf if start.limit is None else start.limit
+        given |= limit_coefficients(number(limit), given.get("position_gain", number(0.0)), 0.0)
+        self._known = {Symbol(name): number(constant) for name, constant in given.items()}
+        self._known |= {Symbol(name, before=True): number(0.0) for name in STATE}
+        self._known[Symbol("reference", before=True)] = number(start.reference)
+        self._known[Symbol("measured", before=True)] = number(start.position)
+
+    def command(self, measured: Sequence[float]) -> float:
+        """Return the commanded force, N, after position [m], velocity [m/s] and force [N] of the next sample."""
+        known = self._known
+        for name, read in zip(("position", "velocity", "force"), measured, strict=True):
+            known[Symbol(f"measured_{name}")] = self._number(read)
+        for equation in self._written:
+            known[Symbol(equation.quantity.name)] = value(equation.right, known, FLOATS)
+        for name in STATE:
+            if Symbol(name) in known:
+                known[Symbol(name, before=True)] = known[Symbol(name)]
+        return float(known[Symbol("command")])

@@ -1,0 +1,1 @@
+"""Device, hand and friction over a sample."""

@@ -1,0 +1,205 @@
+"""A device with its parts, and the hand on it, as linear rates.
+
+The parts are an actuator, a handle on a spring, and a filter of the force sensor or a delay of it that is no whole
+number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly (`transition`), and
+with friction exactly but for a force that is held over a step (`assembly_friction`). A device that moves as one mass
+and whose force is sensed at a sample is not of this kind (`plant`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from vctune.model.loop.device_response import mechanism
+from vctune.model.numbers.arithmetic import FLOATS, Number
+from vctune.model.sampled.velocity_loop import SNAP, split_delay
+from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.mechanics.plant import Transition, exponential_less_one, timing
+from vctune.simulation.scene import Scene
+
+GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
+"""What acts on the states: the held command that has arrived, the friction's force, the force of the hand's spring and
+damper if the handle stood still at 0, N, and its three derivatives."""
+
+
+@dataclass(frozen=True, slots=True)
+class Assembly:
+    """Device and hand as d/dt (states, given) = rates @ (states, given), with `given` as in `GIVEN`.
+
+    Attributes
+    ----------
+    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, sensed and its rate
+        where the device has the part
+    rates : over states and given
+    units : of states and given, with which all rates are about as large as what they mean for a sample
+    position, velocity : rows of the handle's, m, m/s
+    force : row of f_h, N, what the hand does to the handle
+    sensed : row of what the force sensor has of it, its delay apart, N
+    """
+
+    states: tuple[str, ...]
+    rates: Floats
+    units: Floats
+    position: Floats
+    velocity: Floats
+    force: Floats
+    sensed: Floats
+
+    @property
+    def size(self) -> int:
+        """How many states there are."""
+        return len(self.states)
+
+    def changed(self, time: float) -> Floats:
+        """Return e^(rates t) - 1 after a time, s: how states and given change while command and friction are held."""
+        scaled = self.rates * self.units / self.units[:, None]
+        return exponential_less_one(scaled * time) / self.units * self.units[:, None]
+
+
+@dataclass(frozen=True, slots=True)
+class Sensing:
+    """When the force is sensed that the firmware reads.
+
+    Attributes
+    ----------
+    whole_samples : how many samples ago
+    instant : how long after the sample before, s; None for at the sample itself
+    """
+
+    whole_samples: int
+    instant: float | None
+
+
+def sensing(scene: Scene) -> Sensing:
+    """Return when a scene's force is sensed; what coincides with an arriving command is sensed just before it."""
+    sensor, T, early = scene.device.force_sensor, scene.device.sample_time, timing(scene).early
+    whole, fraction = split_delay(sensor.delay if sensor is not None else 0.0, T)
+    if fraction == 0:
+        return Sensing(whole, None)
+    instant = (1 - fraction) * T
+    return Sensing(whole, early if abs(instant - early) <= SNAP * T else instant)
+
+
+def assembly(scene: Scene) -> Assembly | None:
+    """Return what moves in a scene; None if it is one mass, whose force is sensed at a sample and not filtered."""
+    device, hand = scene.device, scene.operator
+    actuator, structure, sensor = device.actuator, device.structure, device.force_sensor
+    band_hz = sensor.bandwidth_hz if sensor is not None else None
+    if actuator is None and structure is None and band_hz is None and sensing(scene).instant is None:
+        return None
+    states = ["position", "velocity"]
+    states += ["bend", "handle_velocity"] if structure is not None else []
+    states += ["drive", "drive_rate"][: actuator.order] if actuator is not None else []
+    states += ["sensed", "sensed_rate"][: sensor.order] if sensor is not None and band_hz is not None else []
+    names = (*states, *GIVEN)
+    of = dict(zip(names, np.eye(len(names)), strict=True))
+    motor = of["command"] if actuator is None else of["drive"]
+    rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
+    swing = 0.0
+    if structure is None:
+        position, velocity = of["position"], of["velocity"]
+        driven = motor - device.damping * velocity - of["friction"]
+        free = of["push"] - hand.stiffness * position - hand.damping * velocity
+        mass = device.mass + hand.mass
+        rates["velocity"] = (driven + free) / mass
+        force = device.mass / mass * free - hand.mass / mass * driven
+    else:
+        parts, velocity = mechanism(device, structure, FLOATS), of["handle_velocity"]
+        position, mass = of["position"] + of["bend"], parts.handle + hand.mass
+        rates["bend"] = velocity - of["velocity"]
+        spring = parts.stiffness * of["bend"] + parts.viscosity * rates["bend"]
+        free = of["push"] - hand.stiffness * position - hand.damping * velocity
+        rates["velocity"] = (motor + spring - device.damping * of["velocity"] - of["friction"]) / parts.motor
+        rates["handle_velocity"] = (free - spring) / mass
+        force = parts.handle / mass * free + hand.mass / mass * spring
+        swing = sqrt(parts.stiffness * (1 / parts.motor + 1 / mass))
+    if actuator is not None:
+        rates |= _low_pass("drive", actuator.bandwidth_hz, actuator.order, of["command"], of)
+    if sensor is not None and band_hz is not None:
+        rates |= _low_pass("sensed", band_hz, sensor.order, force, of)
+    nothing = np.zeros(len(names))
+    return Assembly(
+        states=tuple(states),
+        rates=np.array([rates.get(name, nothing) for name in names]),
+        units=_units(names, device.mass, device.sample_time, swing),
+        position=position,
+        velocity=velocity,
+        force=force,
+        sensed=force if band_hz is None else of["sensed"],
+    )
+
+
+def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: dict[str, Floats]) -> dict[str, Floats]:
+    """Return the rates of a low-pass's states: itself and, of order 2, its rate in units of the corner."""
+    corner = float(2 * FLOATS.pi * bandwidth_hz)
+    if order == 1:
+        return {name: corner * (source - of[name])}
+    rate = f"{name}_rate"
+    return {name: corner * of[rate], rate: corner * (source - of[name] - sqrt(2) * of[rate])}
+
+
+def _units(names: tuple[str, ...], mass: float, sample_time: float, swing: float) -> Floats:
+    """Return units in which time is counted in T, forces in m/T^2, and a bend by the speed that it swings with."""
+    force = mass / sample_time**2
+    units = {"position": 1.0, "bend": 1 / (1 + swing * sample_time)}
+    units |= dict.fromkeys(("velocity", "handle_velocity"), 1 / sample_time)
+    units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
+    return np.array([units.get(name, force) for name in names])
+
+
+def transition(scene: Scene, moving: Assembly) -> Transition:
+    """Return the exact transition of an assembly without friction over one sample.
+
+    Where the force is sensed between samples, what is sensed then is one more number after the states; it has no part
+    in what follows.
+
+    Parameters
+    ----------
+    scene : without friction
+    moving : `assembly` of the scene
+
+    Returns
+    -------
+    Transition
+        Over the states, and the force sensed between samples where there is one.
+    """
+    when, at, n = timing(scene), sensing(scene), moving.size
+    command, push = n + GIVEN.index("command"), slice(n + GIVEN.index("push"), None)
+    one, T = np.eye(len(moving.rates)), scene.device.sample_time
+    derivatives = hand_force_derivatives(scene.operator, T)
+
+    def after(time: float) -> tuple[Floats, Floats]:
+        """Return states and given after a time from (states, given) before; and from the late command alone."""
+        early = one + moving.changed(min(time, when.early))
+        if time <= when.early:
+            return early, np.zeros(len(one))
+        late = one + moving.changed(time - when.early)
+        arriving = late[:, command].copy()
+        late[:, command] = 0.0  # the early command has gone
+        return late @ early, arriving
+
+    moved, late = (part[:n] for part in after(T))
+    if at.instant is not None:
+        then, then_late = after(at.instant)
+        moved, late = np.vstack([moved, moving.sensed @ then]), np.append(late, moving.sensed @ then_late)
+    state = np.zeros((len(moved), len(moved)))
+    state[:, :n] = moved[:, :n]
+    return Transition(state, moved[:, command], late, moved[:, push] @ derivatives)
+
+
+def applied(row: Floats, values: list[Number]) -> Number:
+    """Return the product of a row and values; what is multiplied by 0 is not looked at.
+
+    Parameters
+    ----------
+    row : factors, shape (n,)
+    values : n numbers or symbols
+    """
+    total: Number = 0.0
+    for factor, value in zip(row, values, strict=True):
+        if factor != 0:
+            total = total + float(factor) * value
+    return total

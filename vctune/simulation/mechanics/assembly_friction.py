@@ -1,0 +1,114 @@
+"""Friction on the motor of a device with parts: a fixed step of the bristles and of the linear rest, each exact.
+
+The friction's force is held over a step, at its mean over bristles that follow the motor's mean velocity w. Everything
+else is linear and moves on exactly (`assembly`); w is what that says for the held force. The force does the work
+F h w on the motor and on the bristles alike, so that no step creates energy, whatever h, the parts' stiffness and what
+was foreseen. Neither a fast actuator nor a stiff handle is stiff in this step: all that is approximated is how the
+friction varies within it, to second order. What is faster than a step and moved by the friction, a hand's mass on a
+handle that is nearly rigid, has the last step's mean at a sample: to first order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vctune.model.experiment import Friction
+from vctune.model.numbers.arithmetic import Number
+from vctune.simulation.firmware.operations import Arithmetic
+from vctune.simulation.mechanics.assembly import GIVEN, Assembly, applied
+from vctune.simulation.mechanics.friction import bristle_step
+from vctune.simulation.mechanics.intended_motion import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class AssemblyState:
+    """States of an assembly and what is given, 0 for the friction's force; and the bristles' deflection z [m]."""
+
+    values: list[Number]
+    z: Number
+
+    @property
+    def v(self) -> Number:
+        """The motor's velocity, m/s."""
+        return self.values[1]
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionStep:
+    """What an assembly does in a step in which command and friction are held.
+
+    Attributes
+    ----------
+    length : h, s
+    change : e^(rates h) - 1
+    friction : which column is the friction's force
+    """
+
+    length: float
+    change: Floats
+    friction: int
+
+
+def friction_step(moving: Assembly, length: float) -> FrictionStep:
+    """Return an assembly's step of a length, s.
+
+    Parameters
+    ----------
+    moving : what moves
+    length : h, s
+    """
+    return FrictionStep(length, moving.changed(length), moving.size + GIVEN.index("friction"))
+
+
+def assembly_step(
+    step: FrictionStep, friction: Friction, at: AssemblyState, foreseen: Number, ops: Arithmetic
+) -> tuple[AssemblyState, Number]:
+    """Advance by one step; return also the motor's mean velocity w, m/s.
+
+    Parameters
+    ----------
+    step : what the assembly does in it
+    friction : that acts on the motor
+    at : states and bristles at the beginning
+    foreseen : velocity at which the friction's rate is taken, m/s
+    ops : arithmetic of states and velocity
+
+    Returns
+    -------
+    state, velocity
+        States and bristles at the end, and w.
+    """
+    h, bristles = step.length, bristle_step(friction, foreseen, step.length, ops)
+    compliance = -float(step.change[0, step.friction])  # by how much less far the motor comes for a newton, m/N
+    way = applied(step.change[0], at.values)  # without friction
+    w = (way - compliance * (bristles.stiffness * at.z)) / (h + compliance * bristles.slope)
+    given = [*at.values]
+    given[step.friction] = bristles.stiffness * at.z + bristles.slope * w
+    values = [value + applied(row, given) for value, row in zip(at.values, step.change, strict=True)]
+    return AssemblyState(values, bristles.deflection_after(at.z, w)), w
+
+
+AdvanceStep = Callable[[AssemblyState, Number], tuple[AssemblyState, Number]]
+"""`assembly_step` of a certain step: from a state and a foreseen velocity."""
+
+
+def assembly_steps(step: AdvanceStep, at: AssemblyState, count: int) -> AssemblyState:
+    """Advance by some steps; each foresees its velocity from the step before, the first from a trial, as `slide`.
+
+    Parameters
+    ----------
+    step : one step
+    at : states and bristles at the beginning
+    count : how many steps
+
+    Returns
+    -------
+    AssemblyState
+        At the end of the last.
+    """
+    _, foreseen = step(at, at.v)
+    for _ in range(count):
+        at, w = step(at, foreseen)
+        foreseen = 2 * at.v - w
+    return at

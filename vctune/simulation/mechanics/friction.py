@@ -1,0 +1,198 @@
+"""LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky 1995), and a step made for it.
+
+With the bristles' deflection z, the rate a(v) = stiffness |v|/g(v) and Stribeck's curve g,
+
+    dz/dt = v - a(v) z,   F = stiffness z + damping(v) dz/dt,   g = coulomb + (stiction - coulomb) e^{-(v/v_s)^2}.
+
+A constant damping can make LuGre friction give energy back at speed. It never does where damping <= 4 g/|v|, hence
+damping(v) = damping/(1 + damping |v|/(4 coulomb)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vctune.model.experiment import Friction
+from vctune.model.numbers.arithmetic import Number
+from vctune.simulation.firmware.operations import Arithmetic
+
+SERIES_BELOW = 0.01
+"""Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/y. Here both are right to
+2e-14. Half: the formula's rounding doubles. Twice: what the series' five terms leave out is 6e-13."""
+
+
+def relaxation(friction: Friction, velocity: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return a(v) [1/s] and damping(v) [N s/m].
+
+    Parameters
+    ----------
+    friction : its parameters
+    velocity : m/s
+    ops : arithmetic of the velocity
+    """
+    speed = ops.absolute(velocity)
+    g = friction.coulomb
+    if friction.stiction > friction.coulomb:
+        ratio = velocity / friction.stribeck_velocity
+        g = g + (friction.stiction - friction.coulomb) * ops.exp(-ratio * ratio)
+    return friction.stiffness * speed / g, friction.damping / (1 + friction.damping * speed / (4 * friction.coulomb))
+
+
+def friction_force(friction: Friction, velocity: Number, deflection: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return F [N] and dz/dt [m/s].
+
+    Parameters
+    ----------
+    friction : its parameters
+    velocity : m/s
+    deflection : of the bristles, m
+    ops : arithmetic of velocity and deflection
+    """
+    rate, damping = relaxation(friction, velocity, ops)
+    creep = velocity - rate * deflection
+    return friction.stiffness * deflection + damping * creep, creep
+
+
+@dataclass(frozen=True, slots=True)
+class Slide:
+    """Handle and bristles: position x [m], velocity v [m/s], deflection z [m]."""
+
+    x: Number
+    v: Number
+    z: Number
+
+
+@dataclass(frozen=True, slots=True)
+class Carriage:
+    """What slides, mass dv/dt = push - damping v - stiffness x - F: the device and the hand on it, kg, N s/m, N/m."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+SlideStep = Callable[[Slide, Number, Number], tuple[Slide, Number]]
+"""A step of a certain length, as `slide_step`: from a state, a foreseen velocity and a force."""
+
+
+def slide(step: SlideStep, at: Slide, push: Callable[[float], Number], h: float, steps: int, theta: float) -> Slide:
+    """Advance by some steps of length h [s] under the force push(t) [N], t [s] counted from the beginning.
+
+    Midpoint (theta = 1/2) is of second order, Euler (theta = 1) of first. A step's bristle rate is taken at a velocity
+    that is foreseen from the step before, in the first step from a trial.
+
+    Parameters
+    ----------
+    step : of length h
+    at : state at the beginning
+    push : force of motor and hand, N, of the time since the beginning, s
+    h : length of a step, s
+    steps : their number
+    theta : where in a step its forces are taken, 1/2 to 1
+
+    Returns
+    -------
+    Slide
+        The state at the end.
+    """
+    foreseen = at.v
+    if theta < 1:
+        _, foreseen = step(at, foreseen, push(theta * h))
+    for k in range(steps):
+        at, w = step(at, foreseen, push((k + theta) * h))
+        foreseen = 2 * at.v - w if theta < 1 else at.v
+    return at
+
+
+def slide_step(
+    carriage: Carriage,
+    friction: Friction,
+    at: Slide,
+    foreseen: Number,
+    push: Number,
+    h: float,
+    theta: float,
+    ops: Arithmetic,
+) -> tuple[Slide, Number]:
+    """Advance by one step h under the force `push`; return also the step's velocity w = v + theta (v_new - v).
+
+    With the rate and the damping at the foreseen velocity, and w the same over the step, the bristles are followed
+    exactly: with y = a h their mean is phi_1 z + phi_2 h w, phi_1 = (1 - e^-y)/y, phi_2 = (1 - phi_1)/y. The friction
+    is then linear in w, and the momentum balance is solved for w. Since the bristles take exactly the work that
+    friction does at the velocity w, no step creates energy, whatever h, the stiffness and what was foreseen.
+
+    Parameters
+    ----------
+    carriage : what slides
+    friction : that acts on it
+    at : state at the beginning
+    foreseen : velocity at which the friction's rate is taken, m/s
+    push : force of motor and hand, N
+    h : length of the step, s
+    theta : where in the step its forces are taken, 1/2 to 1
+    ops : arithmetic of state, velocity and force
+
+    Returns
+    -------
+    tuple of Slide and Number
+        The state at the end and w, m/s.
+    """
+    bristles = bristle_step(friction, foreseen, h, ops)
+    inertia = carriage.mass / (theta * h)
+    free = inertia * at.v + push - carriage.stiffness * at.x - bristles.stiffness * at.z
+    w = free / (inertia + carriage.damping + carriage.stiffness * theta * h + bristles.slope)
+    return Slide(at.x + h * w, at.v + (w - at.v) / theta, bristles.deflection_after(at.z, w)), w
+
+
+@dataclass(frozen=True, slots=True)
+class BristleStep:
+    """The bristles over a step h at a constant velocity w: their mean force is stiffness z + slope w.
+
+    Attributes
+    ----------
+    rate : a(v), 1/s
+    time : h phi_1, by which z goes on at its rate of the beginning, s
+    stiffness, slope : N/m, N s/m
+    """
+
+    rate: Number
+    time: Number
+    stiffness: Number
+    slope: Number
+
+    def deflection_after(self, z: Number, w: Number) -> Number:
+        """Return the deflection after the step, m.
+
+        Parameters
+        ----------
+        z : deflection before the step, m
+        w : velocity over the step, m/s
+        """
+        return z + self.time * (w - self.rate * z)
+
+
+def bristle_step(friction: Friction, foreseen: Number, h: Number, ops: Arithmetic) -> BristleStep:
+    """Return the bristles over a step with rate and damping at the foreseen velocity.
+
+    Parameters
+    ----------
+    friction : its parameters
+    foreseen : m/s
+    h : length of the step, s
+    ops : arithmetic of the velocity
+    """
+    rate, damping = relaxation(friction, foreseen, ops)
+    phi_1, phi_2 = _phi_1_and_2(rate * h, ops)
+    stiffness = (friction.stiffness - damping * rate) * phi_1
+    slope = friction.stiffness * h * phi_2 + damping * phi_1
+    return BristleStep(rate, h * phi_1, stiffness, slope)
+
+
+def _phi_1_and_2(y: Number, ops: Arithmetic) -> tuple[Number, Number]:
+    """Return phi_1 = (1 - e^-y)/y and phi_2 = (y - 1 + e^-y)/y^2 for y >= 0, of exponential integrators at -y."""
+    safe = ops.maximum(y, SERIES_BELOW)
+    phi_1 = -ops.expm1(-safe) / safe
+    small = y < SERIES_BELOW
+    series = 0.5 - y * (1 / 6 - y * (1 / 24 - y * (1 / 120 - y / 720)))
+    return ops.where(small, 1 - y * series, phi_1), ops.where(small, series, (1 - phi_1) / safe)

@@ -1,0 +1,87 @@
+"""A rigid device and the hand between two samples, without friction (model/README.md, section 7).
+
+Exact, by matrix exponentials. With an actuator, a handle on a spring or a filter of the force sensor: `assembly`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, log2
+
+import numpy as np
+
+from vctune.model.sampled.velocity_loop import split_delay
+from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.scene import Scene
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """When the held forces act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
+
+    Attributes
+    ----------
+    whole_samples : N, of the delay
+    early, late : s; early is 0 without a fraction of a sample of delay
+    """
+
+    whole_samples: int
+    early: float
+    late: float
+
+
+def timing(scene: Scene) -> Timing:
+    """Return the timing of a scene's actuator; the real zero-order hold, whatever `hold` the frequency model has."""
+    T = scene.device.sample_time
+    whole, fraction = split_delay(scene.device.delay, T)
+    return Timing(whole, fraction * T, T - fraction * T)
+
+
+@dataclass(frozen=True, slots=True)
+class Transition:
+    """After a sample: state @ before + early u_early + late u_late + motion @ (x_i, v_i, x_i', v_i').
+
+    States are position and velocity first.
+    """
+
+    state: Floats
+    early: Floats
+    late: Floats
+    motion: Floats
+
+
+def transition(scene: Scene) -> Transition:
+    """Return the exact transition of a scene without friction over one sample."""
+    when, carriage = timing(scene), scene.carriage
+    # x, v, force of the motor, push of the hand and its three derivatives
+    rates = np.zeros((7, 7))
+    rates[0, 1] = 1.0
+    rates[1, :4] = np.array([-carriage.stiffness, -carriage.damping, 1.0, 1.0]) / carriage.mass
+    rates[[3, 4, 5], [4, 5, 6]] = 1.0
+    early, late = exponential(rates * when.early), exponential(rates * when.late)
+    push = hand_force_derivatives(scene.operator, scene.device.sample_time)
+    return Transition(
+        state=late[:2, :2] @ early[:2, :2],
+        early=late[:2, :2] @ early[:2, 2],
+        late=late[:2, 2],
+        motion=(late[:2, :2] @ early[:2, 3:] + late[:2, 3:] @ early[3:, 3:]) @ push,
+    )
+
+
+def exponential(matrix: Floats) -> Floats:
+    """Return e^matrix of a small matrix."""
+    return np.eye(len(matrix)) + exponential_less_one(matrix)
+
+
+def exponential_less_one(matrix: Floats) -> Floats:
+    """Return e^matrix - 1 of a small matrix, by scaling, Taylor's series and squaring."""
+    norm = float(np.abs(matrix).sum(axis=1).max())
+    halvings = max(0, ceil(log2(norm)) + 2) if norm > 0 else 0
+    scaled = matrix / 2.0**halvings
+    excess = term = scaled
+    for order in range(2, 18):
+        term = term @ scaled / order
+        excess = excess + term
+    for _ in range(halvings):
+        excess = 2 * excess + excess @ excess
+    return excess

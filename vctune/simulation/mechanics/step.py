@@ -1,0 +1,267 @@
+"""One sample of a scene as a compiled function, assembled from what the scene contains. Imports casadi.
+
+A sample goes: sensors read, the firmware runs, the device moves on for a sample time under the forces that have
+arrived. Friction, quantisation, saturation, filters, the coupling and a device's parts are operations of the function
+only where the scene has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from vctune.model.experiment import Friction
+from vctune.simulation.firmware.controller import Measurement, State, control, encoded, remembered_by
+from vctune.simulation.firmware.operations import FLOATS
+from vctune.simulation.mechanics import plant
+from vctune.simulation.mechanics.assembly import Assembly, applied, assembly, sensing
+from vctune.simulation.mechanics.assembly import transition as assembled_transition
+from vctune.simulation.mechanics.friction import Slide, friction_force
+from vctune.simulation.mechanics.intended_motion import Floats, hand_force_derivatives
+from vctune.simulation.mechanics.plant import timing
+from vctune.simulation.mechanics.stretches import SYMBOLS, Stretch, fixed_steps, push_at
+from vctune.simulation.scene import Equilibrium, Scene, equilibrium
+
+CHUNK = 1024
+"""Samples per call of the compiled function: progress and Ctrl-C wait for one. Half and twice it take the same time."""
+COLUMNS = ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed")
+"""What a step records at each sample: x, v, f_h, x_e, v_e, f_e, u, f_s; x and v are the handle's, f_s is what is sensed
+of f_h."""
+MOTOR_COLUMNS = ("motor_position", "motor_velocity")
+"""What it also records where the motor does not move as the handle."""
+ANSWER = ("reference", "desired", "environment_force", "motor")
+"""What of these a firmware gives; the inputs of an open step beyond `INPUTS`."""
+INPUTS = 5
+"""x_i, v_i at this sample and at the next, and the noise of the force sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A compiled step, one(state, inputs) -> (state, record), and its state at rest where the motion starts.
+
+    The state is x, v and what else moves, with friction z, and the force that was sensed within the last sample if it
+    is sensed there; what the firmware remembers and changes; commands and sensed forces on their way.
+    """
+
+    one: Any
+    start: Floats
+
+    def chunk(self) -> Any:
+        """Return the function for `CHUNK` samples: samples(state, inputs) -> (states, records), a column a sample."""
+        return self.one.mapaccum(CHUNK)
+
+
+@dataclass(frozen=True, slots=True)
+class OpenStep:
+    """A compiled step without its firmware.
+
+    sense(state, inputs) -> (position, velocity, force) is what a firmware reads; one(state, inputs) -> (state, record)
+    has what it gives, `ANSWER`, behind its other inputs.
+    """
+
+    sense: Any
+    one: Any
+    start: Floats
+
+
+def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
+    """Assemble and compile the step of a scene; `stretch` says how friction is integrated.
+
+    Parameters
+    ----------
+    scene : what the run consists of
+    stretch : of no meaning without friction
+
+    Returns
+    -------
+    Step
+        In SI units; its inputs are `INPUTS`, its record is of `columns`.
+    """
+    wired = _wire(scene, INPUTS)
+    memory = {field.name: ca.SX.sym(field.name) for field in fields(State)}
+    remembered, command = control(scene.law, State(**memory), wired.measurement, SYMBOLS)
+    changed = remembered_by(scene.law)
+    known = {"reference": wired.begin.reference, "measured": encoded(scene.law, wired.begin.position, FLOATS)}
+    firmware = _Firmware(
+        memory=[memory[name] for name in changed],
+        kept=[getattr(remembered, name) for name in changed],
+        start=[known.get(name, 0.0) for name in changed],
+        answer=[remembered.reference, remembered.desired, command.environment, command.force],
+    )
+    return _compiled(scene, stretch, wired, firmware)
+
+
+def build_open(scene: Scene, stretch: Stretch = fixed_steps) -> OpenStep:
+    """Assemble and compile the step of a scene whose firmware is not in it.
+
+    Parameters
+    ----------
+    scene : what the run consists of; of its law only the encoder
+    stretch : of no meaning without friction
+
+    Returns
+    -------
+    OpenStep
+        Compiled: what the firmware measures, and a sample with its answer.
+    """
+    wired = _wire(scene, INPUTS + len(ANSWER))
+    given = [wired.inputs[INPUTS + k] for k in range(len(ANSWER))]
+    step = _compiled(scene, stretch, wired, _Firmware([], [], [], given))
+    read = wired.measurement
+    position = encoded(scene.law, read.position, SYMBOLS)
+    states = ca.vertcat(wired.body, *wired.queue, *wired.late)
+    sense = ca.Function("sense", [states, wired.inputs[:INPUTS]], [ca.vertcat(position, read.velocity, read.force)])
+    return OpenStep(sense, step.one, step.start)
+
+
+@dataclass(frozen=True, slots=True)
+class _Wired:
+    """The symbols of a scene around its firmware: body, commands and forces on their way, and what is read of them."""
+
+    begin: Equilibrium
+    mechanism: Assembly | None
+    body: Any
+    inputs: Any
+    queue: list[Any]
+    late: list[Any]
+    motion: _Seen
+    measurement: Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class _Firmware:
+    """What a firmware remembers, before and after a sample and at the start, and what it gives, as in `ANSWER`."""
+
+    memory: list[Any]
+    kept: list[Any]
+    start: list[float]
+    answer: list[Any]
+
+
+def _wire(scene: Scene, inputs: int) -> _Wired:
+    when, sensed, moving, begin = timing(scene), sensing(scene), assembly(scene), equilibrium(scene)
+    body, given = ca.SX.sym("body", len(_at_rest(scene, moving, begin))), ca.SX.sym("inputs", inputs)
+    queue = [
+        ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
+    ]  # forces commanded and not yet spent, the newest first
+    late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces sensed and not yet read
+    seen = _seen(scene, moving, body, given, queue[-1])
+    oldest = [seen.sensed, *late][-1]
+    felt = oldest + given[4] if scene.force_noise > 0 else oldest
+    return _Wired(begin, moving, body, given, queue, late, seen, Measurement(seen.motor.x, seen.motor.v, felt))
+
+
+def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware) -> Step:
+    seen, inputs, body, begin = wired.motion, wired.inputs, wired.body, wired.begin
+    commanded = [firmware.answer[-1], *wired.queue]
+    record = [seen.handle.x, seen.handle.v, seen.force, *firmware.answer, wired.measurement.force]
+    record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
+    arriving = [seen.sensed, *wired.late]
+    state = ca.vertcat(body, *firmware.memory, *wired.queue, *wired.late)
+    kept = ca.vertcat(*firmware.kept, *commanded[:-1], *arriving[:-1])
+    start = [
+        *_at_rest(scene, wired.mechanism, begin),
+        *firmware.start,
+        *(begin.motor for _ in wired.queue),
+        *(begin.hand for _ in wired.late),
+    ]
+    if scene.friction is None:
+        exact = _moved_exactly(scene, wired.mechanism, body, inputs, commanded)
+        one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
+    else:
+        given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
+        one = _with_friction(scene, wired.mechanism, scene.friction, stretch, given)
+    return Step(one, np.array(start))
+
+
+def columns(scene: Scene) -> tuple[str, ...]:
+    """Return what the step of a scene records."""
+    return COLUMNS if scene.device.structure is None else COLUMNS + MOTOR_COLUMNS
+
+
+def _at_rest(scene: Scene, moving: Assembly | None, begin: Equilibrium) -> list[float]:
+    """Return the body's part of the state where the motion starts."""
+    known = {"position": begin.position, "bend": begin.bend, "drive": begin.motor, "sensed": begin.hand}
+    body = [known.get(name, 0.0) for name in (moving.states if moving is not None else ("position", "velocity"))]
+    body += [0.0] if scene.friction is not None else []
+    return body if sensing(scene).instant is None else [*body, begin.hand]
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What there is at a sample: motor and handle, f_h, and the newest force that the sensor has to say, N."""
+
+    motor: Slide
+    handle: Slide
+    force: Any
+    sensed: Any
+
+
+def _seen(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, motor: Any) -> _Seen:
+    n = 2 if moving is None else moving.size
+    at = Slide(body[0], body[1], body[n] if scene.friction is not None else 0.0)
+    if moving is None:
+        hand = _hand_force(scene, at, inputs, motor)
+        return _Seen(at, at, hand, hand)
+    push = scene.operator.stiffness * inputs[0] + scene.operator.damping * inputs[1]
+    values = _values(scene, ca.vertsplit(body[: n + (scene.friction is not None)]), n, motor, push)
+    handle = Slide(applied(moving.position, values), applied(moving.velocity, values), 0.0)
+    force = applied(moving.force, values)
+    now = force if moving.sensed is moving.force else applied(moving.sensed, values)
+    return _Seen(at, handle, force, now if sensing(scene).instant is None else body[-1])
+
+
+def _values(scene: Scene, body: list[Any], size: int, motor: Any, push: Any) -> list[Any]:
+    """Return states and what acts on them at a moment, as in `assembly.GIVEN`; no force has the push's derivatives."""
+    rubbed = 0.0 if scene.friction is None else friction_force(scene.friction, body[1], body[size], SYMBOLS)[0]
+    return [*body[:size], motor, rubbed, push, 0.0, 0.0, 0.0]
+
+
+def _felt(scene: Scene, moving: Assembly, time: float) -> Any:
+    """Return the function (body, motor, push) -> what is sensed, at a time after the sample."""
+    body, motor, push = ca.SX.sym("body", moving.size + 1), ca.SX.sym("motor"), ca.SX.sym("push", 4)
+    values = _values(scene, ca.vertsplit(body), moving.size, motor, push_at(push, time))
+    return ca.Function("felt", [body, motor, push], [applied(moving.sensed, values)])
+
+
+def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
+    """Return f_h just before the sample: spring, damper and, with the acceleration at that moment, the hand's mass."""
+    hand, carriage = scene.operator, scene.carriage
+    push = hand.stiffness * inputs[0] + hand.damping * inputs[1]
+    pull = hand.stiffness * at.x + hand.damping * at.v
+    if hand.mass == 0:
+        return push - pull
+    resisting = scene.device.damping * at.v
+    if scene.friction is not None:
+        resisting = resisting + friction_force(scene.friction, at.v, at.z, SYMBOLS)[0]
+    share = hand.mass / carriage.mass
+    return (1 - share) * (push - pull) - share * (motor - resisting)
+
+
+def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, commanded: list[Any]) -> Any:
+    exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
+    moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[:4])
+    moved = moved + ca.DM(exact.late) * commanded[-2]
+    return moved + ca.DM(exact.early) * commanded[-1] if exact.early.any() else moved
+
+
+def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:
+    """Return the step of a device with friction: firmware, then stretches of constant motor force.
+
+    There are one or two, and one more where the force is sensed in the middle of one.
+    """
+    when, push = timing(scene), ca.DM(hand_force_derivatives(scene.operator, scene.device.sample_time))
+    state, inputs = ca.MX.sym("state", firmware.size_in(0)), ca.MX.sym("inputs", firmware.size_in(1))
+    kept, record, early, late = firmware(state, inputs)
+    body, felt = state[: 3 if moving is None else moving.size + 1], []
+    instant, T = sensing(scene).instant, scene.device.sample_time
+    for begin, end in pairwise(sorted({0.0, when.early, T} | ({instant} if instant is not None else set()))):
+        motor = early if end <= when.early else late
+        body = stretch(scene, friction, begin, end - begin)(body, motor, ca.mtimes(push, inputs[:4]))
+        if end == instant and moving is not None:
+            felt = [_felt(scene, moving, end)(body, motor, ca.mtimes(push, inputs[:4]))]
+    return ca.Function("one", [state, inputs], [ca.vertcat(body, *felt, kept), record])

@@ -1,0 +1,138 @@
+"""Friction over a stretch of a sample as a compiled function, in fixed steps. Imports casadi."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil
+from typing import Any
+
+import casadi as ca
+
+from vctune.model.experiment import Friction
+from vctune.simulation.firmware.operations import Arithmetic
+from vctune.simulation.mechanics.assembly import GIVEN, Assembly, assembly
+from vctune.simulation.mechanics.assembly_friction import AssemblyState, assembly_step, assembly_steps, friction_step
+from vctune.simulation.mechanics.friction import Slide, SlideStep, slide, slide_step
+from vctune.simulation.scene import Scene
+
+STEPS_PER_RADIAN = 64
+"""Fixed steps per radian of the bristles' oscillation. Half: four times the error in half the time, twice: a quarter of
+it in twice the time (results/work-precision.csv)."""
+LEAST_STEPS, MOST_STEPS = 4, 256
+"""Least: Stribeck's curve is crossed within a sample also by soft bristles. Most: beyond it bristles are stiffer than
+anything that can be felt. Half and twice either are half and twice the time where they apply."""
+
+
+class _SymbolArithmetic:
+    """CasADi symbols."""
+
+    exp = staticmethod(ca.exp)
+    expm1 = staticmethod(ca.expm1)
+    absolute = staticmethod(ca.fabs)
+    floor = staticmethod(ca.floor)
+    minimum = staticmethod(ca.fmin)
+    maximum = staticmethod(ca.fmax)
+    where = staticmethod(ca.if_else)
+
+
+SYMBOLS: Arithmetic = _SymbolArithmetic()
+
+
+Stretch = Callable[[Scene, Friction, float, float], Any]
+"""Makes the function (body, motor, push) -> body over a stretch of a sample: of a scene with friction, where in the
+sample the stretch begins and how long it is, s."""
+MIDPOINT = 0.5
+"""Where in a fixed step its forces are taken; of second order (`friction.slide`)."""
+
+
+def default_substeps(scene: Scene, friction: Friction) -> int:
+    """Return how many fixed steps a sample gets, by the bristles' oscillation with what moves as one with them.
+
+    No more than `MOST_STEPS`: beyond that the bristles are stiffer than anything that can be felt.
+
+    Parameters
+    ----------
+    scene : what moves, with its sample time
+    friction : with the bristles' stiffness, N/m
+    """
+    mass = scene.carriage.mass if scene.device.structure is None else scene.device.motor_mass
+    bristles = (friction.stiffness / mass) ** 0.5
+    return ceil(min(max(bristles * scene.device.sample_time * STEPS_PER_RADIAN, LEAST_STEPS), MOST_STEPS))
+
+
+def fixed_steps(
+    scene: Scene,
+    friction: Friction,
+    begin: float,
+    length: float,
+    substeps: int | None = None,
+    theta: float = MIDPOINT,
+) -> Any:
+    """Return the function (body, motor, push) -> body over a stretch of a sample, in fixed steps.
+
+    Parameters
+    ----------
+    scene, friction : what moves
+    begin, length : where in the sample the stretch begins, and how long it is, s
+    substeps : per sample; None for `default_substeps`
+    theta : where in a step its forces are taken, see `friction.slide`; of no meaning for an `assembly`
+    """
+    share = length / scene.device.sample_time
+    count = max(1, ceil((substeps or default_substeps(scene, friction)) * share * (1 - 1e-12)))
+    motor, push = ca.SX.sym("motor"), ca.SX.sym("push", 4)
+    moving = assembly(scene)
+    if moving is not None:
+        return _assembly_stretch(moving, friction, begin, length, count)
+    body = ca.SX.sym("body", 3)
+
+    def force(time: float) -> Any:
+        return motor + push_at(push, begin + time)
+
+    step = _slide_step(scene, friction, length / count, theta)
+    end = slide(step, Slide(*ca.vertsplit(body)), force, length / count, count, theta)
+    return ca.Function("stretch", [body, motor, push], [ca.vertcat(end.x, end.v, end.z)])
+
+
+def _assembly_stretch(moving: Assembly, friction: Friction, begin: float, length: float, count: int) -> Any:
+    """Return `fixed_steps` of an assembly; a step is written down once and called."""
+    n, over = moving.size, friction_step(moving, length / count)
+    at, foreseen = ca.SX.sym("at", n + len(GIVEN) + 1), ca.SX.sym("foreseen")
+    *values, z = ca.vertsplit(at)
+    end, w = assembly_step(over, friction, AssemblyState(values, z), foreseen, SYMBOLS)
+    one = ca.Function("step", [at, foreseen], [ca.vertcat(*end.values, end.z), w])
+
+    def step(at: AssemblyState, foreseen: Any) -> tuple[AssemblyState, Any]:
+        after, w = one(ca.vertcat(*at.values, at.z), foreseen)
+        *values, z = ca.vertsplit(after)
+        return AssemblyState(values, z), w
+
+    body, motor, push = ca.MX.sym("body", n + 1), ca.MX.sym("motor"), ca.MX.sym("push", 4)
+    slope = push[1] + begin * (push[2] + begin / 2 * push[3])
+    arrived = push_at(push, begin), slope, push[2] + begin * push[3], push[3]
+    last = assembly_steps(step, AssemblyState([*ca.vertsplit(body[:n]), motor, ca.MX(0.0), *arrived], body[n]), count)
+    return ca.Function("stretch", [body, motor, push], [ca.vertcat(*last.values[:n], last.z)])
+
+
+def _slide_step(scene: Scene, friction: Friction, h: float, theta: float) -> SlideStep:
+    """Return `slide_step` as a function that is written down once, however often it is used."""
+    numbers = ca.SX.sym("numbers", 5)
+    x, v, z, foreseen, push = ca.vertsplit(numbers)
+    end, mean = slide_step(scene.carriage, friction, Slide(x, v, z), foreseen, push, h, theta, SYMBOLS)
+    one = ca.Function("slide", [numbers], [ca.vertcat(end.x, end.v, end.z, mean)])
+
+    def step(at: Slide, foreseen: Any, push: Any) -> tuple[Slide, Any]:
+        x, v, z, w = ca.vertsplit(one(ca.vertcat(at.x, at.v, at.z, foreseen, push)))
+        return Slide(x, v, z), w
+
+    return step
+
+
+def push_at(push: Any, time: Any) -> Any:
+    """Return the force of the hand's spring and damper from its derivatives at the sample, `time` after it.
+
+    Parameters
+    ----------
+    push : force and its three derivatives at the sample, N to N/s^3
+    time : s
+    """
+    return push[0] + time * (push[1] + time / 2 * (push[2] + time / 3 * push[3]))

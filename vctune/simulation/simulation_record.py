@@ -1,0 +1,156 @@
+"""Simulated experiments as the object of simulation.json and the arrays of traces.npz: plain, finite or null."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from math import isfinite
+from typing import Any, Literal
+
+import numpy as np
+
+from vctune.document.reading import ProblemFile
+from vctune.document.records.gains_json import GainsRecord, coupling_record, stated_units
+from vctune.document.records.simulation_json import (
+    DifferenceRecord,
+    EnvironmentRecord,
+    ExperimentRecord,
+    LeastVirtualRecord,
+    MetricsRecord,
+    RunRecord,
+    SimulatedLoopRecord,
+    SimulatedProblemRecord,
+    SimulationRecord,
+)
+from vctune.document.text.digest import experiments_digest
+from vctune.model.device import Device
+from vctune.model.experiment import Environment, Experiment
+from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
+from vctune.simulation.run import Traces
+from vctune.simulation.thinning import thinned
+from vctune.simulation.two_runs import Run, Simulated
+from vctune.version import __version__
+
+TOLERANCE = 1.5e-3
+"""By how much of the range that a figure shows a curve may differ: less than the line is wide. Half: more points in
+simulation.json, the same picture. Twice: corners begin to show in print."""
+
+
+def simulation_record(
+    file: ProblemFile, gains: Gains, coupling: AnyCoupling, simulated: list[Simulated], controller: str | None = None
+) -> SimulationRecord:
+    """Return the record of simulated experiments.
+
+    Curves are thinned for drawing, to `TOLERANCE`.
+
+    Parameters
+    ----------
+    file : the problem and its text
+    gains, coupling : the design, SI units
+    simulated : the experiments
+    controller : name of the firmware that ran in the place of the design's own; None for none
+    """
+    also: dict[str, Any] = {} if controller is None else {"controller": controller}
+    return SimulationRecord(
+        problem=SimulatedProblemRecord(
+            name=file.problem.name,
+            sha256=file.sha256,
+            experiments_sha256=experiments_digest(file.problem.experiments),
+            **stated_units(file.problem.device),
+        ),
+        gains=GainsRecord(**asdict(gains)),
+        coupling=coupling_record(coupling),
+        experiments=[_experiment(one, file.problem.device, coupling) for one in simulated],
+        versions={"vctune": __version__},
+        **also,
+    )
+
+
+def trace_arrays(simulated: list[Simulated]) -> dict[str, Floats]:
+    """Return every trace by experiment, run and quantity: "spring/design/force"."""
+    return {
+        f"{one.experiment.name}/{name}/{field.name}": values
+        for one in simulated
+        for name, made in (("baseline", one.baseline), ("design", one.design))
+        if made is not None
+        for field in fields(Traces)
+        if field.name != "diverged" and (values := getattr(made.traces, field.name)) is not None
+    }
+
+
+def _experiment(one: Simulated, device: Device, coupling: AnyCoupling) -> ExperimentRecord:
+    experiment, pid = one.experiment, one.experiment.baseline
+    least, runs = one.least_virtual, {"baseline": one.baseline, "design": one.design}
+    over, cycle = axis(experiment.environment), 2 * stroke_time(experiment.operator)
+    curves = {name: _curve(made.traces, over, cycle) for name, made in runs.items() if made is not None}
+    x_range, y_range = (max(np.ptp(curve[k]) for curve in curves.values()) for k in (0, 1))
+    tolerance = (TOLERANCE * x_range or 1.0, TOLERANCE * y_range or 1.0)
+    virtual = None
+    if least is not None and pid is not None:
+        virtual = LeastVirtualRecord(share=least, mass=least * pid.mass, damping=least * pid.damping)
+    baseline = None if one.baseline is None else _run(one.baseline, _thinned(curves["baseline"], tolerance))
+    apart = one.difference
+    also: dict[str, Any] = {}
+    if apart is not None:
+        also["difference"] = DifferenceRecord(
+            force=_finite(apart.force),
+            time_s=apart.time,
+            tolerance=_finite(apart.tolerance),
+            precision=apart.precision,
+            passes=apart.passes,
+        )
+    if isinstance(coupling, SpringDamper) and experiment.sensors.position_resolution > 0:
+        also["quiet_stiffness"] = quiet_stiffness(device, experiment)
+    return ExperimentRecord(
+        name=experiment.name,
+        environment=EnvironmentRecord(**asdict(experiment.environment)),
+        axis=over,
+        samples=len(one.design.traces.time),
+        least_virtual=virtual,
+        baseline=baseline,
+        design=_run(one.design, _thinned(curves["design"], tolerance)),
+        **also,
+    )
+
+
+def quiet_stiffness(device: Device, experiment: Experiment) -> float:
+    """Return up to which stiffness a wall of an impedance display comes to rest on its encoder's quanta, N/m.
+
+    Abbott and Okamura's min(2 b/T, 2 f_C/q): friction has to swallow the energy that a quantum gives.
+
+    Parameters
+    ----------
+    device : its damping and its sample time
+    experiment : its friction and its encoder
+    """
+    coulomb = experiment.friction.coulomb if experiment.friction is not None else 0.0
+    return min(2 * device.damping / device.sample_time, 2 * coulomb / experiment.sensors.position_resolution)
+
+
+def axis(environment: Environment) -> Literal["position", "velocity"]:
+    """Return over what an environment's force is drawn: position for a spring, velocity for the rest."""
+    return "position" if environment.stiffness > 0 else "velocity"
+
+
+def _finite(number: float) -> float | None:
+    return number if isfinite(number) else None
+
+
+def _run(made: Run, curve: list[list[float]]) -> RunRecord:
+    return RunRecord(
+        diverged_s=made.traces.diverged,
+        metrics=MetricsRecord(**asdict(made.metrics)) if made.metrics else None,
+        loop=SimulatedLoopRecord(stable=made.mode.radius < 1, spectral_radius=made.mode.radius, hz=made.mode.hz),
+        curve=curve,
+    )
+
+
+def _curve(traces: Traces, name: str, cycle: float) -> tuple[Floats, Floats]:
+    """Return position or velocity and the force over it, without the first cycle if there are more."""
+    first = int(np.searchsorted(traces.time, cycle * (1 - 1e-9)))
+    first = first if len(traces.time) - first > 1 else 0
+    return getattr(traces, name)[first:], traces.force[first:]
+
+
+def _thinned(curve: tuple[Floats, Floats], tolerance: tuple[float, float]) -> list[list[float]]:
+    return [[float(f"{value:.5g}") for value in point] for point in np.transpose(curve)[thinned(*curve, tolerance)]]

@@ -1,0 +1,100 @@
+"""An experiment from its description to its two runs: a) the regular PID and b) the design."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from vctune.model.experiment import Experiment
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.problem import Problem
+from vctune.simulation.firmware.in_the_loop import Controller, Difference, run_in_the_loop
+from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode, least_virtual
+from vctune.simulation.metrics import Metrics, metrics
+from vctune.simulation.run import Traces, run
+from vctune.simulation.scene import Scene, baseline_scene, designed_scene
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One controller in one experiment.
+
+    Attributes
+    ----------
+    traces : what was recorded
+    metrics : what that says; None if the run diverged
+    mode : of the linear sampled loop of device, hand and environment that grows the fastest
+    """
+
+    traces: Traces
+    metrics: Metrics | None
+    mode: Mode
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """An experiment that was simulated.
+
+    Attributes
+    ----------
+    experiment : its description
+    baseline, design : the two runs; no baseline without one in the description
+    least_virtual : least share of the baseline's virtual mass and damping that is stable; None without one
+    difference : of the commands of a firmware, where one ran in the place of the design's own, whose `mode` stays
+    """
+
+    experiment: Experiment
+    baseline: Run | None
+    design: Run
+    least_virtual: float | None
+    difference: Difference | None = None
+
+
+def simulate(
+    problem: Problem,
+    gains: Gains,
+    coupling: AnyCoupling,
+    experiment: Experiment,
+    progress: Callable[[str], None] = lambda stage: None,
+    controller: Controller | None = None,
+    tolerance: float | None = None,
+) -> Simulated:
+    """Simulate an experiment with a design and with its regular PID.
+
+    Parameters
+    ----------
+    problem : the device
+    gains, coupling : the design
+    experiment : one of the problem's, or any other
+    progress : told the stage of the work
+    controller : a firmware in the place of the design's own; None for none
+    tolerance : greatest difference of its commands from the design's that passes, N; None for what rounding explains
+
+    Returns
+    -------
+    Simulated
+        Traces, SI units, and what was measured on them; no measures of a run that diverged.
+    """
+
+    def ran(scene: Scene, name: str) -> Run:
+        return judged(scene, run(scene, lambda share: progress(f"{experiment.name}, {name} {share:.0%}")))
+
+    def judged(scene: Scene, traces: Traces) -> Run:
+        measured = None
+        if traces.diverged is None:
+            measured = metrics(traces, experiment.environment, experiment.operator, experiment.limit)
+        return Run(traces, measured, fastest_mode(scene))
+
+    scene, difference = designed_scene(problem.device, gains, coupling, experiment), None
+    if controller is None:
+        design = ran(scene, "design")
+    else:
+        traces, difference = run_in_the_loop(
+            scene, controller, lambda share: progress(f"{experiment.name}, firmware {share:.0%}"), tolerance
+        )
+        design = judged(scene, traces)
+    pid = experiment.baseline
+    if pid is None:
+        return Simulated(experiment, None, design, None, difference)
+    baseline = ran(baseline_scene(problem.device, experiment, pid), "baseline")
+    return Simulated(experiment, baseline, design, least_virtual(problem.device, experiment, pid), difference)

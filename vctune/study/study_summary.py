@@ -1,0 +1,75 @@
+"""What a sweep found, in a few numbers: the best, the worst, and where there is no design."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+
+import numpy as np
+
+from vctune.document.records.rows_json import CornerRecord, ObjectiveRecord, SweepRecord
+from vctune.document.study_file import Study
+from vctune.study.study_table import Table
+
+
+def summary(study: Study, table: Table) -> SweepRecord:
+    """Return what a sweep found: counts by status, yardstick, best and worst design, corner without designs.
+
+    The corner is the smallest box, over the axes, that holds every point without a certified design; `share` is how
+    much of it they fill.
+
+    Parameters
+    ----------
+    study : what was solved
+    table : a row a point
+    """
+    certified, error = table.certified, table.numbers["error"]
+    order = np.flatnonzero(certified)[np.argsort(error[certified], kind="stable")]
+    return SweepRecord(
+        study=study.name,
+        points=len(table.status),
+        status=dict(sorted(Counter(table.status).items())),
+        idle=int(table.idle.sum()),
+        yardstick=_yardstick(study),
+        stability_high_hz=_edges(study, table),
+        units=table.units,
+        best=table.row(int(order[0])) if order.size else None,
+        worst=table.row(int(order[-1])) if order.size else None,
+        corner=_corner(table) if not certified.all() else None,
+    )
+
+
+def _yardstick(study: Study) -> ObjectiveRecord:
+    measured = study.yardstick
+    return ObjectiveRecord(
+        band_hz=list(measured.band.hz),
+        reference_impedance=measured.reference_impedance,
+        norm=measured.norm,
+        weights=asdict(measured.weights),
+        varied=[axis.key for axis in study.axes if axis.path[0] == "transparency"],
+    )
+
+
+def _edges(study: Study, table: Table) -> list[float | None] | None:
+    """Return the least and the greatest upper edge of the points' own stability bands; None where all have one."""
+    varied = any(axis.path[:2] == ("stability", "band_hz") for axis in study.axes)
+    stated = varied or "band_hz" in study.document.get("stability", {})
+    edges = table.numbers["stability_high_hz"][table.certified]
+    if stated or not edges.size or not edges.min() < edges.max():
+        return None
+    return [float(edges.min()), float(edges.max())]
+
+
+def _corner(table: Table) -> CornerRecord:
+    without = ~table.certified
+    low = {key: float(column[without].min()) for key, column in table.axes.items()}
+    high = {key: float(column[without].max()) for key, column in table.axes.items()}
+    inside = np.logical_and.reduce([(column >= low[key]) & (column <= high[key]) for key, column in table.axes.items()])
+    reasons = Counter(reason for reason, lacks in zip(table.reason, without, strict=True) if lacks)
+    return CornerRecord(
+        points=int(without.sum()),
+        share=float(without.sum() / inside.sum()),
+        low=low,
+        high=high,
+        reason=reasons.most_common(1)[0][0],
+    )

@@ -1,0 +1,186 @@
+"""The rows of a study as columns, in the order of its points: what is written, drawn and summed up."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from io import StringIO
+from math import isnan, nan
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.analysis.extrema import Floats
+from vctune.design.verdict.judge import Status
+from vctune.document.axes import number_keys
+from vctune.document.records.rows_json import DESIGN, NUMBERS
+from vctune.document.schema.number_units import heading, unit_of
+from vctune.document.study_file import Study
+from vctune.markup import html_table
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.units import UNITS, UnitSystem
+from vctune.study.points import points
+from vctune.study.rows import Rows
+
+MOST_SHOWN = 50
+"""Rows that a notebook shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Columns of equal length.
+
+    Attributes
+    ----------
+    axes : values of the axes, by dotted key
+    status, reason : texts; a certified point has no reason, ""
+    idle : which designs are certified and hardly use their velocity loop
+    numbers : error, terms, design, ratio, what is felt and the yardstick (`vctune.document.records.rows_json.COLUMNS`), nan where
+        there is none
+    system : of units, the problem's
+    """
+
+    axes: dict[str, Floats]
+    status: list[str]
+    idle: NDArray[np.bool_]
+    reason: list[str]
+    numbers: dict[str, Floats]
+    system: UnitSystem = "linear"
+
+    @property
+    def certified(self) -> NDArray[np.bool_]:
+        """Which points have a certified design."""
+        return np.array([status == Status.CERTIFIED for status in self.status], dtype=bool)
+
+    def columns(self) -> dict[str, Any]:
+        """Return every column by its name."""
+        return {**self.axes, "status": self.status, "idle": self.idle, **self.numbers, "reason": self.reason}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each column that has one."""
+        units = UNITS[self.system]
+        of_axes = {key: unit_of(number_keys()[key], units) for key in self.axes}
+        of_numbers = {name: units.of(quantity) for name, quantity in NUMBERS.items()}
+        return {
+            name: unit
+            for name, unit in {**of_axes, **of_numbers}.items()
+            if unit and (name in of_axes or name in self.numbers)
+        }
+
+    def headed(self) -> dict[str, Any]:
+        """Return every column by its name with its unit, as files have them."""
+        units = self.units
+        return {heading(name, units.get(name, "")): column for name, column in self.columns().items()}
+
+    def row(self, i: int) -> dict[str, Any]:
+        """Return one row; what there is not is None."""
+        return {name: _plain(column[i]) for name, column in self.columns().items()}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return every row; what there is not is None."""
+        return [self.row(i) for i in range(len(self.status))]
+
+    def _repr_html_(self) -> str:
+        columns, count = self.columns(), len(self.status)
+        shown = [list(self.row(i).values()) for i in range(min(count, MOST_SHOWN))]
+        return html_table(f"{count} points", shown, list(columns))
+
+    def subset(self, chosen: NDArray[np.intp]) -> Table:
+        """Return some of the rows, in the given order."""
+        return Table(
+            {key: column[chosen] for key, column in self.axes.items()},
+            [self.status[i] for i in chosen],
+            self.idle[chosen],
+            [self.reason[i] for i in chosen],
+            {name: column[chosen] for name, column in self.numbers.items()},
+            self.system,
+        )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, str):
+        return value or None
+    if isinstance(value, np.bool_):
+        return bool(value)
+    return None if isnan(value) else float(value)
+
+
+def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
+    """Return the table of a study.
+
+    Parameters
+    ----------
+    study : the study
+    rows : its rows, one for each point
+    keys : of each point's row, in the order of the points
+    """
+    values = np.array(list(points(study)), dtype=float).reshape(-1, len(study.axes))
+    numbers = {name: np.full(len(keys), nan) for name in _columns(study)}
+    status, idle, reason = [], [], []
+    for i, row in enumerate(rows.read(keys)):
+        status.append(row["status"])
+        idle.append(row["idle"])
+        reason.append(row["reason"] or "")
+        for name, column in numbers.items():
+            column[i] = nan if row[name] is None else row[name]
+    axes, system = {axis.key: values[:, k] for k, axis in enumerate(study.axes)}, study.document["device"].get("units")
+    return Table(axes, status, np.array(idle, dtype=bool), reason, numbers, system or "linear")
+
+
+def _columns(study: Study) -> list[str]:
+    """Return the numbers that the designs of a study's display have."""
+    renders_force = study.document["device"].get("display") == "impedance"
+    absent = {DESIGN[key] for key in set(DESIGN) - set(SPRING_KEYS[:1] + SPRING_KEYS[2:] if renders_force else KEYS)}
+    return [name for name in NUMBERS if name not in absent]
+
+
+def csv_text(table: Table) -> str:
+    """Return a table as CSV: numbers in their shortest exact decimals, nothing where there is none."""
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    columns = table.headed()
+    writer.writerow(columns)
+    for i in range(len(table.status)):
+        plain = (_plain(column[i]) for column in columns.values())
+        writer.writerow(
+            str(value).lower() if isinstance(value, bool) else "" if value is None else value for value in plain
+        )
+    return stream.getvalue()
+
+
+def parquet_bytes(table: Table) -> bytes | None:
+    """Return a table as a Parquet file, or None where pyarrow is not installed."""
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+    except ImportError:
+        return None
+    stream = pa.BufferOutputStream()
+    columns = {name: [_plain(value) for value in column] for name, column in table.headed().items()}
+    types = (
+        dict.fromkeys(columns, pa.float64()) | dict.fromkeys(("status", "reason"), pa.string()) | {"idle": pa.bool_()}
+    )
+    pq.write_table(pa.table({name: pa.array(column, types[name]) for name, column in columns.items()}), stream)
+    return bytes(stream.getvalue().to_pybytes())
+
+
+def table_files(table: Table, folder: Path, stem: str) -> dict[Path, str | bytes]:
+    """Return the files of a table: CSV, and Parquet where it can be made.
+
+    Parameters
+    ----------
+    table : a row a point
+    folder : for the files
+    stem : of their names
+
+    Returns
+    -------
+    dict
+        Contents by path; Parquet needs pyarrow.
+    """
+    parquet = parquet_bytes(table)
+    files: dict[Path, str | bytes] = {folder / f"{stem}.csv": csv_text(table)}
+    return files if parquet is None else {**files, folder / f"{stem}.parquet": parquet}
