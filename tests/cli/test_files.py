@@ -69,7 +69,8 @@ write_together({Path("a"): "new", Path("b"): "new", Path("c"): "new"}, [Path("d"
 """,
 )
 COMMAND = """
-import vctune.cli, vctune.design.verdict.repair, vctune.design.solve, vctune.report.design_report, vctune.simulation.two_runs
+import vctune.cli, vctune.design.verdict.repair, vctune.design.solve
+import vctune.report.design_report, vctune.simulation.two_runs
 from vctune.document.reading import read_problem
 
 def once(module, name, *arguments):

@@ -166,9 +166,8 @@ LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
 
 
 def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
-    monkeypatch.setattr(
-        "vctune.design.verdict.gains_check.repairs_of_design", lambda *design: []
-    )  # they are looked for below
+    # repairs are looked for below
+    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
     changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED

@@ -69,18 +69,18 @@ def test_the_library_knows_no_command():
 
 
 def test_the_proof_knows_no_optimiser_and_no_estimate():
-    for path in (PACKAGE / "proof").glob("*.py"):
+    for path in (PACKAGE / "proof").rglob("*.py"):
         for name in imports(path):
             assert not name.startswith(("casadi", "vctune.design", "vctune.analysis")), path
 
 
 def test_the_bound_knows_of_the_search_only_how_a_problem_is_posed_and_judged():
-    known = {"bound", "prepared", "variables", "shapes", "judge"}
-    found = {"search.py", "branching.py", "stability.py", "nodes.py", "resume.py"}
+    known = ("bound.", "prepared", "variables", "search.shapes", "verdict.judge")
+    found = {"search.py", "strong_branching.py", "stability_bound.py", "nodes.py", "resume.py"}
     for path in (PACKAGE / "design/bound").glob("*.py"):
         for name in imports(path):
             if name.startswith("vctune.design."):
-                assert name.split(".")[2] in known, f"{path} imports {name}"
+                assert name.removeprefix("vctune.design.").startswith(known), f"{path} imports {name}"
             assert path.name in found or not name.startswith(("casadi", "vctune.analysis")), path
 
 
@@ -171,12 +171,3 @@ def test_public_functions_say_what_they_take_give_and_refuse():
         if not place.startswith(IN_A_LINE):
             for function in public_functions(ast.parse(path.read_text())):
                 assert list(lacking(function)) == [], f"{place}: {function.name}"
-
-
-def test_top_level_holds_what_the_users_named():
-    allowed = {"pyproject.toml", "vctune", "problems", "tests", "results", "README.md", "LICENSE"}
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False).stdout.split(
-        "\n"
-    )
-    tops = {line.split("/")[0] for line in tracked if line and not line.startswith(".")}
-    assert tops <= allowed

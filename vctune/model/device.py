@@ -137,7 +137,7 @@ class Device:
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
     unmodelled : which of the responses that are as good as its own; None for its own
     display : what it makes of what
-    units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then its inertia
+    units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
     """
 
     mass: Number

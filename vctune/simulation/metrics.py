@@ -13,8 +13,9 @@ from vctune.simulation.run import Traces
 
 TURNING_POINT = 0.1
 """Share of the travel at each end that is a turning point; also the share of the speed that is near zero. The
-hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half: that would be measured too.
-Twice: less of the stroke would be. Both change the ripple, which is for comparing controllers, a little."""
+hand gains speed within the first 6 % of the travel (`vctune.simulation.mechanics.intended_motion.RAMP`). Half: that
+would be measured too. Twice: less of the stroke would be. Both change the ripple, which is for comparing controllers,
+a little."""
 N_POSITIONS = 400
 """Positions at which loading and unloading are compared, finer than a figure. Half as many follow the curves still;
 twice as many say no more."""

@@ -68,8 +68,8 @@ def _sensitivity_over_limit(relaxed: Relaxation, boxes: DesignBoxes) -> Floats:
 def without_integrator(problem: Problem, boxes: DesignBoxes) -> Flags:
     """Return the boxes no admissible design of which has K_p > 0: b_0 is below every limit of R at omega = 0.
 
-    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.loop.limits`), where
-    there is no structure, and no operator unless the device is ideal.
+    With k = K_v - tau K_p the limit is ((b + tau_s K_p)^2 - 4 b_h k)/(4 (b + b_h + k)) (`vctune.model.loop.limits`),
+    where there is no structure, and no operator unless the device is ideal.
 
     Parameters
     ----------

@@ -27,7 +27,7 @@ from vctune.design.variables import Coordinate, Point, coordinates, design_of, p
 from vctune.model.problem import Problem
 from vctune.running import OutOfTimeError, check_time
 
-# tests/design/test_search_constants.py solves the reference problems and the basins with each constant halved and doubled.
+# tests/design/test_search_constants.py solves references and basins with each constant halved and doubled.
 
 TIGHTENING = 1e-6
 """By what share the demands are sharpened. It covers the rounding to eight digits and IPOPT's tolerance, 1e-9. The

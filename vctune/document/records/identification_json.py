@@ -9,7 +9,7 @@ from pydantic import Field
 
 from vctune.document.records.part import Document, Number, Pair, Part
 from vctune.document.schema.experiment_contradictions import MOST_SAMPLES
-from vctune.document.schema.experiment_schema import OperatorTable
+from vctune.document.schema.experiment_schema import SceneOperatorTable
 from vctune.document.text.errors import printable
 from vctune.document.text.toml_writing import toml_text
 from vctune.model.experiment import usual_share
@@ -233,7 +233,7 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
 def _experiment(record: IdentificationRecord) -> dict[str, Any]:
     made: dict[str, Any] = {"name": "as identified"}
     bristles: dict[str, float] = {}
-    cycles = OperatorTable.model_fields["cycles"].default
+    cycles = SceneOperatorTable.model_fields["cycles"].default
     furthest = 0.9 * MOST_SAMPLES * record.sample_time * STROKE["speed"] / (pi * cycles)
     if record.rotary or furthest < STROKE["to"]:
         made["operator"] = STROKE | {"to": min(STROKE["to"], float(f"{furthest:.2g}"))}

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import pi
 from typing import Any
 
-from vctune.document.schema.experiment_schema import EnvironmentTable, OperatorTable
+from vctune.document.schema.experiment_schema import EnvironmentTable, SceneOperatorTable
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 
@@ -41,7 +41,7 @@ def _value(table: dict[str, Any], model: Any, group: str, key: str) -> float | N
 
 def _hand(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
     start, end, speed, cycles, damping, stiffness = (
-        _value(table, OperatorTable, "operator", key)
+        _value(table, SceneOperatorTable, "operator", key)
         for key in ("from", "to", "speed", "cycles", "damping", "stiffness")
     )
     if damping == 0 and stiffness == 0:

@@ -25,7 +25,7 @@ class EnvironmentTable(Table):
     )
 
 
-class OperatorTable(Table):
+class SceneOperatorTable(Table):
     """The hand: its mass is on the handle, and a spring and a damper hold it to the intended motion."""
 
     motion: Literal["reciprocate", "sine"] = Field(
@@ -88,7 +88,7 @@ class ExperimentTable(Table):
         description="Name, unlike that of any other experiment: letters, digits, spaces and _ . , + -",
     )
     environment: EnvironmentTable = Field(default_factory=EnvironmentTable)
-    operator: OperatorTable = Field(default_factory=OperatorTable)
+    operator: SceneOperatorTable = Field(default_factory=SceneOperatorTable)
     friction: FrictionTable | None = Field(None)
     sensors: SensorsTable = Field(default_factory=SensorsTable)
     actuator: LimitTable = Field(default_factory=LimitTable)

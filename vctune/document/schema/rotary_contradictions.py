@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from vctune.document.schema.experiment_schema import FrictionTable, OperatorTable
+from vctune.document.schema.experiment_schema import FrictionTable, SceneOperatorTable
 from vctune.document.schema.number_units import unit_of, units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.model.hands import HAND
@@ -24,7 +24,7 @@ def missing_of_rotary(raw: dict[str, Any]) -> Iterator[Contradiction]:
     tables = raw.get("experiment")
     for index, table in enumerate(tables if isinstance(tables, list) else []):
         stated = table if isinstance(table, dict) else {}
-        yield from _defaults(("experiment", index, "operator"), stated.get("operator", {}), OperatorTable)
+        yield from _defaults(("experiment", index, "operator"), stated.get("operator", {}), SceneOperatorTable)
         yield from _defaults(("experiment", index, "friction"), stated.get("friction"), FrictionTable)
 
 

@@ -82,8 +82,8 @@ class ArrayArithmetic(Arithmetic, Protocol):
 
 SERIES_BELOW = 0.05
 """Where phi_2 changes from its series to its formula, whose subtraction loses a factor 2/x of the precision. Half:
-a factor 2 more is lost, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. Twice: what the series of eight
-terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
+a factor 2 more is lost, and `vctune.proof.enclosures.jets.PHI_ERROR` would no longer hold. Twice: what the series of
+eight terms leaves out, 1e-17 here, would be 3e-15, no longer less than rounding."""
 
 
 CURVATURE_BELOW = 0.5

@@ -28,9 +28,9 @@ some of the latter."""
 def prove_model_poles(device: Device, gains: Gains) -> Outcome:
     """Prove that the zeros of D, the poles of G_hh, lie in the open left half plane.
 
-    The curve of D (`vctune.proof.claims.margins_of_claims.model_curve`) is followed from omega = 0, where it is real and positive, to
-    `curve_end`, beyond which its argument stays within half a turn. With no zero on the axis, there is none to its
-    right if and only if the argument is there what it is for a curve without one.
+    The curve of D (`vctune.proof.claims.margins_of_claims.model_curve`) is followed from omega = 0, where it is
+    real and positive, to `curve_end`, beyond which its argument stays within half a turn. With no zero on the axis,
+    there is none to its right if and only if the argument is there what it is for a curve without one.
 
     Parameters
     ----------

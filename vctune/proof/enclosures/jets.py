@@ -22,8 +22,8 @@ NumPy evaluates them by the C library, or by Intel's SVML on processors with AVX
 for each of them ("Known Maximum Errors in Math Functions" of its manual), 2 for its vector variants; NumPy states at
 most 4 for SVML (numpy/numpy, pull request 19478), below 1 for the high-accuracy variants that replaced them
 (24006), and its own tests ask for 1 (umath-validation-set-*.csv). Eight are twice the worst of these. These are
-measurements of others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60 digits and
-more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
+measurements of others, not theorems: `tests/proof/test_enclosures.py` measures on the machine at hand, against 60
+digits and more. Half would be the worst that is stated, without reserve; twice widens what has no width by 2e-15.
 """
 PHI_ERROR = 1e-13
 """Bound on the relative error of `FLOATS.phi_1`, `phi_2` and `sinc_curvature` for 0 <= x <= 1e100; a problem file has

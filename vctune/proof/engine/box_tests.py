@@ -180,7 +180,7 @@ def misses_zero(curve: Curve, fixed: Values, sufficient: Margin | None = None) -
 
 
 def turned_angles(curve: Curve, fixed: Values) -> Callable[[Boxes], Floats]:
-    """Return how far a curve that misses 0 turns around it over a box's frequencies, rad (`vctune.proof.engine.winding`).
+    """Return how far a curve that misses 0 turns around it over a box's frequencies, rad.
 
     The box is a single one of everything but the frequency. It is nan where rounding leaves open on which side of half
     a turn a box lies.

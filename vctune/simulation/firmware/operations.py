@@ -1,4 +1,4 @@
-"""The operations of controller and friction on plain floats; `vctune.simulation.mechanics.step` has them on CasADi symbols."""
+"""Operations of controller and friction on plain floats; `vctune.simulation.mechanics.step` has them on symbols."""
 
 from __future__ import annotations
 
