@@ -6,6 +6,7 @@ the problems, one folder a page; a line that starts with "$ " is a command, what
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from gallery import gallery
@@ -101,7 +103,33 @@ def columns() -> str:
     return "\n".join([*rows, "| `reason` | why there is no certified design |"]) + "\n"
 
 
+def modules(package: str) -> str:
+    """Return the modules of a package, room by room, each with what its docstring says first."""
+    top = ROOT / package
+    rows = ["| module | what it is about |", "|---|---|"]
+    for folder in [top, *sorted(path.parent for path in top.rglob("__init__.py") if path.parent != top)]:
+        if folder != top and (folder / "README.md").exists():
+            continue  # it has a guide of its own
+        if folder != top:
+            rows.append(f"| **`{folder.relative_to(top)}/`** | **{_first(folder / '__init__.py')}** |")
+        rows += [f"| `{path.name}` | {_first(path)} |" for path in sorted(folder.glob("[!_]*.py"))]
+    return "\n".join(rows) + "\n"
+
+
+def _first(path: Path) -> str:
+    """Return the first paragraph of a module's docstring, in a cell of a table."""
+    text = ast.get_docstring(ast.parse(path.read_text())) or ""
+    return " ".join(text.partition("\n\n")[0].split()).replace("|", "\\|")
+
+
+PACKAGES = [
+    path.parent.relative_to(ROOT).as_posix()
+    for path in sorted((ROOT / "vctune").rglob("README.md"))
+    if path.parent != ROOT / "vctune"
+]
+"""The folders whose guide names their modules."""
 TABLES: dict[str, Callable[[], str]] = {
+    **{f"modules of {package}": partial(modules, package) for package in PACKAGES},
     "reference": lambda: reference(json_schema()),
     "log": lambda: reference(schema_of(LogDocument, "vctune log")),
     "columns": columns,

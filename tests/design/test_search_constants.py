@@ -13,12 +13,14 @@ import pytest
 from conftest import ROOT, for_passive_hands
 
 from vctune.analysis import in_hands, resonance
-from vctune.design import (
+from vctune.design import solve as solving
+from vctune.design.bound import search
+from vctune.design.bound import strong_branching as branching
+from vctune.design.nlp import ipopt, nlp_structure
+from vctune.design.search import (
     exchange,
     gain_limit,
     grid,
-    ipopt,
-    nlp_structure,
     optimum,
     refine,
     samples,
@@ -27,9 +29,6 @@ from vctune.design import (
     violations,
     worst,
 )
-from vctune.design import solve as solving
-from vctune.design.bound import search
-from vctune.design.bound import strong_branching as branching
 from vctune.design.verdict.judge import Status
 from vctune.document.reading import parse_problem, read_problem
 from vctune.proof import device_box as devices

@@ -11,12 +11,13 @@ import pytest
 from conftest import mostly_slow
 from random_devices import decades, decimal
 
+from vctune.analysis.demands import sensitivity_maxima
 from vctune.analysis.in_hands import least_ratios
 from vctune.design.prepared import pose
 from vctune.design.solve import solve
 from vctune.design.variables import ranges
 from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.judge import Status, judge
+from vctune.design.verdict.judge import Status, judge, least_ratio
 from vctune.design.verdict.prices import with_prices
 from vctune.document import reading
 from vctune.document.reading import ProblemFile
@@ -86,12 +87,20 @@ def test_one_microsecond_does_not_decide(number):
             assert not solved.judgement or solved.status is Status.UNDECIDED
             continue
         design = solved.judgement.gains, solved.judgement.coupling
-        for other in problems[1:] if jumps else ():
-            assert judge(other, *design).status is Status.CERTIFIED
-        for other in problems:  # what touches a limit misses it by no more than the delay differs
-            judged = judge(other, *design)
-            assert judged.min_ratio > 1.05 * (1 - 0.05)
-            assert judged.peak_sensitivity < 2 * (1 + 0.05)
+        for other in problems:
+            if other is made_for:
+                continue
+            if jumps and other is not problems[0]:
+                assert judge(other, *design).status is Status.CERTIFIED
+            # what touches a limit misses it by no more than the delay differs
+            assert least_ratio_of(other, *design) > 1.05 * (1 - 0.05)
+            assert -sensitivity_maxima(other, design[0]).value[0] < 2 * (1 + 0.05)
+
+
+def least_ratio_of(problem: Problem, gains: Gains, coupling: Coupling) -> float:
+    """Return the least ratio of a design by estimate, on the band and in hands, as far as they are to be met."""
+    found = [worst.ratio for worst in least_ratios(problem, gains, coupling)]
+    return min([*found, least_ratio(problem, gains, coupling)[0]] if problem.passive else found)
 
 
 JUMPING = """
