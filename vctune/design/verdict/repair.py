@@ -97,8 +97,8 @@ def _judged(problem: Problem) -> Judgement | None:
 def _solved(problem: Problem) -> Judgement | None:
     from vctune.design.solve import solve
 
-    # in hands the search of every box takes half a minute, as long as all repairs may take
-    solved = solve(problem, exhaustive=problem.hands_met is None)
+    # the search of every box takes up to half a minute, as long as all repairs may take
+    solved = solve(problem, exhaustive=False)
     if solved.cut:  # is no answer
         raise OutOfTimeError
     judgement = solved.judgement
