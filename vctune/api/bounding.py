@@ -33,8 +33,8 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import write_together
 from vctune.markup import html_facts
 from vctune.report.page.contents import report_paths
-from vctune.running import OutOfTimeError
 from vctune.running import time_limit as limited
+from vctune.running import unlimited
 
 SAVED = "bound.npz"
 
@@ -119,7 +119,8 @@ def bound(
     Returns
     -------
     Bounded
-        The bound is valid whenever the search ends. `optimality` is None where the time limit left none.
+        The bound is valid whenever the search ends. `optimality` is None where the time limit cut the
+        proof of the design.
 
     Raises
     ------
@@ -135,19 +136,16 @@ def bound(
         if known.best is not None and known.best.certificate.cut:
             return Bounded(file, known.record, known.best, None)
         prepared = prepare(file.problem)
-        try:
-            found = search(
-                prepared.given,
-                known.best,
-                partial(improved, prepared),
-                gap=gap,
-                jobs=jobs,
-                resume=known.resume,
-                stopped=stopped,
-                progress=lambda at: progress(str(at)),
-            )
-        except OutOfTimeError:
-            return Bounded(file, known.record, known.best, None)
+        found = search(
+            prepared.given,
+            known.best,
+            partial(improved, prepared),
+            gap=gap,
+            jobs=jobs,
+            resume=known.resume,
+            stopped=stopped,
+            progress=lambda at: progress(str(at)),
+        )
     return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
 
 
@@ -241,8 +239,9 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
         )
     if record.design is None:
         return record, None
-    best = judge(file.problem, *record.design)
-    if best.status is not Status.CERTIFIED and not best.certificate.cut:
+    with unlimited():  # the limit is that of the search
+        best = judge(file.problem, *record.design)
+    if best.status is not Status.CERTIFIED:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError.of(str(path), "not-certified", message, key="gains")
     return record, best

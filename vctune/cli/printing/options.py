@@ -85,7 +85,7 @@ def time_limit_option(of: str = "") -> Added:
     text = f"Stop{of} after so many seconds with what is known by then, exit code 3."
     return click.option(
         "--time-limit",
-        type=click.FloatRange(0, min_open=True),
+        type=click.FloatRange(0),
         default=inf,
         show_default="none",
         metavar="S",
