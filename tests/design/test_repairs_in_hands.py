@@ -12,7 +12,8 @@ from test_repairs import certified, changed, each_repair_is_least, parsed
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.judge import judge
 from vctune.design.verdict.parameter_changes import parameter_changes
-from vctune.design.verdict.repair import OF_FIXED, OF_FREE, RepairTest, find_repairs
+from vctune.design.verdict.repair import OF_FIXED, OF_FREE, find_repairs
+from vctune.design.verdict.trial import RepairTest
 
 FIXED = (ROOT / "results/friction-wheel-hands/gains.toml").read_text().partition("[design]")[0]
 """Gains that are certified in the default hands, with 1.05 of the required R."""

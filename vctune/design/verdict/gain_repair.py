@@ -8,18 +8,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from vctune.design.result import Repair
 from vctune.design.verdict.judge import Judgement
 from vctune.design.verdict.parameter_changes import ParameterChange, change_of_gain
+from vctune.design.verdict.trial import RepairTest
 from vctune.document.gains_file import design_numbers, design_tables
 from vctune.document.reading import pose
 from vctune.model.problem import Problem, Range
 from vctune.running import check_time
-
-if TYPE_CHECKING:
-    from vctune.design.verdict.repair import RepairTest
 
 MOST_DRAG = 10.0
 """The greatest drag that is tried, in reference impedances: what is felt of it alone is an error of about ten. Half and

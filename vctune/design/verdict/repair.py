@@ -22,6 +22,7 @@ from vctune.design.result import Repair, Solved
 from vctune.design.verdict.gain_repair import best_values, edits, repair_of, solved_numbers, undone
 from vctune.design.verdict.judge import IDLE, Judgement, Status, judge, least_ratio
 from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
+from vctune.design.verdict.trial import RepairTest
 from vctune.document.gains_file import design_tables
 from vctune.document.reading import ProblemFile, pose
 from vctune.document.text import toml
@@ -51,24 +52,6 @@ SLACK = 1e-5
 """By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True, slots=True)
-class RepairTest:
-    """How a changed problem is tried.
-
-    Attributes
-    ----------
-    estimate : a first opinion
-    verify : its design, if that is certified; None if there is none
-    width : how closely the least change is bracketed, relative
-    furthest_first : whether a change that may not suffice however far it goes is given up at once
-    """
-
-    estimate: Callable[[Problem], bool]
-    verify: Callable[[Problem], Judgement | None]
-    width: float
-    furthest_first: bool = False
 
 
 def _seems_admissible(problem: Problem) -> bool:
