@@ -27,7 +27,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     from vctune.api.bounding import require_free
     from vctune.api.folders import design_folder
     from vctune.api.studies import front as find
-    from vctune.cli.printing.output import answer
+    from vctune.cli.printing.output import answer, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
     from vctune.document.reading import read_problem
     from vctune.document.text.errors import printable
@@ -35,6 +35,7 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
 
     file = require_free(read_problem(problem), "trade")
     folder = design_folder(file, out) / "front"
+    warn_of_doubts(file.problem, quiet=quiet)
 
     def bar(name: str, points: int) -> AbstractContextManager[Callable[[], None]]:
         return bar_on_stderr(f"vctune front: {name}", points, shown=not quiet)
