@@ -144,7 +144,7 @@ def test_less_delay_than_whole_samples_is_worth_nothing():
         solve(replace(problem, device=replace(problem.device, delay=factor * price.old))).judgement.error
         for factor in (0.99, 1.0, 1.01)
     )
-    assert abs(price.change) < 1e-6
+    assert abs(price.change) < 1e-5  # a hundredth of it is shown
     assert less == pytest.approx(here, rel=1e-5) and more > 1.005 * here
 
 
