@@ -31,7 +31,7 @@ def test_three_numbers_are_solved_strictly(tmp_path):
     [
         PASSIVE.replace("passive", "both"),
         pytest.param(PASSIVE.replace("passive", "hands"), marks=pytest.mark.slow),
-        PASSIVE + "band_hz = [0.0, 500.0]\n",
+        pytest.param(PASSIVE + "band_hz = [0.0, 500.0]\n", marks=pytest.mark.slow),
     ],
     ids=["both", "hands", "all frequencies"],
 )

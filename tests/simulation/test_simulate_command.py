@@ -77,6 +77,7 @@ def test_it_solves_simulates_and_reports(made):
         assert len(traces["spring/design/force"]) == record["experiments"][0]["samples"]
 
 
+@pytest.mark.slow
 def test_reports_with_experiments_are_made_again_to_the_byte(again):
     folder = again / "results/device"
     before = {path.name: path.read_bytes() for path in folder.iterdir()}

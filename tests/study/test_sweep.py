@@ -431,6 +431,7 @@ def test_one_run_at_a_time(tmp_path, finished):
                 pass
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_run_and_keeps_the_rows(tmp_path):
     path = write_study(tmp_path, MANY.format(6), FIXED)
     limited = (
