@@ -162,9 +162,7 @@ class AnyHandRecord(DisplayPart):
 class WholeSampleRecord(Part):
     """What is proved on both sides of a whole number of samples of delay, where the sensed force jumps."""
 
-    verdict: Annotated[
-        Proof, Shown("either side", "of a delay of {samples} samples, {delay} s, where the sensed force jumps")
-    ]
+    verdict: Annotated[Proof, Shown("either side", "of {samples} T = {delay} s of delay, where the sensed force jumps")]
     samples: int
     delay: float
 
