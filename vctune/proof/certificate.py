@@ -198,7 +198,7 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
     if demands.any_hand:
         proofs[Claim.ANY_HAND] = partial(prove_any_hand, design, demands, box)
     if demands.hands is not None:
-        in_hands = Claim.FORCE_HANDS if design.device.renders_force else Claim.HANDS
+        in_hands = Claim.FORCE_HANDS if design.device.kind.inverse else Claim.HANDS
         proofs[in_hands] = partial(prove_hands, design, demands, box)
     with ctx.workprec(PRECISION), aloud():
         for number, (name, proof) in enumerate(proofs.items(), 1):

@@ -111,7 +111,7 @@ class Judgement:
     @property
     def ratio_name(self) -> str:
         """What is called the least ratio: of the impedances, or of an impedance display of the admittances."""
-        return "least Re 1/Z_c / R" if self.tightest.renders_force else "least Re Z_c / R"
+        return f"least {self.tightest.kind.ratio}"
 
     @property
     def facts(self) -> dict[str, float | str | None]:
