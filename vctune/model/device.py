@@ -64,6 +64,24 @@ class ForceSensor:
 
 
 @dataclass(frozen=True, slots=True)
+class Servo:
+    """A closed loop that follows a velocity or position command late, and which the hand cannot push.
+
+    Attributes
+    ----------
+    delay : from sampling to motion beyond the hold, s, >= 0
+    bandwidth_hz : of the low-pass from the late command to the motion, Hz, > 0
+    order : of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
+    command : "velocity", held over a sample, or "position", interpolated linearly over it
+    """
+
+    delay: Number
+    bandwidth_hz: Number
+    order: int = 1
+    command: Literal["velocity", "position"] = "velocity"
+
+
+@dataclass(frozen=True, slots=True)
 class Structure:
     """A handle on a spring: the device's mass is in two, and the motor's part is what is measured and driven.
 
@@ -101,7 +119,7 @@ class Unmodelled:
         return f"response off by {self.share:.3g} r at {degrees(self.phase):.4g} deg"
 
 
-PARTS = ("velocity", "actuator", "force_sensor", "structure")
+PARTS = ("velocity", "actuator", "force_sensor", "structure", "servo")
 """The tables of a device that say what an ideal one has not."""
 NUMBERS = (
     "mass",
@@ -115,8 +133,12 @@ NUMBERS = (
     "structure.handle_mass",
     "structure.frequency_hz",
     "structure.damping_ratio",
+    "servo.delay",
+    "servo.bandwidth_hz",
 )
 """The numbers of a device by their keys in its table."""
+INERT = ("mass", "damping", "delay")
+"""Those that a servo does not have: nothing depends on their values then."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
 """What tells apart the responses of one device."""
 
@@ -127,13 +149,14 @@ class Device:
 
     Attributes
     ----------
-    mass : kg, > 0
-    damping : N s/m, >= 0
+    mass : kg, > 0; 1 for a servo, on which nothing depends
+    damping : N s/m, >= 0; 0 for a servo
     sample_time : s, > 0
     delay : s, >= 0, from sampling to actuation, beyond the hold
     hold : "zoh", the exact (1-e^{-sT})/(sT), or "lag", the paper's 2/(2+sT)
     operator : what is always at the handle; None if nothing need be
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
+    servo : the vendor's loop of a servo; None for any other display
     unmodelled : which of the responses that are as good as its own; None for its own
     display : name of its kind (`vctune.model.display`)
     units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
@@ -151,6 +174,7 @@ class Device:
     structure: Structure | None = None
     unmodelled: Unmodelled | None = None
     display: DisplayName = "admittance"
+    servo: Servo | None = None
     units: UnitSystem = "linear"
 
     @property
@@ -217,7 +241,7 @@ class Device:
 
     def numbers(self) -> dict[str, Number]:
         """Return the numbers that it has, by their keys."""
-        found = {key: self.number(key) for key in NUMBERS}
+        found = {key: self.number(key) for key in NUMBERS if self.servo is None or key not in INERT}
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
@@ -267,7 +291,12 @@ class Device:
     @property
     def loop_lag(self) -> Number:
         """tau = T/2 + delay, the low-frequency lag of hold and delay, s."""
-        return self.sample_time / 2 + self.delay
+        return self.sample_time / 2 + self.latency
+
+    @property
+    def latency(self) -> Number:
+        """The delay from sampling to actuation, beyond the hold, s."""
+        return self.delay if self.servo is None else self.servo.delay
 
 
 def stacked(devices: Sequence[Device]) -> Device:

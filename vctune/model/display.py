@@ -14,7 +14,7 @@ from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 from vctune.model.numbers.units import Units
 
-DisplayName = Literal["admittance", "impedance"]
+DisplayName = Literal["admittance", "impedance", "servo"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +32,7 @@ class Display:
     senses_force : whether its firmware reads the force of the hand
     differences : whether its velocity is the difference of positions unless a file says otherwise
     banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
+    own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
     """
 
     name: DisplayName
@@ -43,6 +44,7 @@ class Display:
     senses_force: bool
     differences: bool
     banded: bool
+    own_loop: bool = True
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -97,4 +99,19 @@ IMPEDANCE = Display(
     banded=False,
 )
 """A device whose motor pushes by what its measured motion asks for."""
-DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE)})
+SERVO = Display(
+    name="servo",
+    makes="{force} in, command to a closed loop out",
+    keys=KEYS,
+    absent=("gains.velocity", "gains.position"),
+    coupling=Coupling,
+    couples="Z_c",
+    senses_force=True,
+    differences=False,
+    banded=False,
+    own_loop=False,
+)
+"""A device whose vendor's loop follows a command late, and which the hand cannot push."""
+DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType(
+    {each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)}
+)

@@ -17,13 +17,15 @@ from typing import Literal
 from vctune.document.schema.experiment_schema import ExperimentTable, FrictionTable, SensorsTable
 from vctune.document.schema.problem_schema import (
     DeviceTable,
+    ForceSensorTable,
     OperatorTable,
     ProblemDocument,
+    ServoDeviceTable,
     StabilityTable,
     TransparencyTable,
     UncertaintyTable,
 )
-from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure, VelocityEstimate
 from vctune.model.display import DISPLAYS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.hands import Hand, Hands, LeastOperator
@@ -145,14 +147,19 @@ def _stability(table: StabilityTable, device: Device, lag: float, slowest: float
     return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
 
 
-def device_of(table: DeviceTable) -> Device:
+def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     """Return the device of a table; a part that does nothing is none."""
-    velocity, actuator, sensor, structure = table.velocity, table.actuator, table.force_sensor, table.structure
+    sensed = _force_sensor(table.force_sensor)
+    if isinstance(table, ServoDeviceTable):
+        servo = Servo(**table.servo.model_dump())
+        return Device(
+            1.0, 0.0, table.sample_time, force_sensor=sensed, display="servo", servo=servo, units=table.units
+        )
+    velocity, actuator, structure = table.velocity, table.actuator, table.structure
     own: Literal["measured", "difference"] = "difference" if DISPLAYS[table.display].differences else "measured"
     estimate = VelocityEstimate(own)
     if velocity is not None:
         estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)
-    sensed = ForceSensor(sensor.bandwidth_hz, sensor.order, sensor.delay) if sensor else None
     flexible = None
     if structure is not None:
         flexible = Structure(structure.handle_mass, structure.frequency_hz, structure.damping_ratio)
@@ -164,11 +171,16 @@ def device_of(table: DeviceTable) -> Device:
         table.hold,
         velocity=None if estimate == VelocityEstimate() else estimate,
         actuator=Actuator(actuator.bandwidth_hz, actuator.order) if actuator else None,
-        force_sensor=None if sensed == ForceSensor() else sensed,
+        force_sensor=sensed,
         structure=flexible,
         display=table.display,
         units=table.units,
     )
+
+
+def _force_sensor(table: ForceSensorTable | None) -> ForceSensor | None:
+    sensed = ForceSensor() if table is None else ForceSensor(table.bandwidth_hz, table.order, table.delay)
+    return None if sensed == ForceSensor() else sensed
 
 
 def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:

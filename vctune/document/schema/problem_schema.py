@@ -85,10 +85,32 @@ class StructureTable(Table):
     damping_ratio: NotNegative = Field(description="Of that resonance.")
 
 
+class ServoTable(Table):
+    """A closed loop that follows a command late, such as a robot's under its vendor's controller."""
+
+    command: Literal["velocity", "position"] = Field(
+        "velocity", description="What it is sent: a velocity, held over a sample, or a position, interpolated over it."
+    )
+    delay: NotNegative = Field(
+        description="From sampling to motion beyond the hold, s; at most 200 sample times, an uncertain one too."
+    )
+    bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
+    order: Order = Field(1, description="Order of that low-pass, 1 or 2, as the actuator's.")
+
+
+class ServoDeviceTable(Table):
+    """A device that follows its command late, and which the hand cannot push."""
+
+    units: Literal["linear", "rotary"] = Field("linear", description="How it moves, as of any other device.")
+    sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
+    servo: ServoTable
+    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+
+
 class DeviceTable(Table):
     """The mechanism: Z_d = mass s + damping."""
 
-    display: DisplayName = Field(
+    display: Literal["admittance", "impedance"] = Field(
         "admittance",
         description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
     )
@@ -112,6 +134,17 @@ class DeviceTable(Table):
     actuator: ActuatorTable | None = Field(None, description="Default: the force follows the command at once.")
     force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
     structure: StructureTable | None = Field(None, description="Default: rigid.")
+
+
+def _device_form(value: Any) -> str:
+    servo = "servo" in value if isinstance(value, dict) else isinstance(value, ServoDeviceTable)
+    return "<servo>" if servo else "<mechanism>"
+
+
+AnyDeviceTable = Annotated[
+    Annotated[DeviceTable, Tag("<mechanism>")] | Annotated[ServoDeviceTable, Tag("<servo>")],
+    Discriminator(_device_form),
+]
 
 
 class OperatorTable(Table):
@@ -233,6 +266,8 @@ class UncertaintyTable(Table):
     structure_damping_ratio: Share = Field(
         0.0, alias="structure.damping_ratio", description="Of device.structure.damping_ratio."
     )
+    servo_delay: Share = Field(0.0, alias="servo.delay", description="Of device.servo.delay.")
+    servo_bandwidth_hz: Share = Field(0.0, alias="servo.bandwidth_hz", description="Of device.servo.bandwidth_hz.")
     unmodelled: list[tuple[Positive, Positive]] = Field(
         default_factory=list,
         description="What is not modelled: [[Hz, radius], ...], a disc around 1 by which the device's response may be "
@@ -244,7 +279,7 @@ class UncertaintyTable(Table):
 
 
 class ProblemDocument(Table):
-    """A vctune problem file. Only [device] mass, damping and sample_time are required."""
+    """A vctune problem file. Only [device] mass, damping and sample_time are required, or sample_time and servo."""
 
     name: Text | None = Field(
         None,
@@ -253,7 +288,7 @@ class ProblemDocument(Table):
         description="Name of the design and of its folder. Default: the file's stem.",
     )
     description: Text = Field("", description="Free text for the reader.")
-    device: DeviceTable
+    device: AnyDeviceTable
     operator: OperatorTable | None = Field(None, description="Default: a human hand, from none to a firm grip.")
     gains: GainsTable = Field(default_factory=GainsTable)
     coupling: CouplingTable = Field(default_factory=CouplingTable)
@@ -301,6 +336,13 @@ class GainsDocument(Table):
     """A vctune gains file: a design as plain numbers, and where it comes from."""
 
     gains: FixedGainsTable
+    coupling: FixedCouplingTable
+    design: OriginTable = Field(default_factory=OriginTable)
+
+
+class ServoGainsDocument(Table):
+    """A vctune gains file of a servo, which has no gains but a coupling."""
+
     coupling: FixedCouplingTable
     design: OriginTable = Field(default_factory=OriginTable)
 

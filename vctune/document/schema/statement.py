@@ -71,6 +71,8 @@ def table_of(value: Any) -> dict[str, Any]:
         table["from"] = table.pop("source")
         if "filter_hz" not in table:
             del table["filter_order"]  # of a low-pass that is not there
+    elif isinstance(value, Device) and value.servo is not None:
+        table = {key: entry for key, entry in table.items() if key in SERVO_KEYS and entry != "linear"}
     elif isinstance(value, Device):
         absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}

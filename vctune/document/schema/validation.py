@@ -18,7 +18,7 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.hints import CALLED, commas_meant, number_meant
 
 MAX_MISTAKES = 25
-TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>")
+TAGS = ("<number>", "<range>", "<text>", "<column>", "<mass>", "<spring>", "<mechanism>", "<servo>")
 """What tells the forms of a key apart, which is no part of its path."""
 LONG = 60
 
@@ -83,7 +83,9 @@ def examined(model: type[Document], raw: dict[str, Any], check: Check) -> tuple[
     try:
         return model.model_validate(raw), between
     except ValidationError as error:
-        return None, [_fault(model, details) for details in error.errors(include_url=False)] + between
+        explained = {fault.path for fault in between}
+        alone = [_fault(model, details) for details in error.errors(include_url=False)]
+        return None, [fault for fault in alone if fault.code != "unknown-key" or fault.path not in explained] + between
 
 
 def refusal(faults: list[Fault], text: str | None, source: str) -> InputError:
