@@ -22,11 +22,9 @@ from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd, Pair, re_conj_product
+from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.plant_in_hand import PlantInHand, equations, numerators
-
-OfParts = Callable[[Number, Number], Any]
-"""Makes a complex number even + j s odd of its parts."""
 
 
 class LoopInHand(NamedTuple):
@@ -71,7 +69,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     LoopInHand or ForceInHand
         Each part of the shape of theta.
     """
-    at, T = _circle(theta, ops), plant.sample_time
+    at, T = circle(theta, ops), plant.sample_time
     d = EvenOdd(2 * at.square, 2 * at.cos, at.square)
 
     def number(even: Number, odd: Number) -> EvenOdd:
@@ -111,7 +109,7 @@ def required_in_limp_hand(
     share : between 0, a hand without stiffness, and 1, no frequency; need not be that of theta and the hand
     ops : arithmetic of all of these
     """
-    at, turned = _circle(theta, ops), 1 - share
+    at, turned = circle(theta, ops), 1 - share
 
     def number(even: Number, odd: Number) -> Pair:
         return Pair(even, at.sin * odd)
@@ -130,32 +128,9 @@ def required_in_limp_hand(
     return Required(-(velocity * re_conj_product(felt, F)), F.abs2())
 
 
-class _Circle(NamedTuple):
-    """z = e^{j theta}, with s = sin(theta/2), c = cos(theta/2) and s^2."""
-
-    theta: Number
-    sin: Number
-    cos: Number
-    square: Number
-    ops: Arithmetic
-
-    def late(self, whole: Number, number: OfParts) -> Any:
-        """Return e^{-j (N + 1/2) theta}."""
-        if isinstance(whole, int) and whole == 0:
-            return number(self.cos, -1)
-        steps, ops = whole + 0.5, self.ops
-        sine = -2 * steps * (ops.sinc(self.theta * steps) / ops.sinc(self.theta / 2))
-        return number(ops.cos(self.theta * steps), sine)
-
-
-def _circle(theta: Number, ops: Arithmetic) -> _Circle:
-    sin, cos = ops.sin(theta / 2), ops.cos(theta / 2)
-    return _Circle(theta, sin, cos, sin * sin, ops)
-
-
 def _answers(
     plant: PlantInHand,
-    at: _Circle,
+    at: Circle,
     number: OfParts,
     states: Callable[[Vector | None], dict[int, Any]],
     moved: Any,

@@ -52,19 +52,48 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
     ops : arithmetic of both
     """
     share = None if older is None else older / device.sample_time
-    step, newer, older_force = stepped(_rates(device, ops), share, ops)
+    chain = sampled_chain(_rates(device, ops), share, ops)
+    velocities = (tuple(states[0] for states in force) for force in chain.states)
+    return StepResponse(chain.open, tuple(velocities), chain.position)
+
+
+@dataclass(frozen=True, slots=True)
+class SampledChain:
+    """States that a held input drives, and the integral of the first of them, over the polynomials of their step.
+
+    Attributes
+    ----------
+    open : coefficients of det(x - psi), without the last, which is 1
+    states : numerators of all states, a vector for each power of x, from the newer and from the older input of a sample
+    position : numerators of the integral, over another x, likewise
+    """
+
+    open: Vector
+    states: tuple[list[Vector], list[Vector]]
+    position: tuple[Vector, Vector]
+
+
+def sampled_chain(rates: Matrix, older: Number | None, ops: Arithmetic) -> SampledChain:
+    """Sample a chain of states exactly, with x = z - 1 for the step.
+
+    Parameters
+    ----------
+    rates : d/dt of the integral, which is first, of the states and of the input, which is last
+    older : share of the sample for which the older input acts; None if it does not
+    ops : arithmetic of both
+    """
+    step, newer, older_force = stepped(rates, older, ops)
     psi = tuple(row[1:-1] for row in step[1:-1])
     coefficients, adjugate = characteristic(psi)
     travel = step[0][1:-1]
 
-    def numerators(force: Vector) -> tuple[Vector, Vector]:
+    def numerators(force: Vector) -> tuple[list[Vector], Vector]:
         left = [applied(matrix, force[1:-1]) for matrix in adjugate]
-        velocity = tuple(states[0] for states in left)
         position = [add(dot(travel, states), times(force[0], c)) for states, c in zip(left, coefficients, strict=True)]
-        return velocity, (*position, force[0])
+        return left, (*position, force[0])
 
-    (v_0, x_0), (v_1, x_1) = numerators(newer), numerators(older_force)
-    return StepResponse(coefficients, (v_0, v_1), (x_0, x_1))
+    (x_0, p_0), (x_1, p_1) = numerators(newer), numerators(older_force)
+    return SampledChain(coefficients, (x_0, x_1), (p_0, p_1))
 
 
 def stepped(rates: Matrix, older: Number | None, ops: Arithmetic) -> tuple[Matrix, Vector, Vector]:

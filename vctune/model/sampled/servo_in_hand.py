@@ -1,0 +1,174 @@
+"""What the environment meets of a servo in a hand, and what that asks of the coupling (model/README.md, section 17).
+
+The motion follows the command alone, and the sensed force of a hand is linear in it:
+
+    Z_seen = M G_a + B G_v + K G_x = e^(-j mu theta) (e + j s c o)/(2 j s D),   R = -Re Z_seen,
+
+times cos(theta/2) for a position command, with e and o polynomials of y = s^2 that are linear in the hand. Hence
+
+    R = (e sin(mu theta)/s - o c cos(mu theta))/(2 D).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import astuple, dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
+from vctune.model.numbers.matrices import Vector, add, dot
+from vctune.model.sampled.circle import Circle, circle
+from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.servo_plant import Numerator, ServoPlant, sensed_delay, servo_plant
+from vctune.model.servo import ServoDevice
+
+Floats = NDArray[np.float64]
+Radii = tuple[tuple[float, float], ...]
+"""(Hz, r) of a disc in which Z_seen is: r is straight between these on logarithmic axes, constant above the last, and
+below the first as the frequency: at rest a servo is where it was told to be."""
+BEYOND = 1e9
+"""Times the last frequency of a disc, up to which r is constant. Half and twice it are above every Nyquist frequency."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """Z_seen = (even + j s odd)/(2 j s size) at an angle.
+
+    Attributes
+    ----------
+    even, odd, size : regular at theta = 0; size > 0
+    """
+
+    even: Number
+    odd: Number
+    size: Number
+
+
+def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic) -> Seen:
+    """Return what the environment meets of a servo in a hand.
+
+    Parameters
+    ----------
+    plant : the servo
+    hand : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : the arithmetic
+
+    Returns
+    -------
+    Seen
+        Of the shape of theta.
+    """
+    at = circle(theta, ops)
+    even, odd, size = _at_once(plant, hand, at)
+    cos, sine = at.turned(plant.turns)
+    found = cos * even + at.square * (sine * odd), cos * odd - sine * even
+    return Seen(*(at.cos * x if plant.interpolated else x for x in found), size)
+
+
+def required_of_servo(
+    plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic, radii: Radii | None = None
+) -> Required:
+    """Return what R in a hand is the quotient of; in a disc of the greatest R + r |Z_seen|.
+
+    Parameters
+    ----------
+    plant : the servo
+    hand : in numbers of the arithmetic
+    theta : omega T, rad, in [0, pi]
+    ops : the arithmetic
+    radii : of the disc; None without one
+
+    Returns
+    -------
+    Required
+        Of the shape of theta.
+    """
+    at = circle(theta, ops)
+    even, odd, size = _at_once(plant, hand, at)
+    cos, sine = at.turned(plant.turns)
+    lost = 0.5 * (sine * even - cos * odd)
+    if radii is not None:
+        lost = lost + _blur(radii, plant.sample_time, theta, ops) * ops.modulus(even, at.sin * odd)
+    return Required(at.cos * lost if plant.interpolated else lost, size)
+
+
+def _at_once(plant: ServoPlant, hand: Hand, at: Circle) -> tuple[Number, Number, Number]:
+    """Return e, c o and D in a hand."""
+    numbers = hand.mass, hand.damping, hand.stiffness
+    powers = [at.square]
+    while len(powers) < max(len(plant.size), len(plant.position.even)) - 1:
+        half = len(powers) // 2
+        powers.append(powers[half] * powers[len(powers) - 1 - half])
+
+    def in_hand(of: Callable[[Numerator], Vector]) -> Number:
+        numerators = zip(*(of(part) for part in (plant.acceleration, plant.velocity, plant.position)), strict=True)
+        return _polynomial([dot(numbers, each) for each in numerators], powers)
+
+    even, odd = in_hand(lambda part: part.even), in_hand(lambda part: part.odd)
+    return even, at.cos * odd, _polynomial(plant.size, powers)
+
+
+def _polynomial(coefficients: Sequence[Number], powers: Sequence[Number]) -> Number:
+    """Return the sum of a_k y^k, of y, y^2, ... at least as many."""
+    first, *others = coefficients
+    return add(first, dot(others, powers[: len(others)]))
+
+
+def _blur(radii: Radii, sample_time: Number, theta: Number, ops: Arithmetic) -> Number:
+    """Return r/(2 s), of which r/f is as straight between the points as r."""
+    beyond = BEYOND * radii[-1][0]
+    table = (*((hertz, radius / hertz) for hertz, radius in radii), (beyond, radii[-1][1] / beyond))
+    turn = 2 * ops.pi * sample_time
+    return ops.interpolated(theta / turn, table) / (turn * ops.sinc(theta / 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Demand:
+    """What the hands of a box ask of a coupling.
+
+    Attributes
+    ----------
+    plant : the servo, in plain numbers
+    vertices : hands of which one asks most at every angle, numbers of shape (v, 1)
+    radii : of a disc; None without one
+    """
+
+    plant: ServoPlant
+    vertices: Hand
+    radii: Radii | None = None
+
+    def in_each(self, theta: Floats) -> Floats:
+        """Return R at angles of shape (n,) in each vertex, N s/m, of shape (v, n)."""
+        found = required_of_servo(self.plant, self.vertices, theta, FLOATS, self.radii)
+        return np.asarray(found.lost / found.size)
+
+    def at(self, theta: Floats) -> Floats:
+        """Return R at angles, N s/m, of their shape."""
+        return np.asarray(self.in_each(np.ravel(theta)).max(axis=0).reshape(np.shape(theta)))
+
+
+def demand_of(device: ServoDevice, hands: Hands, radii: Radii | None = None) -> Demand:
+    """Return what the hands of a box ask of a coupling.
+
+    Parameters
+    ----------
+    device : plain numbers
+    hands : the box
+    radii : of a disc in which Z_seen is; None without one
+    """
+    return Demand(servo_plant(device, sensed_delay(device), FLOATS), _columns(vertices(hands)), radii)
+
+
+def vertices(hands: Hands) -> list[Hand]:
+    """Return the hands at the vertices of a box, of which one asks most at each frequency: R is convex in the hand."""
+    ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
+    return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]
+
+
+def _columns(hands: Sequence[Hand]) -> Hand:
+    return Hand(*(np.array(numbers, float)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))
