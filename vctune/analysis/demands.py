@@ -178,9 +178,11 @@ def sensitivity_maxima(problem: Problem, gains: Gains) -> Minima:
     Returns
     -------
     Minima
-        At least one; frequencies in rad/s.
+        At least one; frequencies in rad/s. Without a loop S = 1 everywhere.
     """
     device = problem.device
+    if not device.kind.own_loop:
+        return Minima(np.array([problem.nyquist]), np.array([-1.0]))
     low = min(problem.transparency.band.min, slowest_resonance(problem, gains.velocity))
     grid = frequency_grid(low, problem.nyquist, widest=pi / (RIPPLE_POINTS * device.loop_lag))
     grid = with_resonance(device, grid)

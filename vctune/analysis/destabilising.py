@@ -26,7 +26,7 @@ from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import loop_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter, spring_damper_admittance
-from vctune.model.sampled.plant_in_hand import PlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, delays_of, plant_in_hand
 
 LEAST = 1e-7
 """Least angle omega T at which a spring is looked for: at 0 none is soft enough. Half and twice it find the same
@@ -205,12 +205,12 @@ def _given(coupling: SpringDamper, device: Device, theta: complex) -> complex:
     return complex(found.re + 1j * found.im)
 
 
-def _met(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
+def _met(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return G_y/(1 + K_v F G_y) = s P/(2 j F) of an impedance display."""
     return _seen(plant, gains, theta) * complex(np.sin(theta / 2) ** 2)
 
 
-def _seen(plant: PlantInHand, gains: Gains, theta: complex) -> complex:
+def _seen(plant: AnyPlantInHand, gains: Gains, theta: complex) -> complex:
     """Return Z_seen = P/(2 j s F).
 
     As o/(2 N) + e/(2 j s N), e + j s o = P (F.even - j s F.odd) and N = F.even^2 + s^2 F.odd^2, which on the circle are

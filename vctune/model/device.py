@@ -219,7 +219,9 @@ class Device:
 
     @property
     def loops(self) -> tuple[Device, ...]:
-        """The devices whose velocity loops must be stable by themselves."""
+        """The devices whose velocity loops must be stable by themselves; none for a servo."""
+        if not self.kind.own_loop:
+            return ()
         return (self,) if self.operator is None else (self.bare, self.with_operator)
 
     @property

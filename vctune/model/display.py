@@ -32,6 +32,7 @@ class Display:
     senses_force : whether its firmware reads the force of the hand
     differences : whether its velocity is the difference of positions unless a file says otherwise
     banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
+    band : default transparency band, Hz times the lag of the loop
     own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
     """
 
@@ -44,6 +45,7 @@ class Display:
     senses_force: bool
     differences: bool
     banded: bool
+    band: tuple[float, float] = (0.00025, 0.015)
     own_loop: bool = True
 
     @property
@@ -109,9 +111,8 @@ SERVO = Display(
     senses_force=True,
     differences=False,
     banded=False,
+    band=(0.005, 0.1),
     own_loop=False,
 )
 """A device whose vendor's loop follows a command late, and which the hand cannot push."""
-DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType(
-    {each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)}
-)
+DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})

@@ -1,90 +1,11 @@
-"""A device that follows its command late: a vendor's closed loop, which the hand cannot push (model/README.md, section 17).
-
-SI units.
-"""
+"""The latency of a servo, part by part (model/README.md, section 17). SI units."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from dataclasses import dataclass
 
-from vctune.model.device import ForceSensor
+from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Arithmetic, Number
-
-Command = Literal["velocity", "position"]
-"""What the loop is sent: a velocity that is held over a sample, or a position that is interpolated over it."""
-
-
-@dataclass(frozen=True, slots=True)
-class Servo:
-    """How a velocity or position loop follows what it is sent.
-
-    Attributes
-    ----------
-    delay : from sampling to motion beyond the hold, s, >= 0
-    bandwidth_hz : of the low-pass H from the late command to the velocity, Hz, > 0
-    order : of H, 1 or 2 with damping ratio 1/sqrt(2)
-    command : what it is sent
-    """
-
-    delay: Number
-    bandwidth_hz: Number
-    order: int = 1
-    command: Command = "velocity"
-
-
-NUMBERS = ("servo.delay", "servo.bandwidth_hz", "force_sensor.bandwidth_hz", "force_sensor.delay")
-"""The numbers of a servo device that may be uncertain, by their keys in a problem file's table of the device."""
-DELAYS = ("servo.delay", "force_sensor.delay")
-
-
-@dataclass(frozen=True, slots=True)
-class ServoDevice:
-    """A servo, and a force sensor between its flange and the hand.
-
-    Attributes
-    ----------
-    sample_time : T, of the firmware that commands it, s, > 0
-    servo : how it follows
-    force_sensor : None for one that is ideal
-    """
-
-    sample_time: Number
-    servo: Servo
-    force_sensor: ForceSensor | None = None
-
-    def number(self, key: str) -> Number:
-        """Return one of `NUMBERS`; None where it has not got that."""
-        part, name = key.split(".")
-        of: Any = getattr(self, part)
-        return None if of is None else getattr(of, name)
-
-    def with_numbers(self, numbers: Mapping[str, Number]) -> ServoDevice:
-        """Return the device with other numbers in place of some of `NUMBERS` that it has."""
-        found = self
-        for key, number in numbers.items():
-            part, name = key.split(".")
-            changed: Any = {part: replace(getattr(found, part), **{name: number})}
-            found = replace(found, **changed)
-        return found
-
-    def converted(self, number: Callable[[Number], Number]) -> ServoDevice:
-        """Return the device in numbers of another arithmetic."""
-        own = {key: number(value) for key in NUMBERS if (value := self.number(key)) is not None}
-        return replace(self.with_numbers(own), sample_time=number(self.sample_time))
-
-    @property
-    def sensed_delay(self) -> Number:
-        """Delay from a command to what the sensor says of its motion, s: where the two are does not matter."""
-        sensor = self.force_sensor
-        return self.servo.delay if sensor is None else self.servo.delay + sensor.delay
-
-    @property
-    def sensed_force_jumps(self) -> bool:
-        """Whether the force of a hand's mass jumps with the command: H of order 1, and no low-pass in the sensor."""
-        filtered = self.force_sensor is not None and self.force_sensor.bandwidth_hz is not None
-        return self.servo.order == 1 and not filtered
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,15 +33,16 @@ class Latency:
         return self.hold + self.interpolation + self.delay + self.lag + self.sensor
 
 
-def latency(device: ServoDevice, ops: Arithmetic) -> Latency:
+def latency(device: Device, ops: Arithmetic) -> Latency:
     """Return what the force of a spring is late by at rest, part by part.
 
     Parameters
     ----------
-    device : its numbers in the arithmetic
+    device : a servo, its numbers in the arithmetic
     ops : the arithmetic
     """
     servo, sensor, half = device.servo, device.force_sensor, device.sample_time / 2
+    assert servo is not None
     late = 0 * half
     if sensor is not None:
         late = late + sensor.delay

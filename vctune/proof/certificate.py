@@ -187,12 +187,15 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
     proofs: dict[Claim, Callable[[], Outcome]] = {}
     if demands.passive:
         proofs[Claim.CONDITIONS] = partial(conditions, demands.factor)
-    proofs[Claim.SENSITIVITY] = partial(claim, lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
+    looped = design.device.kind.own_loop
+    if looped:
+        proofs[Claim.SENSITIVITY] = partial(claim, lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
     if demands.passive:
         poles = partial(_of_every_loop, prove_model_poles)
         proofs[Claim.MODEL_POLES] = partial(claim, poles, prove_model_poles_for_all)
-    poles = partial(_of_every_loop, prove_sampled_poles)
-    proofs[Claim.SAMPLED_POLES] = partial(claim, poles, prove_sampled_poles_for_all)
+    if looped:
+        poles = partial(_of_every_loop, prove_sampled_poles)
+        proofs[Claim.SAMPLED_POLES] = partial(claim, poles, prove_sampled_poles_for_all)
     if box is not None and box.nominal.unmodelled is not None:
         proofs[Claim.UNMODELLED] = partial(unmodelled, box.nominal.unmodelled.radii)
     if demands.any_hand:

@@ -17,14 +17,18 @@ from vctune.design.bound.design_boxes import K_P, K_V, DesignBoxes
 from vctune.design.bound.quadratic_coefficients import Coefficients, joined, mapped, quadratic
 from vctune.design.bound.quadratics import LeastQuotient, lower, upper
 from vctune.model.device import Device
+from vctune.model.gains import Gains
 from vctune.model.hands import Hand
 from vctune.model.loop.affine import Affine
 from vctune.model.numbers.pair import EvenOdd, Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
-from vctune.model.sampled.hand_loop import LoopInHand, loop_in_hand
+from vctune.model.sampled.hand_loop import CommandInHand, LoopInHand, loop_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.enclosures.array_intervals import Enclosure, Flags, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
+
+NO_GAINS = Gains(0.0, 0.0)
+"""Those of a device without a loop of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +113,8 @@ def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficie
         return Pair(number.even, sin * number.odd)
 
     def loop(form: Callable[[EvenOdd], Pair]) -> Affine:
+        if isinstance(at, CommandInHand):
+            return Affine(form(at.closed(NO_GAINS)), None, None)
         position = form(at.position) if isinstance(at, LoopInHand) else None
         return Affine(form(at.open), form(at.velocity), position)
 
@@ -116,7 +122,7 @@ def _in_hands(device: Device, theta: Floats, numbers: Floats) -> tuple[Coefficie
     if isinstance(at, LoopInHand):
         P = Affine(None, parts(at.seen_velocity), parts(at.seen_position))
     else:
-        P = Affine(parts(at.met), None, None)
+        P = Affine(parts(at.numerator(NO_GAINS)), None, None)
     lost = mapped(quadratic(im_conj_product, P, split, crossed=True), lambda x: -0.5 * x)
     return lost, quadratic(re_conj_product, whole, whole, crossed=True)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import exp, inf, log, pi
 from typing import Any
@@ -28,6 +28,7 @@ from vctune.design.search.working_set import TIGHTENING_IN_HANDS, ConstraintPoin
 from vctune.design.variables import Coordinate, Point
 from vctune.interrupt import interrupt_deferred
 from vctune.model.device import Device
+from vctune.model.display import DisplayName
 from vctune.model.gains import Gains
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
@@ -248,8 +249,8 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
 
 
 def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
-    """Return the loop in hands by the names of `LOOP_IN_HAND` or `FORCE_IN_HAND`; dimensionless: theta = omega."""
-    found = [_force_in_hand(at) if at.device.kind.inverse else _loop_in_hand(at) for at in points]
+    """Return the loop in hands by the names of `IN_HAND`; dimensionless: theta = omega."""
+    found = [_HELD[at.device.kind.name](at) for at in points]
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
 
 
@@ -269,6 +270,19 @@ def _force_in_hand(at: ConstraintPoint) -> dict[str, Any]:
     lost = without.lost, (plus.lost - minus.lost) / 2
     size = without.size, (plus.size - minus.size) / 2, (plus.size + minus.size) / 2 - without.size
     return {"theta": theta, **_firmware_filter(at.device, theta), "lost": lost, "size": size}
+
+
+def _command_in_hand(at: ConstraintPoint) -> dict[str, Any]:
+    theta = min(at.omega, pi)
+    found = _required(at, Gains(0.0, 0.0), theta)
+    return {"theta": theta, "required": found.lost / found.size}
+
+
+_HELD: dict[DisplayName, Callable[[ConstraintPoint], dict[str, Any]]] = {
+    "admittance": _loop_in_hand,
+    "impedance": _force_in_hand,
+    "servo": _command_in_hand,
+}
 
 
 def _required(at: ConstraintPoint, gains: Gains, theta: float) -> Required:

@@ -238,12 +238,17 @@ def _margin_in_hand(held: dict[str, ca.SX], gains: Gains, coupling: AnyCoupling)
         wanted = ca.fmax(held["factor"] * required, required)  # no multiple of a negative R does
         offered = offered_by_spring(coupling, 1.0, _low_pass(held), held["theta"], SYMBOLS).quotient
         return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
+    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
+    wanted = held["factor"] * (held["required"] if "required" in held else _required_of_loop(held, gains))
+    return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
+
+
+def _required_of_loop(held: dict[str, ca.SX], gains: Gains) -> Number:
+    """Return R of a velocity loop in a hand."""
     sine = ca.sin(held["theta"] / 2)
     parts = (EvenOdd(held[f"{part}_even"], held[f"{part}_odd"], sine * sine) for part in LoopInHand._fields)
     required = required_in_hand(LoopInHand(*parts), gains)
-    offered = sampled_resistance(series_coupling(coupling), 1.0, held["theta"], SYMBOLS)
-    wanted = held["factor"] * required.lost / required.size
-    return ca.asinh(offered / SCALE_IN_HAND) - ca.asinh(wanted / SCALE_IN_HAND)
+    return required.lost / required.size
 
 
 def _symbols(name: str, layout: Layout) -> tuple[ca.SX, dict[str, ca.SX]]:

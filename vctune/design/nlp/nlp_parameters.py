@@ -14,6 +14,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
+from vctune.model.display import DisplayName
 from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spring
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
@@ -38,6 +39,13 @@ FIRMWARE_FILTER: Layout = {"low_pass_re": 1, "low_pass_im": 1}
 """F, the firmware's low-passes, which the coupling of an impedance display meets."""
 FORCE_IN_HAND: Layout = {"theta": 1, "factor": 1, **FIRMWARE_FILTER, "lost": 2, "size": 3}
 """Of an impedance display, in one hand or in any: R/s^2 = (l_0 + l_1 K_v)/(q_0 + q_1 K_v + q_2 K_v^2)."""
+COMMAND_IN_HAND: Layout = {"theta": 1, "factor": 1, "required": 1}
+"""R of a servo in a hand, which no gain is in."""
+IN_HAND: dict[DisplayName, Layout] = {
+    "admittance": LOOP_IN_HAND,
+    "impedance": FORCE_IN_HAND,
+    "servo": COMMAND_IN_HAND,
+}
 STABILITY_CUT: Layout = {"open": 1, "velocity": 1, "position": 1}
 """The fields of `Cut`."""
 
@@ -151,8 +159,7 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the parts of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    in_hand = FORCE_IN_HAND if structure.kind.inverse else LOOP_IN_HAND
-    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand)
+    kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, IN_HAND[structure.kind.name])
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)
     }

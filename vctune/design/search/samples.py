@@ -109,12 +109,13 @@ def samples_of(posed: Posed, *, integrator: bool) -> Samples:
 
     def samples(device: Device, others: list[Samples]) -> Samples:
         band, quadrature = (Spectrum(w, device_response(device, w, FLOATS)) for w in (within, nodes))
-        loops = device.loops if device.modelled not in known else ()
+        new = device.modelled not in known
+        loops = device.loops if new else ()
         hands: tuple[LoopsInHands | LoopsInAnyHand, ...] = ()
-        if problem.hands_met is not None and loops:
+        if problem.hands_met is not None and new:
             box = problem.hands_met
             hands = loops_in_hands(device, box, FEW, FEW_ANGLES), loops_at_rest(device, box, FEW_SPRINGS)
-        if problem.any_hand and loops:
+        if problem.any_hand and new:
             hands = (*hands, loops_in_any_hand(device, FEW_ANGLES))
         known.add(device.modelled)
         circles = [unit_circle(loop, first, position=integrator) for loop in loops]

@@ -261,7 +261,7 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
             **also,
             **display,
         ),
-        "inner_loop": _inner_loop(problem, judgement),
+        "inner_loop": _inner_loop(problem, judgement) if problem.device.kind.own_loop else None,
     }
 
 

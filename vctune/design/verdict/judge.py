@@ -132,7 +132,7 @@ class Judgement:
     @property
     def idle(self) -> bool:
         """Whether the design is certified, and hardly uses its velocity loop."""
-        return self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
+        return self.tightest.kind.own_loop and self.status is Status.CERTIFIED and self.transparency.tracking > IDLE
 
     @property
     def open_claims(self) -> list[str]:

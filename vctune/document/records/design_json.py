@@ -162,7 +162,9 @@ class DesignRecord(Document):
 
     @model_validator(mode="after")
     def _whole(self) -> DesignRecord:
-        judged = (self.coupling, self.transparency, self.certificate, self.inner_loop)
+        judged: list[Any] = [self.coupling, self.transparency, self.certificate]
+        looped = self.transparency is None or self.transparency.display != "servo"
+        judged += [self.inner_loop] if looped else []
         if any((part is None) != (self.gains is None) for part in judged):
             raise ValueError(
                 "gains, coupling, transparency, certificate and inner_loop must be there, or null, together"

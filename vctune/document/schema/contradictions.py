@@ -91,19 +91,24 @@ def _impossible_numbers(raw: dict[str, Any]) -> Iterator[Contradiction]:
 
 
 def _long_delays(raw: dict[str, Any]) -> Iterator[Contradiction]:
-    sample_time, delay = number_at(raw, "device", "sample_time"), number_at(raw, "device", "delay")
+    for path in (("delay",), ("servo", "delay")):
+        yield from _long_delay(raw, path)
+
+
+def _long_delay(raw: dict[str, Any], path: tuple[str, ...]) -> Iterator[Contradiction]:
+    key, sample_time, delay = ".".join(path), number_at(raw, "device", "sample_time"), number_at(raw, "device", *path)
     if not (sample_time and delay and sample_time > 0 and isfinite(delay)):
         return
-    samples, share = delay / sample_time, number_at(raw, "uncertainty", "delay") or 0.0
+    samples, share = delay / sample_time, number_at(raw, "uncertainty", key) or 0.0
     if samples > MAX_DELAY_SAMPLES:
         unit, instead = in_finer_unit(delay, MAX_DELAY_SAMPLES * sample_time)
         hint = f"; is it in {unit}? Then write {instead:g}" if instead < MAX_DELAY_SAMPLES * sample_time else ""
         said = f"{delay:.12g} s is {samples:.12g} sample times; at most {MAX_DELAY_SAMPLES} are supported{hint}"
-        yield ("device", "delay"), said
+        yield ("device", *path), said
     elif samples * (1 + share) > MAX_DELAY_SAMPLES and share < 1:
         most = floor((MAX_DELAY_SAMPLES / samples - 1) * 1e6) / 1e6
         yield (
-            ("uncertainty", "delay"),
-            f"{share:.12g} lets device.delay = {delay:.12g} s reach {samples * (1 + share):.12g} sample times; at most "
-            f"{MAX_DELAY_SAMPLES} are supported: write at most {most:g}, or a shorter device.delay",
+            ("uncertainty", key),
+            f"{share:.12g} lets device.{key} = {delay:.12g} s reach {samples * (1 + share):.12g} sample times; at most "
+            f"{MAX_DELAY_SAMPLES} are supported: write at most {most:g}, or a shorter device.{key}",
         )

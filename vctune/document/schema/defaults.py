@@ -32,7 +32,18 @@ from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UnitSystem
-from vctune.model.problem import ABSENT, HUMAN_HANDS, Band, Bounds, Problem, Range, Stability, Transparency, Uncertainty
+from vctune.model.problem import (
+    ABSENT,
+    HUMAN_HANDS,
+    Band,
+    Bounds,
+    Criterion,
+    Problem,
+    Range,
+    Stability,
+    Transparency,
+    Uncertainty,
+)
 from vctune.model.transparency import Terms
 
 
@@ -48,15 +59,16 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     """
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
-    counted = operator if document.stability.criterion != "hands" else None
-    device = replace(device_of(document.device), operator=counted)
+    device = device_of(document.device)
+    criterion = document.stability.criterion if device.kind.own_loop else "hands"
+    device = replace(device, operator=operator if criterion != "hands" else None)
     late = lags(device, FLOATS)
     lag = float(late.drive + late.estimate)
 
     objective = document.transparency
-    f1, f2 = objective.band_hz or (0.00025 / lag, 0.015 / lag)
+    f1, f2 = objective.band_hz or (share / lag for share in device.kind.band)
     middle = 2 * pi * sqrt(f1 * f2)
-    Z_0 = objective.reference_impedance or device.mass * middle
+    Z_0 = objective.reference_impedance or (_asked(hands, lag) if device.servo else device.mass * middle)
     own = Transparency(Band(2 * pi * f1, 2 * pi * f2), Z_0, objective.norm, Terms(**objective.weights.model_dump()))
     transparency = _on(yardstick, own, objective)
     return Problem(
@@ -65,7 +77,7 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
         device=device,
         bounds=_bounds(document, device, lag, Z_0, middle),
         transparency=transparency,
-        stability=_stability(document.stability, device, lag, transparency.band.min),
+        stability=_stability(document.stability, criterion, device, lag, transparency.band.min),
         uncertainty=_uncertainty(document.uncertainty, device),
         experiments=tuple(_experiment(table, device) for table in document.experiment),
         hands=hands,
@@ -91,6 +103,14 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
             position=ABSENT,
             mass=ABSENT,
             drag=ABSENT,
+        )
+    if device.servo is not None:
+        return Bounds(
+            velocity=ABSENT,
+            position=ABSENT,
+            damping=_range(coupling.damping, 1e-6 * Z_0, 1e6 * Z_0),
+            mass=_range(coupling.mass, 1e-6 * Z_0 / middle, 1e6 * Z_0 / middle),
+            drag=_range(coupling.drag, 0.0, 1e3 * Z_0),
         )
     loop_impedance = device.mass / lag + device.damping
     least = min(1e-8 * device.mass / device.sample_time, 1e-5 * loop_impedance)
@@ -130,12 +150,22 @@ def _hands(table: OperatorTable, system: UnitSystem) -> Hands:
     return Hands(Hand(*(range_.min for range_ in ranges)), Hand(*(range_.max for range_ in ranges)))
 
 
-def _stability(table: StabilityTable, device: Device, lag: float, slowest: float) -> Stability:
+def _asked(hands: Hands, latency: float) -> float:
+    """Return the drag that the stiffest hand of a box asks of a servo at rest, stiffness times latency, N s/m.
+
+    Where no hand has a stiffness, its damping or its mass over the latency stand in its place.
+    """
+    most = hands.high
+    return max(most.stiffness * latency, most.damping, most.mass / latency) or 1.0
+
+
+def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag: float, slowest: float) -> Stability:
     """Return the demands; those of an impedance display are up to the Nyquist frequency.
 
     Parameters
     ----------
     table : as stated
+    criterion : which hands are met
     device, lag : whose loop it is, and its lag, s
     slowest : lower edge of the transparency band, rad/s
     """
@@ -144,7 +174,7 @@ def _stability(table: StabilityTable, device: Device, lag: float, slowest: float
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
     else:
         band = Band(slowest, 2 * pi * (0.05 / lag if device.kind.banded else 0.5 / device.sample_time))
-    return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
+    return Stability(band, table.safety_factor, table.max_sensitivity, criterion)
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
@@ -152,9 +182,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
     sensed = _force_sensor(table.force_sensor)
     if isinstance(table, ServoDeviceTable):
         servo = Servo(**table.servo.model_dump())
-        return Device(
-            1.0, 0.0, table.sample_time, force_sensor=sensed, display="servo", servo=servo, units=table.units
-        )
+        return Device(1.0, 0.0, table.sample_time, force_sensor=sensed, display="servo", servo=servo, units=table.units)
     velocity, actuator, structure = table.velocity, table.actuator, table.structure
     own: Literal["measured", "difference"] = "difference" if DISPLAYS[table.display].differences else "measured"
     estimate = VelocityEstimate(own)

@@ -18,6 +18,14 @@ FASTEST, SLOWEST = 1e3, 1e-6
 """Between what shares of the sampling rate a bandwidth or a resonance may lie: beyond, it does nothing, or nothing else
 does anything."""
 
+RATES = (
+    ("actuator", "bandwidth_hz"),
+    ("force_sensor", "bandwidth_hz"),
+    ("structure", "frequency_hz"),
+    ("servo", "bandwidth_hz"),
+)
+"""Rates of a device's parts, Hz."""
+
 
 def impossible_parts(raw: dict[str, Any]) -> Iterator[Contradiction]:
     """Return what is wrong with the parts of a device and with what is said of their uncertainty."""
@@ -40,7 +48,7 @@ def _rates(raw: dict[str, Any], sample_time: float) -> Iterator[Contradiction]:
             ("device", "velocity", "filter_hz"),
             f"{corner:g} Hz is above the Nyquist frequency {nyquist:g} Hz; lower it, or leave it out",
         )
-    for part, key in (("actuator", "bandwidth_hz"), ("force_sensor", "bandwidth_hz"), ("structure", "frequency_hz")):
+    for part, key in RATES:
         rate = number_at(raw, "device", part, key)
         if rate is None or rate <= 0:
             continue

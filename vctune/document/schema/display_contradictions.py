@@ -18,6 +18,21 @@ OF_ADMITTANCE: dict[tuple[str, ...], str] = {
     ("uncertainty", "unmodelled"): "its demands are not proved of a response that is not known",
 }
 """What an impedance display has not got."""
+OF_OWN_LOOP: dict[tuple[str, ...], str] = {
+    ("device", "mass"): "the hand does not move it: its motion follows the command alone",
+    ("device", "damping"): "the hand does not move it: its motion follows the command alone",
+    ("device", "delay"): "the delay is device.servo.delay",
+    ("device", "hold"): "its command is held over a sample, or interpolated",
+    ("device", "display"): "a servo is an admittance display",
+    ("device", "velocity"): "no gain of this file acts on its velocity",
+    ("device", "actuator"): "its lag is device.servo.bandwidth_hz and order",
+    ("device", "structure"): "a spring behind its loop is not modelled",
+    ("gains",): "its loop is the vendor's; only the coupling is designed",
+    ("coupling", "stiffness"): "its coupling is damping and mass in series, beside drag",
+    ("stability", "band_hz"): "its requirements are proved at every frequency up to the Nyquist frequency",
+    ("stability", "max_sensitivity"): "the file closes no loop of its own that could be too sensitive",
+}
+"""What a servo has not got."""
 
 
 def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -25,7 +40,10 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
     device = raw.get("device")
     if not isinstance(device, dict):
         return
-    if device.get("display", "admittance") != "impedance":
+    if "servo" in device:
+        yield from _meaningless(raw, OF_OWN_LOOP, "[device.servo]")
+        yield from _criterion_of_servo(raw)
+    elif device.get("display", "admittance") != "impedance":
         if _stated(raw, ("coupling", "stiffness")):
             yield (
                 ("coupling", "stiffness"),
@@ -38,11 +56,29 @@ def impossible_display(raw: dict[str, Any]) -> Iterator[Contradiction]:
                     path,
                     "0 is too small on an admittance display, whose coupling it would open; write a positive one",
                 )
-        return
-    for path, reason in OF_ADMITTANCE.items():
+    else:
+        yield from _meaningless(raw, OF_ADMITTANCE, 'device.display = "impedance"')
+        yield from _unproved_impedance(device)
+
+
+def _meaningless(raw: dict[str, Any], keys: dict[tuple[str, ...], str], display: str) -> Iterator[Contradiction]:
+    for path, reason in keys.items():
         if _stated(raw, path):
-            why = units_stated(raw).translated(reason)
-            yield path, f'means nothing with device.display = "impedance": {why}; leave it out'
+            yield path, f"means nothing with {display}: {units_stated(raw).translated(reason)}; leave it out"
+
+
+def _criterion_of_servo(raw: dict[str, Any]) -> Iterator[Contradiction]:
+    stability = raw.get("stability")
+    criterion = stability.get("criterion", "hands") if isinstance(stability, dict) else "hands"
+    if criterion in ("passive", "both"):
+        yield (
+            ("stability", "criterion"),
+            f'"{criterion}" asks for any passive hand, and no servo is stable in a hand of unlimited stiffness, since '
+            'it follows late; write "hands", or leave it out, and state the stiffest contact in [operator]',
+        )
+
+
+def _unproved_impedance(device: dict[str, Any]) -> Iterator[Contradiction]:
     velocity = device.get("velocity")
     if isinstance(velocity, dict) and velocity.get("from") == "measured":
         yield (

@@ -13,6 +13,9 @@ from vctune.model.experiment import Experiment
 from vctune.model.numbers.frequency import hertz
 from vctune.model.problem import Band, Bounds, Problem, Range
 
+SERVO_KEYS = ("units", "sample_time", "servo", "force_sensor")
+"""Keys of the table of a device that is a servo."""
+
 
 def statement(problem: Problem) -> dict[str, Any]:
     """Return the document of a problem, as a problem file would state it.

@@ -9,8 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from vctune.model.device import Device, Structure
-from vctune.model.loop.filters import FilterResponse, actuator_response, force_sensor_response, velocity_estimate
+from vctune.model.device import Device, Servo, Structure
+from vctune.model.loop.filters import (
+    FilterResponse,
+    actuator_response,
+    force_sensor_response,
+    interpolation,
+    low_pass,
+    velocity_estimate,
+)
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.pair import Pair
 
@@ -162,14 +169,14 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         Its numbers of the shape of omega; those that do not depend on it may be plain.
     """
     drive = hold_response(device, omega, ops)
+    if device.servo is not None:
+        return _servo_response(device, device.servo, drive, omega, ops)
     operator = None if device.operator is None else device.operator.damping
     if device.ideal:
         return DeviceResponse(omega, device.mass, device.damping, drive, operator=operator)
     omega2 = omega * omega
     if device.actuator is not None:
-        late = actuator_response(device.actuator, omega, ops)
-        re = drive.re * late.re - omega2 * (drive.lag * late.lag)
-        drive = DriveResponse(re, drive.lag * late.re + drive.re * late.lag)
+        drive = _behind(drive, actuator_response(device.actuator, omega, ops), omega2)
     estimate, sensor, mass, spring = None, None, device.mass, None
     if device.velocity is not None:
         estimate = velocity_estimate(device.velocity, device.sample_time, omega, ops)
@@ -199,3 +206,20 @@ def device_response(device: Device, omega: Number, ops: Arithmetic) -> DeviceRes
         phase = device.unmodelled.phase
         factor = Pair(1 + radius * ops.cos(phase), radius * ops.sin(phase))
     return DeviceResponse(omega, mass, device.damping, drive, estimate, sensor, spring, operator, factor)
+
+
+def _servo_response(
+    device: Device, servo: Servo, drive: DriveResponse, omega: Number, ops: Arithmetic
+) -> DeviceResponse:
+    """Return how the motion of a servo follows its command: hold, delay, low-pass and interpolation."""
+    omega2 = omega * omega
+    drive = _behind(drive, low_pass(servo.bandwidth_hz, servo.order, omega, ops), omega2)
+    if servo.command == "position":
+        drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
+    sensor = None if device.force_sensor is None else force_sensor_response(device.force_sensor, omega, ops)
+    return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor)
+
+
+def _behind(drive: DriveResponse, late: FilterResponse, omega2: Number) -> DriveResponse:
+    re = drive.re * late.re - omega2 * (drive.lag * late.lag)
+    return DriveResponse(re, drive.lag * late.re + drive.re * late.lag)

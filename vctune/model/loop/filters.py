@@ -77,6 +77,20 @@ def pure_delay(delay: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
     return FilterResponse(ops.cos(turn), delay * delay / 2 * (half * half), delay * ops.sinc(turn))
 
 
+def interpolation(sample_time: Number, omega: Number, ops: Arithmetic) -> FilterResponse:
+    """Return (1 + e^(-s T))/2, by which a position that is interpolated over a sample is a held velocity.
+
+    Parameters
+    ----------
+    sample_time : T, s
+    omega : rad/s, >= 0
+    ops : arithmetic of both
+    """
+    half = sample_time / 2
+    cos, sinc = ops.cos(omega * half), ops.sinc(omega * half)
+    return FilterResponse(cos * cos, half * half * (sinc * sinc), half * (cos * sinc))
+
+
 def smoothing(filter_hz: Number, sample_time: Number, ops: Arithmetic) -> tuple[Number, Number]:
     """Return a = 1 - e^(-2 pi f T) of the firmware's low-pass y += a (x - y), and 1 - a.
 

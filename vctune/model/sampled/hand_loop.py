@@ -24,7 +24,8 @@ from vctune.model.numbers.matrices import Vector, nothing
 from vctune.model.numbers.pair import EvenOdd, Pair, re_conj_product
 from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
-from vctune.model.sampled.plant_in_hand import PlantInHand, equations, numerators
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
+from vctune.model.sampled.servo_in_hand import seen_of_servo
 
 
 class LoopInHand(NamedTuple):
@@ -51,11 +52,32 @@ class LoopInHand(NamedTuple):
         return self.seen_velocity.scaled(gains.velocity) + self.seen_position.scaled(gains.position)
 
 
-AnyLoopInHand = LoopInHand | ForceInHand
-"""The loop of an admittance display in a hand, or of an impedance display."""
+class CommandInHand(NamedTuple):
+    """What the environment meets of a servo in a hand, Z_seen = seen/(2 j s size); no gain is in it.
+
+    Attributes
+    ----------
+    size : > 0
+    seen : regular at theta = 0
+    """
+
+    size: Number
+    seen: EvenOdd
+
+    def closed(self, _gains: Gains) -> EvenOdd:
+        """Return F, which has no loop in it."""
+        return EvenOdd(self.size, 0, self.seen.square)
+
+    def numerator(self, _gains: Gains) -> EvenOdd:
+        """Return P."""
+        return self.seen
 
 
-def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
+AnyLoopInHand = LoopInHand | ForceInHand | CommandInHand
+"""The loop of an admittance display in a hand, of an impedance display, or the way of a servo's command."""
+
+
+def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopInHand:
     """Evaluate the loop in a hand on the unit circle.
 
     Parameters
@@ -66,9 +88,12 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
 
     Returns
     -------
-    LoopInHand or ForceInHand
+    AnyLoopInHand
         Each part of the shape of theta.
     """
+    if isinstance(plant, ServoInHand):
+        seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
+        return CommandInHand(seen.size, EvenOdd(seen.even, seen.odd, half * half))
     at, T = circle(theta, ops), plant.sample_time
     d = EvenOdd(2 * at.square, 2 * at.cos, at.square)
 
@@ -200,6 +225,8 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     loop : at one or several angles
     gains : in its numbers
     """
+    if isinstance(loop, CommandInHand):
+        return Required(-0.5 * loop.seen.odd, loop.size)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
 

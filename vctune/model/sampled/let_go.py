@@ -17,8 +17,8 @@ from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, added, applied, half_coth, scaled
 from vctune.model.numbers.pair import EvenOdd, Pair
 from vctune.model.sampled import velocity_loop as sampled
-from vctune.model.sampled.plant_in_hand import equations, filter_rows, numerators
-from vctune.model.sampled.state_space import left_by_older
+from vctune.model.sampled.plant_in_hand import equations, numerators
+from vctune.model.sampled.state_space import filter_rows, left_by_older
 from vctune.model.sampled.velocity_loop import ReturnDifference, SampledPlant
 
 

@@ -32,7 +32,8 @@ from vctune.model.numbers.matrices import (
     times,
 )
 from vctune.model.numbers.pair import EvenOdd, Pair
-from vctune.model.sampled.state_space import left_by_older
+from vctune.model.sampled.servo_plant import SensedDelay, ServoPlant, servo_plant
+from vctune.model.sampled.state_space import filter_rows, left_by_older
 from vctune.model.sampled.velocity_loop import split_delay
 
 Complex = TypeVar("Complex", EvenOdd, Pair)
@@ -58,9 +59,9 @@ class Delays:
 
 def delays_of(device: Device) -> Delays:
     """Return the delays of a device whose numbers are plain."""
-    loop, left = split_delay(device.delay, device.sample_time)
+    loop, left = split_delay(device.latency, device.sample_time)
     late = device.force_sensor.delay if device.force_sensor is not None else 0.0
-    felt, felt_left = split_delay(device.delay + late, device.sample_time)
+    felt, felt_left = split_delay(device.latency + late, device.sample_time)
     return Delays(loop, left > 0, felt, felt_left > 0)
 
 
@@ -127,7 +128,24 @@ class PlantInHand:
         return len(self.push) + (0 if self.meets_position else self.order)
 
 
-def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> PlantInHand:
+@dataclass(frozen=True, slots=True)
+class ServoInHand:
+    """A servo over a sample, and the hand that holds it; neither moves the other."""
+
+    plant: ServoPlant
+    hand: Hand
+
+    @property
+    def poles(self) -> int:
+        """How many poles a loop has, which is not there."""
+        return 0
+
+
+AnyPlantInHand = PlantInHand | ServoInHand
+"""A device in a hand over a sample."""
+
+
+def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> AnyPlantInHand:
     """Sample a device in a hand exactly.
 
     Parameters
@@ -139,9 +157,11 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
 
     Returns
     -------
-    PlantInHand
+    AnyPlantInHand
         Its numbers of the shape of the device's and the hand's.
     """
+    if device.servo is not None:
+        return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional), ops), hand)
     T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
     parts = _mechanism(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}
@@ -238,24 +258,6 @@ def _mechanism(device: Device, hand: Hand, ops: Arithmetic) -> Mechanism:
         felt_inertia=None if filtered else carried / inertia[handle],
         handle=handle,
     )
-
-
-def filter_rows(
-    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
-) -> Number:
-    """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
-
-    Of order 2 its states are y and y + y'/a, 2 a^2 = w^2. A fast one's f(A/E) is about half its rates', with y and y'
-    next to 0 on the diagonal, where it is eliminated.
-    """
-    corner, (out, rate) = 2 * ops.pi * samples, states
-    if order == 1:
-        rows[out][out] = -corner
-        return corner
-    a = ops.sqrt(corner * corner / 2)
-    rows[out][out], rows[out][rate] = -a, a
-    rows[rate][out], rows[rate][rate] = -a, -a
-    return 2 * a
 
 
 def _over_inertia(parts: Mechanism, at: dict[str, int]) -> Matrix:

@@ -18,20 +18,20 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.device import Device
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, dot
 from vctune.model.sampled.circle import Circle, circle
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.servo_plant import Numerator, ServoPlant, sensed_delay, servo_plant
-from vctune.model.servo import ServoDevice
 
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
 """(Hz, r) of a disc in which Z_seen is: r is straight between these on logarithmic axes, constant above the last, and
 below the first as the frequency: at rest a servo is where it was told to be."""
 BEYOND = 1e9
-"""Times the last frequency of a disc, up to which r is constant. Half and twice it are above every Nyquist frequency."""
+"""Times the last frequency of a disc, up to which r is constant. Half and twice it are above Nyquist as well."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,8 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
     even, odd, size = _at_once(plant, hand, at)
     cos, sine = at.turned(plant.turns)
     found = cos * even + at.square * (sine * odd), cos * odd - sine * even
-    return Seen(*(at.cos * x if plant.interpolated else x for x in found), size)
+    even, odd = (at.cos * x for x in found) if plant.interpolated else found
+    return Seen(even, odd, size)
 
 
 def required_of_servo(
@@ -152,7 +153,7 @@ class Demand:
         return np.asarray(self.in_each(np.ravel(theta)).max(axis=0).reshape(np.shape(theta)))
 
 
-def demand_of(device: ServoDevice, hands: Hands, radii: Radii | None = None) -> Demand:
+def demand_of(device: Device, hands: Hands, radii: Radii | None = None) -> Demand:
     """Return what the hands of a box ask of a coupling.
 
     Parameters

@@ -1,7 +1,7 @@
-"""A servo and its force sensor over a sample, exactly, as polynomials of y = sin^2(theta/2) (model/README.md, section 17).
+"""A servo and its force sensor over a sample, exactly (model/README.md, section 17).
 
-Velocity, acceleration and position pass servo and sensor alike, so that the sensor's low-pass may follow the servo's and
-both delays add up to (N + delta) T. In w = z^-1 and d = 1 - w the pulse transfer functions from the held velocity are
+All are polynomials of y = sin^2(theta/2). Velocity, acceleration and position pass servo and sensor alike, so that the
+sensor's low-pass may follow the servo's and both delays add up to (N + delta) T. In w = z^-1 and d = 1 - w the pulse transfer functions from the held velocity are
 
     G_v = w^N V/O,   G_a = w^N A/O,   G_x = w^N X/(d O),
 
@@ -20,12 +20,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb
 
+from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, dot, times
-from vctune.model.sampled.plant_in_hand import filter_rows
-from vctune.model.sampled.state_space import sampled_chain
+from vctune.model.sampled.state_space import filter_rows, sampled_chain
 from vctune.model.sampled.velocity_loop import split_delay
-from vctune.model.servo import ServoDevice
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,13 +70,19 @@ class SensedDelay:
     fractional: bool
 
 
-def sensed_delay(device: ServoDevice) -> SensedDelay:
+def sensed_delay(device: Device) -> SensedDelay:
     """Return the delays of a device whose numbers are plain, in samples."""
-    whole, left = split_delay(device.sensed_delay, device.sample_time)
+    whole, left = split_delay(_sensed_delay(device), device.sample_time)
     return SensedDelay(whole, left > 0)
 
 
-def servo_plant(device: ServoDevice, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
+def _sensed_delay(device: Device) -> Number:
+    """Return the delay from a command to what the sensor says of its motion, s: where the two are does not matter."""
+    sensor = device.force_sensor
+    return device.latency if sensor is None else device.latency + sensor.delay
+
+
+def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPlant:
     """Sample a servo and its force sensor exactly.
 
     What is sensed is what was just before the next command acts: with a delay of whole samples that of the command
@@ -95,18 +100,18 @@ def servo_plant(device: ServoDevice, delay: SensedDelay, ops: Arithmetic) -> Ser
         Its numbers of the shape of the device's.
     """
     T, rates = device.sample_time, _rates(device, ops)
-    older = (device.sensed_delay - delay.whole * T) / T if delay.fractional else None
+    older = (_sensed_delay(device) - delay.whole * T) / T if delay.fractional else None
     chain, inner = sampled_chain(rates, older, ops), rates[1][1:-1]
     direct, n = rates[1][-1], len(inner)
-    O = (*chain.open, 1)
+    below_all = (*chain.open, 1)
     newer, late = chain.states
     velocity = _with_older([x[0] for x in newer], [x[0] for x in late])
     felt = [dot(inner, x) for x in late]
     # just before the sample the older command of it acts
-    felt = [add(x, times(direct, c)) for x, c in zip((*felt, 0), O, strict=True)]
+    felt = [add(x, times(direct, c)) for x, c in zip((*felt, 0), below_all, strict=True)]
     acceleration = _with_older([dot(inner, x) for x in newer], felt)
     position = _with_older(*chain.position)
-    below = _half_angles(O, n)
+    below = _half_angles(below_all, n)
     D, _ = _by_square(_times_conjugate(below, below))
 
     def numerator(polynomial: Sequence[Number], degree: int, unit: Number) -> Numerator:
@@ -114,7 +119,7 @@ def servo_plant(device: ServoDevice, delay: SensedDelay, ops: Arithmetic) -> Ser
         halves = [0] * (n + 2 - degree) + [times(unit, x) for x in halves]
         return Numerator(*_by_square(_times_conjugate(halves, below)))
 
-    interpolated = device.servo.command == "position"
+    interpolated = device.servo is not None and device.servo.command == "position"
     return ServoPlant(
         size=D,
         acceleration=numerator(acceleration, n + 1, 1 / T),
@@ -126,18 +131,20 @@ def servo_plant(device: ServoDevice, delay: SensedDelay, ops: Arithmetic) -> Ser
     )
 
 
-def _rates(device: ServoDevice, ops: Arithmetic) -> Matrix:
+def _rates(device: Device, ops: Arithmetic) -> Matrix:
     """Return d/dt of (way that is sensed, velocity that is sensed, ..., command), T = 1."""
     T, servo, sensor = device.sample_time, device.servo, device.force_sensor
+    assert servo is not None
     one = 0 * T + 1  # in the arithmetic, so that what it is divided by is enclosed
-    moved, felt = ("moved", "moving")[: servo.order], ()
+    moved: tuple[str, ...] = ("moved", "moving")[: servo.order]
+    felt: tuple[str, ...] = ()
     if sensor is not None and sensor.bandwidth_hz is not None:
         felt = ("felt", "felt rate")[: sensor.order]
     names = ["position", *felt, *moved, "command"]
     rows: dict[str, dict[str, Number]] = {name: {} for name in names}
     rows["position"][names[1]] = one
     rows[moved[-1]]["command"] = filter_rows(rows, ("moved", "moving"), servo.bandwidth_hz * T, servo.order, ops)
-    if felt:
+    if sensor is not None and felt:
         corner = filter_rows(rows, ("felt", "felt rate"), sensor.bandwidth_hz * T, sensor.order, ops)
         rows[felt[-1]]["moved"] = corner
     return tuple(tuple(row.get(name, 0) for name in names) for row in rows.values())

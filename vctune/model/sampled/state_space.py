@@ -53,8 +53,8 @@ def sampled_states(device: Device, older: Number | None, ops: Arithmetic) -> Ste
     """
     share = None if older is None else older / device.sample_time
     chain = sampled_chain(_rates(device, ops), share, ops)
-    velocities = (tuple(states[0] for states in force) for force in chain.states)
-    return StepResponse(chain.open, tuple(velocities), chain.position)
+    newer, late = (tuple(states[0] for states in force) for force in chain.states)
+    return StepResponse(chain.open, (newer, late), chain.position)
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,3 +171,21 @@ def _rates(device: Device, ops: Arithmetic) -> Matrix:
             rows[at["rate"]][at["force"]], rows[at["rate"]][at["command"]] = -corner, corner
             rows[at["rate"]][at["rate"]] = -ops.sqrt(2 * (corner * corner))
     return tuple(map(tuple, rows))
+
+
+def filter_rows(
+    rows: dict[str, dict[str, Number]], states: tuple[str, str], samples: Number, order: int, ops: Arithmetic
+) -> Number:
+    """Fill in a low-pass of order 1, or 2 with damping ratio 1/sqrt(2); return what drives its last state.
+
+    Of order 2 its states are y and y + y'/a, 2 a^2 = w^2. A fast one's f(A/E) is about half its rates', with y and y'
+    next to 0 on the diagonal, where it is eliminated.
+    """
+    corner, (out, rate) = 2 * ops.pi * samples, states
+    if order == 1:
+        rows[out][out] = -corner
+        return corner
+    a = ops.sqrt(corner * corner / 2)
+    rows[out][out], rows[out][rate] = -a, a
+    rows[rate][out], rows[rate][rate] = -a, -a
+    return 2 * a

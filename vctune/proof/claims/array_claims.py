@@ -22,7 +22,7 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
-from vctune.model.sampled.plant_in_hand import Delays, PlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, Delays, PlantInHand, delays_of, plant_in_hand
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.claims.margins_of_claims import (
     Design,
@@ -276,8 +276,9 @@ def limp_hands_margin(demands: Demands, uncertain: tuple[str, ...], delays: Dela
     device = _uncertain_device(demands.device, uncertain)
 
     def margin(theta: Number, v: Values) -> Number:
-        design = Design(device(v), gains_of(v), coupling_of(v))
-        return limp_hand_margin(in_hand(v), design, theta, v[SHARE], factor, OPS)
+        plant, design = in_hand(v), Design(device(v), gains_of(v), coupling_of(v))
+        assert isinstance(plant, PlantInHand)  # only a velocity loop has K_p
+        return limp_hand_margin(plant, design, theta, v[SHARE], factor, OPS)
 
     return margin
 
@@ -308,16 +309,16 @@ def _uncertain_device(nominal: Device, uncertain: tuple[str, ...]) -> Callable[[
 
 def _plant_in_hand(
     nominal: Device, uncertain: tuple[str, ...], delays: Delays, ops: ArrayArithmetic = OPS
-) -> Callable[[Values], PlantInHand]:
+) -> Callable[[Values], AnyPlantInHand]:
     """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
 
-    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> PlantInHand:
+    def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
         device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
         return plant_in_hand(device, Hand(mass, damping, stiffness), delays, ops)
 
-    def of_values(v: Values) -> PlantInHand:
-        found: PlantInHand = shared(plant, [v[name] for name in rows])
+    def of_values(v: Values) -> AnyPlantInHand:
+        found: AnyPlantInHand = shared(plant, [v[name] for name in rows])
         return found
 
     return of_values

@@ -96,7 +96,8 @@ def _proofs(demands: Demands, cells: Cells) -> Certified:
 
     steps = ((0, conditions_hold), (1, sensitivity_holds), (slice(2, 4), poles_stay))
     left, boxes = np.arange(len(cells)), np.zeros((4, len(cells)), np.intp)
-    for rows, holds in steps if demands.passive else steps[1:]:
+    own = steps[1:] if demands.device.kind.own_loop else ()
+    for rows, holds in steps if demands.passive else own:
         if len(left):
             proved, boxes[rows, left] = holds(cells.subset(left))
             left = left[proved]
@@ -131,7 +132,8 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
     # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
-    regular = not demands.device.kind.senses_force or hands.low.stiffness > 0
+    kind = demands.device.kind
+    regular = not kind.senses_force or not kind.own_loop or hands.low.stiffness > 0
     hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
     left = hopeful[turns_in_hand(demands, points) == 0]

@@ -17,7 +17,7 @@ from vctune.model.numbers.pair import Pair, im_conj_product, re_conj_product
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, required_in_limp_hand, room
 from vctune.model.sampled.let_go import Plant, return_difference
-from vctune.model.sampled.plant_in_hand import PlantInHand
+from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand
 from vctune.model.sampled.velocity_loop import difference_slope
 
 HALF_TURN = nextafter(pi, inf)
@@ -186,7 +186,7 @@ def loop_gain_margin(plant: Plant, gains: Gains, theta: Number, limit: Number, o
     return limit * limit * parts.open.abs2() - loop.abs2()
 
 
-def hand_margin(plant: PlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
+def hand_margin(plant: AnyPlantInHand, design: Design, theta: Number, factor: Number, ops: Arithmetic) -> Number:
     """Return |F|^2 (Re Z_c - factor R) in a hand at theta = omega T, N s/m (model/README.md, section 14).
 
     Where it is positive F is not 0 either, so that no pole of the loop in the hand is there. Of an impedance display it
@@ -242,7 +242,7 @@ def any_hand_margin(
     return room(design.coupling, design.device, required, factor, theta, ops), required.size
 
 
-def hand_curve(plant: PlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
+def hand_curve(plant: AnyPlantInHand, gains: Gains, theta: Number, ops: Arithmetic) -> Pair:
     """Return F of the loop in a hand, turned so that it is real at both ends and comes back without a turn if stable.
 
     Parameters

@@ -145,7 +145,7 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     problem : that it states
     """
     proof, loop, design = record.certificate, record.inner_loop, record.design
-    if proof is None or loop is None or design is None:
+    if proof is None or design is None:
         return []
     shown = []
     for claim in proof.claims:
@@ -155,7 +155,7 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
 
 def _found(
-    claim: str, proof: CertificateRecord, loop: InnerLoopRecord, problem: Problem, design: tuple[Gains, AnyCoupling]
+    claim: str, proof: CertificateRecord, loop: InnerLoopRecord | None, problem: Problem, design: tuple[Gains, AnyCoupling]
 ) -> tuple[str, str]:
     """Return what was found of a claim and what was asked."""
     factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
@@ -164,12 +164,12 @@ def _found(
         return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
     if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
         return _least_in_any_hand(proof, problem, design), factor
-    if claim == Claim.SENSITIVITY:
+    if claim == Claim.SENSITIVITY and loop is not None:
         return (
             f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}",
             f"≤ {problem.stability.max_sensitivity:g}",
         )
-    if claim == Claim.SAMPLED_POLES:
+    if claim == Claim.SAMPLED_POLES and loop is not None:
         margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
         left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
         left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
