@@ -122,16 +122,16 @@ def write_record(folder: Path, file: ProblemFile, record: DesignRecord) -> dict[
         What was renamed, and to what.
     """
     files = {folder / DESIGN_FILE: json_text(record)}
-    gains = folder / GAINS_FILE
+    gains, kind = folder / GAINS_FILE, file.problem.device.kind
     if record.design is not None and record.certificate is not None:
         origin = {
             "problem": file.problem.name,
             "sha256": file.sha256,
             "vctune": str(record.versions["vctune"]),
             "verdict": record.certificate.verdict,
-            "numbers": numbers_text(*record.design),
+            "numbers": numbers_text(kind, *record.design),
         }
-        files[gains] = gains_text(*record.design, origin, record.problem.units)
+        files[gains] = gains_text(kind, *record.design, origin, record.problem.units)
     earlier = [gains] if record.design is None and gains.exists() else []
     earlier += outdated(folder, record)
     write_together(files, report_paths(folder), earlier)

@@ -174,12 +174,12 @@ def compared(posed: Posed) -> Posed:
 def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     """Return the terms of the error that have a weight and can differ between designs, so that they are optimised.
 
-    Of an impedance display how the commanded force is met is the device's business, and so is its free motion, where
-    K_v is fixed; a rigid one meets the command alike with any K_v. Added to the mean square they would only hide what
-    the coupling does.
+    How an impedance display meets the commanded force is the device's business, and so is its free motion, where K_v is
+    fixed; a rigid one meets the command alike with any K_v. The coupling alone acts on the error of a servo. Added to
+    the mean square the other terms would only hide what the coupling does.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
-    if device.kind.inverse and objective.norm == "rms" and objective.weights.coupling > 0:
+    if not device.kind.banded and objective.norm == "rms" and objective.weights.coupling > 0:
         alike = problem.bounds.velocity.fixed
         fixed = {"tracking", "admittance"} if alike else {"tracking"} if device.structure is None else set()
     return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)

@@ -18,6 +18,7 @@ from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 from vctune.model import device as devices
+from vctune.model.display import ADMITTANCE, IMPEDANCE
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.problem import Problem
 
@@ -115,7 +116,7 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFil
     if faults:
         raise refusal(faults, None, "design")
     gains, coupling = Gains(**{"position": 0.0, **raw["gains"]}), type(coupling)(**raw["coupling"])
-    return GainsFile(gains, coupling, None, None, toml_text(raw))
+    return GainsFile(IMPEDANCE if spring else ADMITTANCE, gains, coupling, None, None, toml_text(raw))
 
 
 def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:

@@ -8,84 +8,87 @@ from __future__ import annotations
 from dataclasses import astuple
 
 from vctune.document.text.toml_writing import quoted
-from vctune.model.display import DisplayName
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
-from vctune.model.numbers.keys import keys_of, labelled
+from vctune.model.display import Display
+from vctune.model.gains import AnyCoupling, Gains
+from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import UNITS, UnitSystem
 
 
-def design_tables(gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
-    """Return the tables [gains] and [coupling] of a design; an impedance display has no K_p.
+def design_numbers(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
+    """Return the numbers of a design by their keys, in order, without those that its kind of display does not have.
 
     Parameters
     ----------
+    kind : of the device
     gains, coupling : plain floats
     """
-    numbers = astuple(gains) + astuple(coupling)
-    tables: dict[str, dict[str, float]] = {"gains": {}, "coupling": {}}
-    for key, value in zip(keys_of(len(numbers)), numbers, strict=True):
+    numbers = zip(kind.keys, astuple(gains) + astuple(coupling), strict=True)
+    return {key: number for key, number in numbers if key not in kind.absent}
+
+
+def design_tables(kind: Display, gains: Gains, coupling: AnyCoupling) -> dict[str, dict[str, float]]:
+    """Return the tables [gains] and [coupling] of a design; a servo has the latter alone.
+
+    Parameters
+    ----------
+    kind : of the device
+    gains, coupling : plain floats
+    """
+    tables: dict[str, dict[str, float]] = {}
+    for key, number in design_numbers(kind, gains, coupling).items():
         table, name = key.split(".")
-        if not (key == "gains.position" and isinstance(coupling, SpringDamper)):
-            tables[table][name] = value
+        tables.setdefault(table, {})[name] = number
     return tables
 
 
-def design_numbers(gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
-    """Return the numbers of a design by their keys, in order; an impedance display has no K_p.
-
-    Parameters
-    ----------
-    gains, coupling : plain floats
-    """
-    tables = design_tables(gains, coupling)
-    return {f"{table}.{name}": value for table, numbers in tables.items() for name, value in numbers.items()}
-
-
-def numbers_text(gains: Gains, coupling: AnyCoupling) -> str:
+def numbers_text(kind: Display, gains: Gains, coupling: AnyCoupling) -> str:
     """Return the numbers of a design as one text, from which an edited file knows what it was.
 
     Parameters
     ----------
+    kind : of the device
     gains, coupling : plain floats
     """
-    return " ".join(repr(number) for number in design_numbers(gains, coupling).values())
+    return " ".join(repr(number) for number in design_numbers(kind, gains, coupling).values())
 
 
-def numbers_in(text: str, gains: Gains, coupling: AnyCoupling) -> dict[str, float]:
+def numbers_in(text: str, kind: Display) -> dict[str, float]:
     """Return the numbers that `numbers_text` wrote by their keys; none where they are not those of such a design.
 
     Parameters
     ----------
     text : of the numbers
-    gains, coupling : a design of the same kind
+    kind : of the device
     """
     try:
-        return dict(zip(design_numbers(gains, coupling), map(float, text.split()), strict=True))
+        return dict(zip(kind.stated, map(float, text.split()), strict=True))
     except ValueError:
         return {}
 
 
-def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: UnitSystem = "linear") -> str:
+def gains_text(
+    kind: Display, gains: Gains, coupling: AnyCoupling, origin: dict[str, str], units: UnitSystem = "linear"
+) -> str:
     """Return the text of a gains file.
 
     Parameters
     ----------
+    kind : of the device
     gains, coupling : plain floats, written in their shortest exact decimals
     origin : keys and texts of the [design] table, beside the display and the units
     units : of the device
     """
-    display: DisplayName = "impedance" if isinstance(coupling, SpringDamper) else "admittance"
-    stated = {**origin, "display": display, "units": units}
+    stated, tables = {**origin, "display": kind.name, "units": units}, design_tables(kind, gains, coupling)
     written = [
         [
             f"[{table}]",
             *(f"{name} = {value!r}  # {labelled(f'{table}.{name}', UNITS[units])}" for name, value in numbers.items()),
             "",
         ]
-        for table, numbers in design_tables(gains, coupling).items()
+        for table, numbers in tables.items()
     ]
     lines = [
-        "# Paste [gains] and [coupling] into a problem file to fix them.",
+        f"# Paste {' and '.join(f'[{table}]' for table in tables)} into a problem file to fix these numbers.",
         *(line for table in written for line in table),
         "[design]",
         *(f"{key} = {quoted(text)}" for key, text in stated.items()),

@@ -12,12 +12,17 @@ from vctune.document.gains_file import numbers_in
 from vctune.document.schema.contradictions import contradictions
 from vctune.document.schema.defaults import resolve
 from vctune.document.schema.number_units import units_stated
-from vctune.document.schema.problem_schema import GainsDocument, ProblemDocument, SpringGainsDocument
+from vctune.document.schema.problem_schema import (
+    GainsDocument,
+    ProblemDocument,
+    ServoGainsDocument,
+    SpringGainsDocument,
+)
 from vctune.document.schema.validation import Contradiction, Fault, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
-from vctune.model.display import DisplayName
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.display import ADMITTANCE, DISPLAYS, IMPEDANCE, SERVO, Display, DisplayName
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import Units, UnitSystem
 from vctune.model.problem import Problem, Transparency
 
@@ -157,6 +162,7 @@ class GainsFile:
 
     Attributes
     ----------
+    kind : of display that the design is for
     gains, coupling : the design
     sha256 : digest of the problem that it was made for, if the file says so
     units : that the numbers are in, if the file says so
@@ -165,6 +171,7 @@ class GainsFile:
     solved : the numbers of the design that it was made of, by key; none if the file does not say so
     """
 
+    kind: Display
     gains: Gains
     coupling: AnyCoupling
     sha256: str | None
@@ -172,11 +179,6 @@ class GainsFile:
     text: str
     source: str = "design"
     solved: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def display(self) -> DisplayName:
-        """The display that has such a coupling."""
-        return "impedance" if isinstance(self.coupling, SpringDamper) else "admittance"
 
 
 def read_gains(path: str | Path) -> GainsFile:
@@ -198,30 +200,42 @@ def gains_file(text: str, path: Path) -> GainsFile:
         Listing every mistake, each with line, dotted key, value and remedy.
     """
     path = toml.called(path)
-    spring = _coupling_is_spring(toml.parse(text, str(path)))
-    model: type[GainsDocument | SpringGainsDocument] = SpringGainsDocument if spring else GainsDocument
-    document = validated(model, text, str(path), _other_display)
-    gains = Gains(document.gains.velocity, getattr(document.gains, "position", 0.0))
-    coupling = (SpringDamper if spring else Coupling)(**document.coupling.model_dump())
-    origin = document.design
-    solved = numbers_in(origin.numbers or "", gains, coupling)
-    return GainsFile(gains, coupling, origin.sha256, origin.units, text, str(path), solved)
+    kind = _kind_of(toml.parse(text, str(path)))
+    document = validated(GAINS_DOCUMENTS[kind.name], text, str(path), _other_display)
+    stated = getattr(document, "gains", None)
+    gains = Gains(getattr(stated, "velocity", 0.0), getattr(stated, "position", 0.0))
+    coupling, origin = kind.coupling(**document.coupling.model_dump()), document.design
+    solved = numbers_in(origin.numbers or "", kind)
+    return GainsFile(kind, gains, coupling, origin.sha256, origin.units, text, str(path), solved)
 
 
-def _coupling_is_spring(raw: dict[str, Any]) -> bool:
-    coupling = raw.get("coupling")
-    return isinstance(coupling, dict) and "stiffness" in coupling
+GAINS_DOCUMENTS: dict[DisplayName, type[GainsDocument | SpringGainsDocument | ServoGainsDocument]] = {
+    "admittance": GainsDocument,
+    "impedance": SpringGainsDocument,
+    "servo": ServoGainsDocument,
+}
+
+
+def _kind_of(raw: dict[str, Any]) -> Display:
+    """Return the kind of display that a gains file is for: its coupling tells, and whether it has gains."""
+    coupling, origin = raw.get("coupling"), raw.get("design")
+    if isinstance(coupling, dict) and "stiffness" in coupling:
+        return IMPEDANCE
+    stated = origin.get("display") if isinstance(origin, dict) else None
+    return SERVO if "gains" not in raw and stated in (None, "servo") else ADMITTANCE
 
 
 def _other_display(raw: dict[str, Any]) -> list[Contradiction]:
-    """Return the display that a gains file states, where its coupling is that of the other."""
-    spring, origin = _coupling_is_spring(raw), raw.get("design")
+    """Return the display that a gains file states, where its numbers are those of another."""
+    kind, origin = _kind_of(raw), raw.get("design")
     stated = origin.get("display") if isinstance(origin, dict) else None
-    if stated == ("admittance" if spring else "impedance"):
-        key, other = ("stiffness", "impedance") if spring else ("mass", "admittance")
-        message = f'"{stated}" contradicts [coupling], in which {key} makes it that of an {other} display; correct one'
-        return [(("design", "display"), message)]
-    return []
+    if stated not in DISPLAYS or stated == kind.name:
+        return []
+    if kind is ADMITTANCE and stated == "servo":
+        return [(("design", "display"), '"servo" contradicts [gains], which no servo has; correct one')]
+    key, other = ("stiffness", "impedance") if kind is IMPEDANCE else ("mass", "admittance")
+    message = f'"{stated}" contradicts [coupling], in which {key} makes it that of an {other} display; correct one'
+    return [(("design", "display"), message)]
 
 
 def _empty_default_band(problem: Problem) -> Fault:

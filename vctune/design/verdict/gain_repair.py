@@ -46,7 +46,7 @@ def edits(problem: Problem, judgement: Judgement, solved: Mapping[str, float]) -
     judgement : of the numbers as they are
     solved : the numbers of the solved design by their keys, or none
     """
-    given = design_numbers(judgement.gains, judgement.coupling)
+    given = design_numbers(judgement.kind, judgement.gains, judgement.coupling)
     return [change_of_gain(problem, key, given[key], new) for key, new in solved.items() if new != given[key]]
 
 
@@ -86,9 +86,9 @@ def solved_numbers(stated: dict[str, Any], judgement: Judgement, test: RepairTes
     judgement : of a design
     test : how a problem with free numbers is solved
     """
-    problem = _with_free(stated, judgement, *design_numbers(judgement.gains, judgement.coupling))
+    problem = _with_free(stated, judgement, *design_numbers(judgement.kind, judgement.gains, judgement.coupling))
     design = test.verify(problem) if problem is not None and not problem.bounds.fixed else None
-    return design_numbers(design.gains, design.coupling) if design is not None else {}
+    return design_numbers(design.kind, design.gains, design.coupling) if design is not None else {}
 
 
 def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) -> Iterator[Repair]:
@@ -108,7 +108,7 @@ def best_values(stated: dict[str, Any], judgement: Judgement, test: RepairTest) 
     OutOfTimeError
         If the time limit ends that.
     """
-    posed = {key: _with_one_free(stated, judgement, key) for key in design_numbers(judgement.gains, judgement.coupling)}
+    posed = {key: _with_one_free(stated, judgement, key) for key in judgement.kind.stated}
     free = {key: each for key, each in posed.items() if each is not None and not each.bounds.fixed}
     hopeful = {key: each for key, each in free.items() if test.estimate(each)}
     found = False
@@ -124,7 +124,7 @@ def _solved(free: dict[str, Problem], judgement: Judgement, test: RepairTest) ->
         check_time()
         design = test.verify(problem)
         if design is not None:
-            old, new = (design_numbers(each.gains, each.coupling)[key] for each in (judgement, design))
+            old, new = (design_numbers(each.kind, each.gains, each.coupling)[key] for each in (judgement, design))
             yield repair_of(change_of_gain(problem, key, old, new), new, design)
 
 
@@ -139,7 +139,7 @@ def _with_one_free(stated: dict[str, Any], judgement: Judgement, key: str) -> Pr
 
 def _with_free(stated: dict[str, Any], judgement: Judgement, *keys: str) -> Problem | None:
     """Return a problem whose design is fixed but for some numbers; None where that contradicts another key."""
-    tables: dict[str, dict[str, Any]] = design_tables(judgement.gains, judgement.coupling)
+    tables: dict[str, dict[str, Any]] = design_tables(judgement.kind, judgement.gains, judgement.coupling)
     for table, name in (key.split(".") for key in keys):
         del tables[table][name]
         bounds = stated.get(table, {}).get(name)

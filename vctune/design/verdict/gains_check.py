@@ -213,7 +213,7 @@ def check_problem(file: ProblemFile, design: GainsFile | None = None) -> Checked
 
 def _own_design(file: ProblemFile) -> GainsFile:
     """Return the design that a problem fixes."""
-    return GainsFile(*file.problem.fixed_design, sha256=None, units=None, text=file.text)
+    return GainsFile(file.problem.device.kind, *file.problem.fixed_design, sha256=None, units=None, text=file.text)
 
 
 def _read(path: Path) -> _Input:
@@ -315,7 +315,7 @@ def _repairs(
     if judgement.status is not Status.VIOLATED and not judgement.idle:
         return None, []
     stated = toml.parse(file.text, file.problem.name)
-    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     if judgement.idle:
         return _cures(file, stated, pasted, changed, progress), []
     repairs = repairs_of_design(stated, judgement, changed, progress)

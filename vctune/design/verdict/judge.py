@@ -20,6 +20,7 @@ from vctune.design.prepared import Posed, compared, pose
 from vctune.design.search.worst import worst_inside
 from vctune.markup import html_facts, span
 from vctune.model.device import Device
+from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
@@ -97,6 +98,11 @@ class Judgement:
     def status(self) -> Status:
         """The certificate's verdict as a status."""
         return STATUS_OF[self.certificate.verdict]
+
+    @property
+    def kind(self) -> Display:
+        """The kind of display that it is a design of."""
+        return self.tightest.kind
 
     @property
     def worst_hz(self) -> float:

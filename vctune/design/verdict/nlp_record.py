@@ -109,6 +109,8 @@ def left_out(solved: Solved) -> list[Note]:
         found.append(
             Note("left-out-integrator", "gains.position: the best design has K_p = 0, and with it no integrator")
         )
+    if not problem.device.kind.own_loop:
+        return found
     if structure.capacities[DEMANDS.index("sensitivity")] == 0:
         peak, limit = solved.scanned.peak_sensitivity, problem.stability.max_sensitivity
         said = f"stability.max_sensitivity: |S| stays below {peak:.4g} wherever the scan looked, the limit is {limit:g}"

@@ -169,7 +169,7 @@ def repairs_of_design(
         error, or where solving finds none its least change. Then the least changes of the problem. The least error
         comes first in either part.
     """
-    pasted = stated | design_tables(judgement.gains, judgement.coupling)
+    pasted = stated | design_tables(judgement.kind, judgement.gains, judgement.coupling)
     problem, _ = pose(pasted, "")
     assert problem is not None, "a valid problem with valid gains is one"
     progress("looking for repairs: the numbers of the design")

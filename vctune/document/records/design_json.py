@@ -223,4 +223,6 @@ class DesignRecord(Document):
         found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # which has no K_p
             found["gains"] = found["gains"][:1]
+        if self.transparency is not None and self.transparency.display == "servo":
+            del found["gains"]
         return found

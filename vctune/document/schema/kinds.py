@@ -10,11 +10,11 @@ from vctune.document.reading import GainsFile, ProblemFile
 from vctune.document.records.gains_json import ProblemRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
-from vctune.model.display import DisplayName
+from vctune.model.display import IMPEDANCE, DisplayName
 from vctune.model.numbers.units import UNITS, UnitSystem
 
 DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
-    {"admittance": "an admittance display", "impedance": "an impedance display"}
+    {"admittance": "an admittance display", "impedance": "an impedance display", "servo": "a servo"}
 )
 
 
@@ -32,11 +32,11 @@ def require_gains_of(file: ProblemFile, given: GainsFile) -> None:
         If display or units differ, naming both.
     """
     lines = toml.Lines(given.text)
-    telling = ("coupling", "stiffness" if given.display == "impedance" else "mass")
+    telling = ("coupling", "stiffness" if given.kind is IMPEDANCE else "mass")
     keys = {"display": telling, "units": ("design", "units")}
     mistakes = [
         Mistake("other-kind", ".".join(keys[which]), message, lines.locate(keys[which]))
-        for which, message in _differences(file, given.display, given.units, "gains")
+        for which, message in _differences(file, given.kind.name, given.units, "gains")
     ]
     if mistakes:
         raise InputError(given.source, mistakes)
@@ -59,7 +59,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
     """
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
-    display: DisplayName = "impedance" if device.get("display") == "impedance" else "admittance"
+    display: DisplayName = "servo" if "servo" in device else device.get("display", "admittance")
     differ = _differences(file, display, record.units, what)
     if differ:
         keys = {"display": "problem.text", "units": "problem.units"}

@@ -1,7 +1,8 @@
 """A servo and its force sensor over a sample, exactly (model/README.md, section 17).
 
 All are polynomials of y = sin^2(theta/2). Velocity, acceleration and position pass servo and sensor alike, so that the
-sensor's low-pass may follow the servo's and both delays add up to (N + delta) T. In w = z^-1 and d = 1 - w the pulse transfer functions from the held velocity are
+sensor's low-pass may follow the servo's and both delays add up to (N + delta) T. In w = z^-1 and d = 1 - w the pulse
+transfer functions from the held velocity are
 
     G_v = w^N V/O,   G_a = w^N A/O,   G_x = w^N X/(d O),
 

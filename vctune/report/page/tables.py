@@ -155,7 +155,11 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
 
 
 def _found(
-    claim: str, proof: CertificateRecord, loop: InnerLoopRecord | None, problem: Problem, design: tuple[Gains, AnyCoupling]
+    claim: str,
+    proof: CertificateRecord,
+    loop: InnerLoopRecord | None,
+    problem: Problem,
+    design: tuple[Gains, AnyCoupling],
 ) -> tuple[str, str]:
     """Return what was found of a claim and what was asked."""
     factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
