@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 import numpy as np
 
@@ -43,9 +43,9 @@ class Feel:
     Attributes
     ----------
     mass, damping : apparent ones in free motion, at each of `FREE_HZ`, kg and N s/m
-    static_stiffness, stiffness : of the stiffest wall, at 0 and at `WALL_HZ`, N/m
+    static_stiffness, stiffness : of the stiffest wall, at 0 and at `WALL_HZ`, N/m; inf for a servo, which stands still
     force : to move the handle steadily at `SPEED`, N
-    loop_latency : around the loop at low frequency, s
+    loop_latency : around the loop at low frequency, s; of a servo, from its command to its motion
     force_latency : from the hand's force to the velocity that answers it, at `WALL_HZ`, s
     tracking_bandwidth : up to which |G_he| is at least `HALF_POWER`, Hz, the Nyquist frequency at most and 0 where it
         is nowhere; of an impedance display that of |A H/N|
@@ -84,7 +84,7 @@ def feel(device: Device, gains: Gains, coupling: AnyCoupling) -> Feel:
         static_stiffness=_static_stiffness(device, gains, coupling),
         stiffness=wall,
         force=SPEED * abs(_free(device, gains, coupling, 0.0)),
-        loop_latency=_loop_latency(device) if gains.closed or rendered else None,
+        loop_latency=_loop_latency(device) if gains.closed or rendered or device.servo is not None else None,
         force_latency=-force_phases(device, gains, 2 * pi * WALL_HZ).total / (2 * pi * WALL_HZ) if late else None,
         tracking_bandwidth=_tracking_bandwidth(device, gains),
     )
@@ -105,7 +105,7 @@ def felt_impedance(
     if isinstance(coupling, SpringDamper):
         return _felt_force(device, gains, coupling, omega, environment)
     beyond = None
-    if environment is not None and gains.closed:
+    if environment is not None and (gains.closed or device.servo is not None):
         beyond = _complex(coupling_impedance(coupling, omega)) + environment
     return impedance_at_handle(device, gains, omega, beyond)
 
@@ -141,6 +141,8 @@ def impedance_at_handle(device: Device, gains: Gains, omega: Floats, beyond: Com
     beyond : Z_c + Z_e of the coupling and an environment, of that shape; None for a rigid environment, or without a
         loop
     """
+    if beyond is None and device.servo is not None:
+        return np.full(np.shape(omega), complex(inf))
     loop = response(device, gains, omega)
     scale, D = np.sqrt(loop.scale2), _complex(loop.D_scaled)
     N = 1.0 if loop.numerator is None else _complex(loop.numerator)
@@ -163,6 +165,8 @@ def _static_stiffness(device: Device, gains: Gains, coupling: AnyCoupling) -> fl
     if isinstance(coupling, SpringDamper):
         give = 0.0 if device.structure is None else 1 / mechanism(device, device.structure, FLOATS).stiffness
         return float(1 / (1 / coupling.stiffness + give))
+    if device.servo is not None:
+        return inf
     if gains.position == 0:
         return 0.0
     loop = response(device, gains, np.zeros(1))

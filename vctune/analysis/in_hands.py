@@ -62,7 +62,8 @@ class LoopsInHands:
         """Return R, of the shape of the loop; of the gains' shape before it if they are arrays (..., 1, 1)."""
         found = required_in_hand(self.loop, gains)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(found.lost / found.size)
+            R = np.asarray(found.lost / found.size)
+        return np.broadcast_to(R, np.broadcast_shapes(R.shape, np.shape(gains.velocity)))  # of a servo no gain is in it
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.display import SERVO, Display
+from vctune.model.display import Display
 from vctune.model.loop.affine import Affine, LoopConstants
 from vctune.model.loop.device_response import DeviceResponse
 from vctune.model.loop.impedances import G_hh_abs2, LoopResponse, tracking_abs2
@@ -54,8 +54,6 @@ def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTer
     at : its device there
     kind : of the device
     """
-    if kind is SERVO:  # the hand cannot push it, and no gain moves it
-        return LoopTerms(0 * at.omega, (1 - at.drive.re) * (1 - at.drive.re) + (at.omega * at.drive.lag) ** 2)
     if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
     N = loop.numerator or Pair(1, 0)
@@ -78,10 +76,6 @@ def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient
     at : the loop's constants at some frequencies
     kind : of the device; an impedance display has no K_p
     """
-    if kind is SERVO:
-        followed, one = at.controller.velocity, Affine(Pair(1, 0), None, None)
-        late = Pair(1, 0) if followed is None else Pair(1 - followed.re, -followed.im)
-        return Quotient(Affine(Pair(0, 0), None, None), one), Quotient(Affine(late, None, None), one)
     if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
     N, D, drive = (Affine(each.constant, each.velocity, None) for each in (at.numerator, at.D, at.controller))

@@ -39,6 +39,8 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem.transparency)
     weight = problem.transparency.weights.coupling or 1.0
+    if not problem.device.kind.own_loop:  # one term alone differs between its designs
+        return Study("terms", document, (_list("transparency.weights.coupling", [weight]),), problem.transparency)
     weights = [float(f"{weight * 10**k:.6g}") for k in EXPONENTS]
     axes = (
         _list("gains.position", _values(problem.bounds.position)),

@@ -14,7 +14,7 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
-from vctune.model.display import DisplayName
+from vctune.model.display import SERVO, DisplayName
 from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spring
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
@@ -107,7 +107,8 @@ def device_of(structure: NlpStructure, numbers: dict[str, Any], operator: Any) -
         for name in structure.parts
     }
     drive = DriveResponse(numbers["drive_re"], numbers["drive_lag"])
-    return DeviceResponse(numbers["omega"], numbers["mass"], numbers["damping"], drive, operator=operator, **parts)
+    given = numbers["omega"], numbers["mass"], numbers["damping"], drive
+    return DeviceResponse(*given, operator=operator, **parts, follows=structure.kind is SERVO)
 
 
 def plant_numbers(plant: SampledPlant) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from vctune.analysis.feel import feel
 from vctune.document.records.rows_json import FeltRecord
 from vctune.model.device import Device
@@ -22,6 +24,6 @@ def felt_record(device: Device, gains: Gains, coupling: AnyCoupling) -> FeltReco
         felt_mass_10hz=felt.mass[1],
         felt_damping_1hz=felt.damping[0],
         felt_damping_10hz=felt.damping[1],
-        stiffest_wall=felt.stiffness,
+        stiffest_wall=None if felt.stiffness == inf else felt.stiffness,
         tracking_bandwidth_hz=felt.tracking_bandwidth,
     )

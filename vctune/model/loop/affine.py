@@ -64,6 +64,8 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
     K_p's share of C_0 is that of K_v turned by a right angle, and so is that of W and D unless the velocity is
     estimated.
     """
+    if at.follows:
+        return _following(at)
     omega, spring, sensor = at.omega, at.spring, at.sensor
     drive = Pair(at.drive.re, -(omega * at.drive.lag))
     turned = Pair(-at.drive.lag, -(at.drive.re / omega))
@@ -98,4 +100,25 @@ def loop_constants(at: DeviceResponse) -> LoopConstants:
         numerator=Affine(N_0, y * heard, y * turned),
         motor=motor,
         factor=e,
+    )
+
+
+def _following(at: DeviceResponse) -> LoopConstants:
+    """Return the constants of a servo, in which no gain is."""
+    drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
+    heard = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
+    one, none = Pair(1, 0 * at.omega), Pair(0, 0 * at.omega)
+
+    def constant(number: Pair) -> Affine:
+        return Affine(number, None, None)
+
+    miss = Pair(1 - drive.re, -drive.im)
+    return LoopConstants(
+        controller=constant(drive),
+        C=constant(heard),
+        D=constant(one),
+        miss=constant(miss),
+        numerator=constant(none),
+        motor=constant(one),
+        factor=one,
     )

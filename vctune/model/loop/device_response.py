@@ -70,6 +70,7 @@ class DeviceResponse(NamedTuple):
     spring : between motor and handle; None if rigid
     operator : b_h, the damping of the least operator, N s/m; None without one
     factor : x = 1 + delta, by which the mechanism's response is multiplied; None for 1
+    follows : whether the motion follows the command alone, as a servo's
     """
 
     omega: Number
@@ -81,6 +82,7 @@ class DeviceResponse(NamedTuple):
     spring: Spring | None = None
     operator: Number | None = None
     factor: Pair | None = None
+    follows: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,7 +219,7 @@ def _servo_response(
     if servo.command == "position":
         drive = _behind(drive, interpolation(device.sample_time, omega, ops), omega2)
     sensor = None if device.force_sensor is None else force_sensor_response(device.force_sensor, omega, ops)
-    return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor)
+    return DeviceResponse(omega, device.mass, device.damping, drive, sensor=sensor, follows=True)
 
 
 def _behind(drive: DriveResponse, late: FilterResponse, omega2: Number) -> DriveResponse:

@@ -32,6 +32,8 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
     LoopResponse
         Its numbers of the shape of omega; those that do not depend on it may be plain.
     """
+    if at.follows:
+        return _following(at)
     if at.factor is not None:
         return perturbed_loop(at, at.factor, gains)
     if not (at.estimate is None and at.sensor is None and at.spring is None):
@@ -62,4 +64,21 @@ def loop_response(at: DeviceResponse, gains: Gains, ops: Arithmetic) -> LoopResp
         im_slope=im_slope,
         resistance=resistance,
         operator_relief=operator_relief,
+    )
+
+
+def _following(at: DeviceResponse) -> LoopResponse:
+    """Return the response of a servo: G_hh = 0, since no hand pushes it, and G_he = A H whatever the gains are."""
+    drive = Pair(at.drive.re, -(at.omega * at.drive.lag))
+    C = drive if at.sensor is None else Pair(at.sensor.re, -(at.omega * at.sensor.lag)) * drive
+    return LoopResponse(
+        C_scaled=C,
+        D_scaled=Pair(1 + 0 * at.omega, 0 * at.omega),
+        miss_scaled=Pair(1 - at.drive.re, at.omega * at.drive.lag),
+        numerator=Pair(0 * at.omega, 0 * at.omega),
+        scale2=1,
+        im_C_conj_D_scaled=C.im,
+        im_slope=None,
+        resistance=0 * at.omega,
+        operator_relief=None,
     )

@@ -54,6 +54,9 @@ def encirclements(demands: Demands, cells: Cells) -> Encirclements:
     cells : n of them
     """
     parts = [_encirclements(replace(demands, device=loop), cells) for loop in demands.device.loops]
+    if not parts:
+        n = len(cells)
+        return Encirclements(np.zeros((0, n)), np.zeros((2, n), np.intp), np.zeros(n, np.intp))
     number, boxes, throughout = (np.stack([getattr(part, name) for part in parts]) for name in Encirclements.__slots__)
     return Encirclements(np.concatenate(number), boxes.sum(axis=0), throughout.sum(axis=0))
 

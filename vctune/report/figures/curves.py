@@ -147,6 +147,8 @@ def handle_impedance(
         f"{spring:.3g} {units.stiffness}": spring / s,
         "rigid": None,
     }
+    if problem.device.servo is not None:  # rigid, it stands still
+        del environments["rigid"]
     felt = {}
     for name, Z_e in environments.items():
         impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)

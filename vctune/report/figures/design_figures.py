@@ -220,8 +220,9 @@ def _impedance(design: Design) -> Figure:
         axes.semilogy(hz, impedance, marker="os^D"[number], markevery=every, markersize=4, color=colour, label=name)
         if np.isfinite(ideal).all() and ideal.max() > 0:
             axes.semilogy(hz, ideal, color=colour, linewidth=1, linestyle=dashes, label=f"{name}, ideal")
-    bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
-    axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
+    if problem.device.servo is None:
+        bare = np.abs(impedance_at_handle(problem.device, NO_LOOP[0], 2 * pi * hz, None))
+        axes.semilogy(hz, bare, ":", color=GREY, linewidth=1.2, label="bare device")
     frequency_axis(axes, hz[0], hz[-1])
     _promised(axes, design)
     axes.set_ylabel(f"|impedance at the handle|, {problem.units.damping}")
