@@ -12,7 +12,7 @@ from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
     from vctune.cli.printing.progress import Progress
-    from vctune.design.verdict.gains_check import Checked
+    from vctune.design.verdict.checked import Checked
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -68,7 +68,7 @@ def check(
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         if admittances and baseline is None:
-            found = _admittances([file for file in files if file not in admittances], admittances, axes)
+            found = _admittances([file for file in files if file not in admittances], admittances, axes, progress)
         else:
             found = check_files(files, progress) if baseline is None else _against(baseline, files, out, progress)
     checks = [replace(checked, strict=strict) for checked in found]
@@ -98,7 +98,9 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
-def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str, ...]) -> list[Checked]:
+def _admittances(
+    problems: list[Path], admittances: list[Path], axes: tuple[str, ...], progress: Progress
+) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
     from vctune.design.verdict.admittance_check import check_admittance
     from vctune.document.reading import read_problem
@@ -109,7 +111,9 @@ def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str,
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
         raise InputError.of(str(admittances[0]), "ambiguous-files", message)
     problem = read_problem(problems[0])
-    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes)]
+    return [
+        one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes, progress)
+    ]
 
 
 def _files(path: Path) -> list[Path]:
