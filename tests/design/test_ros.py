@@ -17,8 +17,8 @@ from device_pairs import real_of
 from firmware import Device as Sampled
 from sampled_device_oracle import Hand as OracleHand
 
-from vctune.design.verdict import admittance_check, admittance_repair
-from vctune.design.verdict.admittance_problem import corner_hz, coupling_of_admittance
+from vctune.design.ros import admittance_check, admittance_repair
+from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
 from vctune.design.verdict.gain_repair import repair_of
 from vctune.document.reading import read_problem
 from vctune.document.ros import TUNED, Admittance, read_admittance
@@ -170,7 +170,7 @@ LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
 
 def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     # repairs are looked for below
-    monkeypatch.setattr("vctune.design.verdict.admittance_check.repairs_of_axis", lambda *axis: None)
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
@@ -281,7 +281,7 @@ def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code
 
 def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
     """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
-    monkeypatch.setattr("vctune.design.verdict.admittance_check.repairs_of_axis", lambda *axis: None)
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     ratios = []
     for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
         changed(arm, damping_ratio=text)
@@ -420,7 +420,7 @@ def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
 @pytest.mark.slow
 def test_verdicts_hold_on_random_arms(arm, monkeypatch):
     """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
-    monkeypatch.setattr("vctune.design.verdict.admittance_check.repairs_of_axis", lambda *axis: None)
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
     assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
 

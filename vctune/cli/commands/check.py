@@ -102,7 +102,7 @@ def _admittances(
     problems: list[Path], admittances: list[Path], axes: tuple[str, ...], progress: Progress
 ) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
-    from vctune.design.verdict.admittance_check import check_admittance
+    from vctune.design.ros.admittance_check import check_admittance
     from vctune.document.reading import read_problem
     from vctune.document.ros import read_admittance
     from vctune.document.text.errors import InputError

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.verdict.admittance_problem import as_problem, corner_hz, coupling_of_admittance, document_of_both
-from vctune.design.verdict.admittance_repair import remedy, repairs_of_axis
+from vctune.design.ros.admittance_problem import as_problem, corner_hz, coupling_of_admittance, document_of_both
+from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
 from vctune.design.verdict.check_message import check_message
 from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, DesignFinding, finding_of
 from vctune.design.verdict.judge import Status, judge

@@ -11,7 +11,7 @@ from math import sqrt
 from typing import Any
 
 from vctune.design.result import Repair
-from vctune.design.verdict.admittance_problem import as_problem
+from vctune.design.ros.admittance_problem import as_problem
 from vctune.design.verdict.judge import Judgement, Status
 from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
 from vctune.design.verdict.repair import OF_FIXED, OF_FIXED_IN_USE, Progress, find_repairs
