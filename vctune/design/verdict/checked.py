@@ -135,7 +135,7 @@ def finding_of(
     notes : beside those of any judged gains
     repairing, proving : how long it took, s
     """
-    cut = judgement.certificate.cut
+    cut = judgement.cut
     if judgement.status is Status.VIOLATED or judgement.idle:
         cut |= out_of_time()
         repairs = repairs or None if cut else repairs  # that there is none was not found out

@@ -5,7 +5,7 @@ See cli/README.md, section 2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,13 +51,18 @@ class _Input:
     is_gains: bool
 
 
-def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
+def check(
+    paths: Sequence[Path],
+    progress: Progress = lambda stage: None,
+    begun: Callable[[Problem], None] = lambda problem: None,
+) -> list[Checked]:
     """Check problem files against their own fixed numbers, or one problem against gains files.
 
     Parameters
     ----------
     paths : of the files
     progress : told the stage of the work
+    begun : told each problem before the work on it
 
     Returns
     -------
@@ -74,9 +79,9 @@ def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> lis
     broken = [given for given in inputs if given.error]
     problems = [given for given in inputs if not given.is_gains and not given.error]
     if not gains:
-        return [_refused(given) if given.error else _check_problem(given, progress) for given in inputs]
+        return [_refused(given) if given.error else _check_problem(given, progress, begun) for given in inputs]
     if len(problems) == 1:
-        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress)]
+        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress, begun)]
     if broken:
         return [*map(_refused, broken)]
     message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
@@ -136,21 +141,25 @@ def _refused(given: _Input, error: InputError | None = None) -> Checked:
     return Checked(given.path, given.path.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
 
 
-def _check_problem(given: _Input, progress: Progress) -> Checked:
+def _check_problem(given: _Input, progress: Progress, begun: Callable[[Problem], None]) -> Checked:
     try:
         file = problem_file(given.text, given.path)
         if not file.problem.bounds.fixed:
             raise InputError(str(given.path), [_free(file.problem)])
     except InputError as error:
         return _refused(given, error)
+    begun(file.problem)
     return _judged(file, [(given, _own_design(file))], progress)[0]
 
 
-def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> list[Checked]:
+def _check_gains(
+    problem: _Input, gains: list[_Input], progress: Progress, begun: Callable[[Problem], None]
+) -> list[Checked]:
     try:
         file = problem_file(problem.text, problem.path)
     except InputError as error:
         return [_refused(problem, error)]
+    begun(file.problem)
     found: dict[Path, Checked] = {}
     usable = []
     for given in gains:
