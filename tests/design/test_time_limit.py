@@ -156,7 +156,7 @@ def test_a_bound_ends_in_time(folder, ticks):
     verdicts = []
     whole = asked(folder, *command)
     run("solve", "device.toml", cwd=folder)
-    for limit in (2, 500, whole - 5):
+    for limit in (2, 500, whole - 12):
         ticks()
         done = run(*command, "--time-limit", limit, cwd=folder)
         assert done.returncode == ExitCode.UNDECIDED
