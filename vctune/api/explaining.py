@@ -23,7 +23,13 @@ KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
-LABEL_ENDS = (r"(,| at) ([\d.]+ Hz|at rest)$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
+LABEL_ENDS = (
+    r"(, at|,| at) ([\d.]+ Hz|at rest)$",
+    r", if .*$",
+    r": .*$",
+    r" [A-Za-z](_\w+)?$",
+    r"_(hz|db|deg|s|per_s)$",
+)
 """What a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, and those for a linear one."""
