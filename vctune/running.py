@@ -6,16 +6,18 @@ which have nothing to do with time. Without a limit no result depends on the clo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from math import inf
-from time import perf_counter
+from time import perf_counter, process_time
+from typing import TypeVar
 
 SELDOM = 0.1
 """Seconds between two messages about the same work. Nobody reads faster, and half as many seconds cost nothing yet."""
 
 Listener = Callable[[str], None]
+Item = TypeVar("Item")
 
 
 class OutOfTimeError(Exception):
@@ -23,6 +25,7 @@ class OutOfTimeError(Exception):
 
 
 _END: ContextVar[float] = ContextVar("end", default=inf)
+_BEGAN: ContextVar[float | None] = ContextVar("began", default=None)
 _LISTENER: ContextVar[Listener | None] = ContextVar("listener", default=None)
 _ALOUD: ContextVar[bool] = ContextVar("aloud", default=False)
 
@@ -40,6 +43,24 @@ def time_limit(seconds: float) -> Iterator[None]:
         yield
     finally:
         _END.reset(token)
+
+
+def process_began() -> None:
+    """Note when this process began, for `time_limit_of_command`: what starting took the processor is known by now."""
+    _BEGAN.set(perf_counter() - process_time())
+
+
+@contextmanager
+def time_limit_of_command(seconds: float) -> Iterator[None]:
+    """Let a command end after so many seconds of its process, the start of the interpreter and the imports included.
+
+    Parameters
+    ----------
+    seconds : from the beginning of the process, where it is known; inf for no limit
+    """
+    began = _BEGAN.get()
+    with time_limit(seconds if began is None else seconds - (perf_counter() - began)):
+        yield
 
 
 @contextmanager
@@ -62,6 +83,19 @@ def out_of_time() -> bool:
     """Return whether the time limit has passed."""
     end = _END.get()
     return end < inf and perf_counter() >= end
+
+
+def in_time(items: Iterable[Item]) -> Iterator[Item]:
+    """Yield the first item, and the others as long as there is time.
+
+    Parameters
+    ----------
+    items : the first is needed, each other one says more
+    """
+    for number, item in enumerate(items):
+        if number and out_of_time():
+            return
+        yield item
 
 
 def check_time() -> None:

@@ -20,7 +20,7 @@ from jsonschema import Draft7Validator
 from junitparser import Error, Failure, JUnitXml
 
 from vctune.cli.printing.formats import as_json, github, junit, sarif, text
-from vctune.design.verdict.gains_check import Checked, CheckVerdict
+from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.exit_codes import ExitCode
 
 SCHEMAS = ROOT / "tests/schemas"

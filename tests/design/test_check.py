@@ -14,7 +14,8 @@ import pytest
 from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune.design.solve import solve
-from vctune.design.verdict.gains_check import CheckVerdict, check
+from vctune.design.verdict.checked import CheckVerdict
+from vctune.design.verdict.gains_check import check
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem
@@ -119,7 +120,8 @@ def test_rounding_attack(tmp_path, count):
 
 def test_a_check_imports_no_optimiser():
     code = (
-        "import sys; from pathlib import Path; from vctune.design.verdict.gains_check import CheckVerdict, check;"
+        "import sys; from pathlib import Path; from vctune.design.verdict.checked import CheckVerdict;"
+        "from vctune.design.verdict.gains_check import check;"
         f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )

@@ -12,8 +12,9 @@ from conftest import DEVICE, for_passive_hands
 from vctune.api.design_files import write_record
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
+from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import Checked, CheckVerdict, check
+from vctune.design.verdict.gains_check import check
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers

@@ -24,10 +24,11 @@ from vctune.analysis.lossless_hand import growing_in_any_hand
 from vctune.design.prepared import pose
 from vctune.design.search.optimum import estimated
 from vctune.design.solve import solve
+from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.criteria import with_alternatives
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import CheckVerdict, check
+from vctune.design.verdict.gains_check import check
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import read_problem

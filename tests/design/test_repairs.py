@@ -23,8 +23,9 @@ from vctune.design import solve as solving
 from vctune.design.search.theorems import impossible
 from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
+from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.gains_check import CheckVerdict, check
+from vctune.design.verdict.gains_check import check
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
 from vctune.design.verdict.repair import find_repairs, with_repairs

@@ -6,6 +6,7 @@ import re
 import sys
 from dataclasses import replace
 from math import log, pi, sqrt
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,9 +17,11 @@ from device_pairs import real_of
 from firmware import Device as Sampled
 from sampled_device_oracle import Hand as OracleHand
 
-from vctune.design.verdict.admittance_check import corner_hz, coupling_of_admittance
+from vctune.design.ros import admittance_check, admittance_repair
+from vctune.design.ros.admittance_problem import corner_hz, coupling_of_admittance
+from vctune.design.verdict.gain_repair import repair_of
 from vctune.document.reading import read_problem
-from vctune.document.ros import Admittance, read_admittance
+from vctune.document.ros import TUNED, Admittance, read_admittance
 from vctune.exit_codes import ExitCode
 from vctune.simulation.firmware.coefficient_values import coupling_coefficients
 
@@ -167,7 +170,7 @@ LIGHT = {"mass": six(0.1), "stiffness": six(10.0), "filter_coefficient": "0.9"}
 
 def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     # repairs are looked for below
-    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     changed(arm, **LIGHT)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
     assert done.returncode == ExitCode.FAILED
@@ -178,15 +181,84 @@ def test_what_is_refuted_names_a_hand_in_which_it_grows(arm, monkeypatch):
     assert radius(problem, axis, 0.9, told) > 1
 
 
+UNSPRUNG = {"stiffness": six(0.0)}
+
+
+def restated(folder, axis, repair):
+    """Write a file with one number changed as a refusal says."""
+    key = repair["key"].split(".")[1]
+    new = {"mass": six, "damping_ratio": six, "filter_coefficient": str}.get(key, lambda rate: damped(2.5, rate))
+    changed(folder, **(axis | {"damping_ratio" if key == "joint_damping" else key: new(repair["new"])}))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("axis, words", [(LIGHT, "damping_ratio"), ({"stiffness": six(0.0)}, "joint_damping")])
+@pytest.mark.parametrize("axis, words", [(LIGHT, "joint_damping damping_ratio mass"), (UNSPRUNG, "joint_damping mass")])
 def test_what_would_help_does(arm, axis, words):
-    """In the parameter that has an effect: without stiffness damping_ratio has none."""
+    """Each parameter that has an effect, alone: without stiffness damping_ratio has none."""
     changed(arm, **axis)
     done = vctune("check", "arm.toml", "ros.yaml", cwd=arm)
-    better = float(done.stdout.split(f"in the file's words: {words} ")[1].split()[0])
-    changed(arm, **axis, damping_ratio=six(better) if words == "damping_ratio" else damped(2.5, better))
-    assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
+    assert "coupling." not in done.stdout and "in arm.toml operator.stiffness.max" in done.stdout
+    (found,) = strict(vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm).stdout)
+    own = [repair for repair in found["repairs"] if repair["key"].startswith(("admittance.", "ft_sensor."))]
+    assert [repair["key"].split(".")[1] for repair in own] == words.split()
+    assert own == found["repairs"][: len(own)]
+    for repair in own:
+        assert f"{repair['key']} = {repair['new']:.12g} instead of {repair['old']:.12g}" in done.stdout
+        restated(arm, axis, repair)
+        assert vctune("check", "arm.toml", "ros.yaml", cwd=arm).returncode == ExitCode.OK
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """Return the changes that are tried, of which each on this side of its limit is said to help."""
+    seen = []
+
+    def half(document, changes, test, progress, posed):
+        seen.extend((change, document, posed) for change in changes)
+        return [repair_of(change, change.value(0.5), certified) for change in changes]
+
+    certified = SimpleNamespace(transparency=SimpleNamespace(error=1.0))
+    monkeypatch.setattr(admittance_repair, "find_repairs", half)
+    return seen
+
+
+@pytest.mark.parametrize("values", [LIGHT, UNSPRUNG, LIGHT | {"filter_coefficient": "1.0"}])
+def test_a_refusal_speaks_of_what_its_user_can_change(arm, tried, values):
+    """The file's own numbers first, in its keys and at their line, and then the problem's; a coupling it has not."""
+    changed(arm, **values)
+    done = vctune("check", "arm.toml", "ros.yaml", "--json", cwd=arm)
+    (found,) = strict(done.stdout)
+    keys = [repair["key"] for repair in found["repairs"]]
+    own = [key for key in keys if key in TUNED]
+    assert own and own == keys[: len(own)] and "operator.stiffness.max" in keys
+    assert not [key for key in keys if key.startswith("coupling") or "force_sensor" in key]
+    assert ("admittance.damping_ratio" in own) == (values is not UNSPRUNG)
+    assert ("ft_sensor.filter_coefficient" in own) == (values.get("filter_coefficient") != "1.0")
+    text = vctune("check", "arm.toml", "ros.yaml", cwd=arm).stdout
+    assert 0 < text.index(f"; {own[0]} = ") < text.index("; in arm.toml ")
+    annotation = vctune("check", "arm.toml", "ros.yaml", "--format", "github", cwd=arm).stdout
+    lines = (arm / "ros.yaml").read_text().splitlines()
+    line = next((n for n, line in enumerate(lines, 1) if line.strip().startswith(own[0].split(".")[1])), 8)
+    assert f"file=ros.yaml,line={line}," in annotation
+
+
+def test_a_change_is_tried_as_the_file_would_state_it(arm, tried):
+    """The problem of a changed document is that of a changed file: coupling and filter follow each of its numbers."""
+    changed(arm, **LIGHT)
+    vctune("check", "arm.toml", "ros.yaml", cwd=arm)
+    for change, document, posed in tried:
+        new = change.value(0.5)
+        problem = posed(change.applied(document, new))
+        if change.key in TUNED:
+            restated(arm, LIGHT, {"key": change.key, "new": new})
+            given = read_admittance(arm / "ros.yaml")
+            changed(arm, **LIGHT)
+        else:
+            given = read_admittance(arm / "ros.yaml")
+        T = problem.device.sample_time
+        assert problem.fixed_design[1] == coupling_of_admittance(given.axes[0], T)
+        if given.filter_coefficient < 1:
+            assert problem.device.force_sensor.bandwidth_hz == corner_hz(given.filter_coefficient, T)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +281,7 @@ def test_without_stiffness_the_joints_alone_damp(arm, ratio, joint_damping, code
 
 def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, monkeypatch):
     """Not enough by 2 damping_ratio sqrt(M S) alone, and enough with the 25 N s/m of a joint_damping of 5."""
-    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     ratios = []
     for text in (damped(1.6, 0.0), six(1.6), damped(1.6, 5.0)):
         changed(arm, damping_ratio=text)
@@ -222,10 +294,8 @@ def test_the_controllers_default_of_joint_damping_makes_a_good_file_pass(arm, mo
 @pytest.fixture
 def proofs(monkeypatch):
     """Return the problems that are proved."""
-    from vctune.design.verdict import admittance_check
-
-    seen, prove = [], admittance_check.check_problem
-    monkeypatch.setattr(admittance_check, "check_problem", lambda file: seen.append(file) or prove(file))
+    seen, prove = [], admittance_check.judge
+    monkeypatch.setattr(admittance_check, "judge", lambda *design: seen.append(design) or prove(*design))
     return seen
 
 
@@ -350,7 +420,7 @@ def test_without_pyyaml_it_says_what_to_install(arm, monkeypatch):
 @pytest.mark.slow
 def test_verdicts_hold_on_random_arms(arm, monkeypatch):
     """What is proved is stable in random hands, stepped as the controller steps it; what is said to grow does."""
-    monkeypatch.setattr("vctune.design.verdict.gains_check.repairs_of_design", lambda *design: [])
+    monkeypatch.setattr("vctune.design.ros.admittance_check.repairs_of_axis", lambda *axis: None)
     outcomes = [random_arm(np.random.default_rng(seed), arm) for seed in range(40)]
     assert min(outcomes.count(outcome) for outcome in ("proved", "grows")) >= 5, outcomes
 

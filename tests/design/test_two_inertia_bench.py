@@ -21,8 +21,8 @@ from test_coupled_devices import DIGITS, GROWS, Handle, resonant_hand, worst_env
 
 from vctune import check, problem
 from vctune.design.solve import solve
+from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import warnings
-from vctune.design.verdict.gains_check import CheckVerdict
 from vctune.design.verdict.judge import Status
 from vctune.proof.certificate import Claim
 

@@ -10,7 +10,7 @@ import pytest
 from identification_logs import Log, driven, encoded, random_case
 
 from vctune import check, identify, solve
-from vctune.design.verdict.gains_check import CheckVerdict
+from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Bounded
 from vctune.model.device import Device

@@ -15,7 +15,7 @@ from conftest import mostly_slow
 from identification_logs import Log, driven, encoded, multisine, random_case, spoiled
 
 from vctune import check, identify, solve
-from vctune.design.verdict.gains_check import CheckVerdict
+from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.text.errors import InputError
 from vctune.identification.box import Estimate, box
 from vctune.identification.motion.covariance import robust_covariance

@@ -33,8 +33,8 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import write_together
 from vctune.markup import html_facts
 from vctune.report.page.contents import report_paths
+from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
-from vctune.running import unlimited
 
 SAVED = "bound.npz"
 
@@ -120,7 +120,7 @@ def bound(
     -------
     Bounded
         The bound is valid whenever the search ends. `optimality` is None where the time limit cut the
-        proof of the design.
+        proof of the design, or ended before the search could begin.
 
     Raises
     ------
@@ -136,16 +136,20 @@ def bound(
         if known.best is not None and known.best.certificate.cut:
             return Bounded(file, known.record, known.best, None)
         prepared = prepare(file.problem)
-        found = search(
-            prepared.given,
-            known.best,
-            partial(improved, prepared),
-            gap=gap,
-            jobs=jobs,
-            resume=known.resume,
-            stopped=stopped,
-            progress=lambda at: progress(str(at)),
-        )
+        try:
+            check_time()
+            found = search(
+                prepared.given,
+                known.best,
+                partial(improved, prepared),
+                gap=gap,
+                jobs=jobs,
+                resume=known.resume,
+                stopped=stopped,
+                progress=lambda at: progress(str(at)),
+            )
+        except OutOfTimeError:
+            return Bounded(file, known.record, known.best, None)
     return Bounded(file, _added(file, known.record, found), found.improved or known.best, found)
 
 
@@ -239,8 +243,9 @@ def _read(file: ProblemFile, path: Path) -> tuple[DesignRecord, Judgement | None
         )
     if record.design is None:
         return record, None
-    with unlimited():  # the limit is that of the search
-        best = judge(file.problem, *record.design)
+    best = judge(file.problem, *record.design)
+    if best.certificate.cut:
+        return record, best
     if best.status is not Status.CERTIFIED:
         message = f"is not proved to meet the demands (status {best.status}); solve the problem again"
         raise InputError.of(str(path), "not-certified", message, key="gains")

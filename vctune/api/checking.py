@@ -6,7 +6,8 @@ import json
 from math import inf
 from pathlib import Path
 
-from vctune.design.verdict.gains_check import Checked, check_problem
+from vctune.design.verdict.checked import Checked
+from vctune.design.verdict.gains_check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from math import ceil, inf, log2
 from pathlib import Path
@@ -24,18 +25,21 @@ from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
-from vctune.running import seconds_left
+from vctune.running import OutOfTimeError, seconds_left, unlimited
 from vctune.running import time_limit as limited
 from vctune.study.plane import plane, plane_errors
 from vctune.study.region import Kind, Region
 from vctune.study.region import region as divide
 from vctune.study.region_record import region_record
 
-REGION_FILE = "region.json"
+REGION_FILE, PICTURE = "region.json", "region.svg"
 SOLVING = 0.5
 """The share of a time limit that solving takes at most, whose design a region shows and does not need."""
-DIVIDING = 0.75
-"""The share of what is left then for the cells: they are still to be drawn, which takes a second."""
+DRAWING = 1.5
+"""Seconds that are left for the picture of the cells, as long as that is no more than half of them. Half leaves regions
+without a picture on a slow machine, twice as much leaves cells undecided."""
+LOADING = 0.5
+"""Seconds that loading what draws takes, which nothing interrupts: with less no picture is begun. Half ends late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +130,7 @@ def region(
     across = plane(file.problem, x, y, ceil(-log2(resolution)))
     with limited(time_limit):
         solved = solved or best_design(file.problem, progress)
-        with limited(DIVIDING * seconds_left()):
+        with limited(max(seconds_left() - DRAWING, seconds_left() / 2)):
             cells = divide(file.problem, across, across.coarsest_squares(), progress, stopped)
         return AdmissibleGains(file, cells, solved)
 
@@ -177,8 +181,8 @@ def require_plane(file: ProblemFile, x: str, y: str) -> ProblemFile:
     return file
 
 
-def write_region(found: AdmissibleGains, folder: Path) -> Path | None:
-    """Write region.json and its picture.
+def write_region(found: AdmissibleGains, folder: Path) -> tuple[Path | None, bool]:
+    """Write region.json and its picture, if there is time to draw it.
 
     Parameters
     ----------
@@ -187,23 +191,33 @@ def write_region(found: AdmissibleGains, folder: Path) -> Path | None:
 
     Returns
     -------
-    Path or None
-        What region.json of an earlier search was renamed to, if it was.
+    kept : what region.json of an earlier search was renamed to, None if it was not
+    drawn : whether the picture was
 
     Raises
     ------
     InputError
         If the folder cannot be written.
     """
-    from vctune.report.figures.region_figure import region_figure
-    from vctune.report.page.page import figure_file
+    with unlimited():
+        text = json.dumps(found.record(), allow_nan=False) + "\n"
+    pictures: dict[Path, str] = {}
+    with suppress(OutOfTimeError):
+        pictures = _picture(found, folder)
+    place, picture = folder / REGION_FILE, folder / PICTURE
+    kept = [picture, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
+    write_together({place: text, **pictures}, () if pictures or kept else (picture,), kept)
+    return previous(place) if kept else None, bool(pictures)
 
-    text = json.dumps(found.record(), allow_nan=False) + "\n"
-    pictures = figure_file(region_figure(found.file.problem, found.region, found.designs), folder, "region")
-    place = folder / REGION_FILE
-    kept = [*pictures, place] if found.region.interrupted and place.exists() and not _interrupted(place) else []
-    write_together({place: text, **pictures}, aside=kept)
-    return previous(place) if kept else None
+
+def _picture(found: AdmissibleGains, folder: Path) -> dict[Path, str]:
+    if seconds_left() < LOADING:
+        raise OutOfTimeError
+    from vctune.report.figures.region_figure import region_figure
+    from vctune.report.page.page import svg
+
+    figure = region_figure(found.file.problem, found.region, found.designs)
+    return {folder / PICTURE: svg(figure, Path(PICTURE).stem)}
 
 
 def _interrupted(place: Path) -> bool:

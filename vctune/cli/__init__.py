@@ -19,6 +19,9 @@ def run() -> None:
     try:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
         from vctune.interrupt import raise_interrupt
+        from vctune.running import process_began
+
+        process_began()
 
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, raise_interrupt)

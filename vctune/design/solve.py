@@ -69,7 +69,7 @@ def solve(
     began = perf_counter()
     if problem.bounds.fixed:
         fixed = judge(problem, *problem.fixed_design)
-        cut = (PROOF,) * fixed.certificate.cut
+        cut = (PROOF,) * fixed.cut
         return Solved(problem=problem, judgement=fixed, seconds={"prove": perf_counter() - began}, cut=cut)
     theorem = impossible(problem)
     if theorem is not None:

@@ -14,9 +14,16 @@ from vctune.document.text.errors import InputError, Mistake
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 COEFFICIENT, JOINT_DAMPING = 0.05, 5.0
 """filter_coefficient and joint_damping where the file states none: the controller's own defaults."""
-HEAVIEST, STIFFEST = 1e6, 1e8
-"""The controller loads no greater mass and stiffness."""
+LIGHTEST, HEAVIEST, STIFFEST = 1e-4, 1e6, 1e8
+"""The controller loads no smaller mass, and no greater mass and stiffness."""
 SUFFIXES = (".yaml", ".yml")
+TUNED = (
+    "admittance.mass",
+    "admittance.damping_ratio",
+    "admittance.joint_damping",
+    "ft_sensor.filter_coefficient",
+)
+"""What a user tunes until the axis is stable; the stiffness is what the axis is to feel like."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,11 +72,13 @@ class AdmittanceFile:
     axes : in the file's order, at least one
     filter_coefficient : share of each new sample in the filter of the force
     line : of the file, with the selection
+    lines : of the file, by the dotted keys of `TUNED` or of the nearest table that is there
     """
 
     axes: tuple[Admittance, ...]
     filter_coefficient: float
     line: int
+    lines: Mapping[str, int]
 
 
 def is_admittance(path: Path) -> bool:
@@ -139,7 +148,7 @@ class _Reader:
             Listing all that is wrong.
         """
         selected = self._list("selected_axes", flags=True)
-        masses = self._list("mass", least=1e-4, most=HEAVIEST)
+        masses = self._list("mass", least=LIGHTEST, most=HEAVIEST)
         ratios, stiffnesses = self._list("damping_ratio"), self._list("stiffness", most=STIFFEST)
         joint = self._number("admittance", "joint_damping", JOINT_DAMPING, most=1e6)
         coefficient = self._number("ft_sensor", "filter_coefficient", COEFFICIENT, most=1.0)
@@ -155,7 +164,8 @@ class _Reader:
             for axis, chosen, mass, ratio, stiffness in zip(AXES, selected, masses, ratios, stiffnesses, strict=True)
             if chosen
         )
-        return AdmittanceFile(tuple(axes), coefficient, selection)
+        lines = {key: self._line(key) or 1 for key in TUNED}
+        return AdmittanceFile(tuple(axes), coefficient, selection, lines)
 
     def _list(self, name: str, *, least: float = 0.0, most: float = inf, flags: bool = False) -> list[Any]:
         key, values = f"admittance.{name}", self._table("admittance").get(name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations, pairwise
@@ -83,6 +83,14 @@ class Study:
         the default at this point, or of the yardstick.
         """
         return _posed(self.document, self.axes, values, self.yardstick)
+
+    def extremes(self) -> Iterator[Problem]:
+        """Yield the problems in which each number that varies is at its greatest, the others as they come first."""
+        first = [axis.values[0] for axis in self.axes]
+        for place, axis in enumerate(self.axes):
+            problem, _ = self.at([*first[:place], max(axis.values), *first[place + 1 :]])
+            if problem is not None:
+                yield problem
 
     def at(self, values: Sequence[float]) -> tuple[Problem | None, list[Fault]]:
         """Return the problem at a point, or None and why there is none."""

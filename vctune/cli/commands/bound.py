@@ -54,6 +54,8 @@ def bound(
         with interrupt_noted() as stopped:  # from here on something would be lost
             bounded = search(file, known, gap=gap, jobs=jobs, stopped=stopped, progress=progress)
             write_bounded(bounded, path)
+            if bounded.optimality is None and bounded.status is not Status.INFEASIBLE:
+                warn("time-limit", "the search had no time: nothing is proved of other designs")
         progress("drawing the report")
         try:
             check_time()

@@ -11,8 +11,13 @@ from vctune.cli.printing.options import out_option, output_options, time_limited
 from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from vctune.cli.printing.progress import Progress
-    from vctune.design.verdict.gains_check import Checked
+    from vctune.design.verdict.checked import Checked
+    from vctune.model.problem import Problem
+
+    Said = Callable[[Problem], None]
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -53,10 +58,11 @@ def check(
     be proved.
     """
     from dataclasses import replace
+    from functools import partial
 
     from vctune.cli.printing.exits import of_check
     from vctune.cli.printing.formats import FORMATS
-    from vctune.cli.printing.output import emit
+    from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.design.verdict.gains_check import check as check_files
     from vctune.document.ros import is_admittance
@@ -66,11 +72,14 @@ def check(
     admittances = [file for file in files if is_admittance(file)]
     if axes and not admittances:
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
+    said = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         if admittances and baseline is None:
-            found = _admittances([file for file in files if file not in admittances], admittances, axes)
+            found = _admittances([file for file in files if file not in admittances], admittances, axes, progress, said)
+        elif baseline is None:
+            found = check_files(files, progress, said)
         else:
-            found = check_files(files, progress) if baseline is None else _against(baseline, files, out, progress)
+            found = _against(baseline, files, out, progress, said)
     checks = [replace(checked, strict=strict) for checked in found]
     if style != "text" or not quiet:
         emit(FORMATS[style](checks))
@@ -80,7 +89,7 @@ def check(
     return max((of_check(checked.result) for checked in checks), key=severity.index)
 
 
-def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> list[Checked]:
+def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
     from vctune.api.checking import LOST, remove_lost, write_lost
     from vctune.design.verdict.gains_check import check as check_files
@@ -88,7 +97,9 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -
     from vctune.document.text.output_files import folder_name
     from vctune.study.region_check import check_region
 
-    checked, again = check_region(read_problem(files[0]), baseline, progress)
+    file = read_problem(files[0])
+    said(file.problem)
+    checked, again = check_region(file, baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
@@ -98,9 +109,11 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
-def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str, ...]) -> list[Checked]:
+def _admittances(
+    problems: list[Path], admittances: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
+) -> list[Checked]:
     """Check parameter files of ROS 2 against one problem."""
-    from vctune.design.verdict.admittance_check import check_admittance
+    from vctune.design.ros.admittance_check import check_admittance
     from vctune.document.reading import read_problem
     from vctune.document.ros import read_admittance
     from vctune.document.text.errors import InputError
@@ -109,7 +122,10 @@ def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str,
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
         raise InputError.of(str(admittances[0]), "ambiguous-files", message)
     problem = read_problem(problems[0])
-    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes)]
+    said(problem.problem)
+    return [
+        one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes, progress)
+    ]
 
 
 def _files(path: Path) -> list[Path]:

@@ -9,7 +9,6 @@ import click
 from vctune.api.argument_ranges import RESOLUTIONS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
-from vctune.running import unlimited
 
 NAMED = (*KEYS, *SPRING_KEYS[3:])
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
@@ -60,8 +59,7 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
             found = find(file, x, y, resolution=resolution, solved=solved, stopped=stopped, progress=progress)
             late = found.region.interrupted and not stopped()
             progress("drawing")
-            with unlimited():
-                kept = write_region(found, folder)
+            kept, drawn = write_region(found, folder)
     interrupted = found.region.interrupted
     if interrupted:
         earlier = f"; the earlier one is {kept.name} now" if kept else ""
@@ -70,6 +68,8 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
             warn("time-limit", f"{holds} the time limit{earlier}")
         else:
             warn("interrupted", f"{holds} the interrupt{earlier}")
+    if not drawn:
+        warn("time-limit", "there was no time for the picture; with more of it `vctune region` draws one")
     lines = [f"{kind:10} {100 * share:7.2f} %" for kind, share in found.areas.items()]
     if interrupted:
         lines[-1] += f"  {'out of time' if late else 'interrupted'}: some of it was not looked at"

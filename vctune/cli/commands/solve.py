@@ -9,7 +9,7 @@ import click
 
 from vctune.api.argument_ranges import GAPS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
-from vctune.running import OutOfTimeError, check_time
+from vctune.running import OutOfTimeError, check_time, time_limit_of_command
 from vctune.running import time_limit as limited
 
 
@@ -45,7 +45,7 @@ def solve(
     """
 
     def once() -> int:
-        with limited(time_limit):
+        with limited(time_limit) if watch else time_limit_of_command(time_limit):
             return _solve(problem, out, report=not no_report, strict=strict, gap=gap, style=style, quiet=quiet)
 
     if watch:

@@ -39,7 +39,7 @@ def sweep(
     Exit code 0 if there is a certified design and no point was left without an answer, 3 if the time limit cut a point
     short, else 1.
     """
-    from vctune.cli.printing.output import answer, warn
+    from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
     from vctune.document.study_file import read_study
     from vctune.document.text.errors import InputError
@@ -51,6 +51,7 @@ def sweep(
         message = f"has {plan.count:,} points, more than {MANY - 1:,}; confirm them with --yes"
         raise InputError.of(str(study), "many-points", message)
     folder = out / folder_name(plan.name)
+    warn_of_doubts(*plan.extremes(), quiet=quiet)
 
     from vctune.api.studies import sweep as run
 

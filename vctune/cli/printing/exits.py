@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from vctune.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from vctune.design.verdict.gains_check import CheckVerdict
+    from vctune.design.verdict.checked import CheckVerdict
     from vctune.design.verdict.judge import Status
 
 

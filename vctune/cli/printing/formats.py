@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from vctune.design.verdict.gains_check import Checked, CheckVerdict
+from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.document.records.printed_json import NamedRecord, RefusalRecord
 from vctune.document.text.errors import printable
 from vctune.version import __version__

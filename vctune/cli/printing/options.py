@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from vctune.running import time_limit as limited
+from vctune.running import time_limit_of_command
 
 Added = Callable[[Any], Any]
 """Adds an argument or an option to a command."""
@@ -99,7 +99,7 @@ def time_limited(command: Any) -> Any:
     @time_limit_option()
     @wraps(command)
     def within(*args: Any, time_limit: float, **options: Any) -> Any:
-        with limited(time_limit):
+        with time_limit_of_command(time_limit):
             return command(*args, **options)
 
     return within

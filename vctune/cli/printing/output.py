@@ -44,17 +44,17 @@ def warn(code: Code, text: str) -> None:
     click.echo(coded(printable(text), code), err=True)
 
 
-def warn_of_doubts(problem: Problem, *, quiet: bool) -> None:
-    """Say before the work what in a problem is probably not meant: what is meant otherwise need not be solved.
+def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
+    """Say before the work what in problems is probably not meant: what is meant otherwise need not be solved.
 
     Parameters
     ----------
-    problem : a valid one
+    *problems : valid ones; what several have in common is said once
     quiet : whether people are told nothing
     """
     from vctune.document.schema.plausibility import doubts
 
-    for doubt in () if quiet else doubts(problem):
+    for doubt in () if quiet else dict.fromkeys(doubt for problem in problems for doubt in doubts(problem)):
         warn(doubt.code, doubt.text)
 
 

@@ -39,6 +39,7 @@ from vctune.model.transparency import quotient_terms
 from vctune.proof.enclosures.arb_balls import BALLS, ball, device_ball
 from vctune.proof.enclosures.array_intervals import Enclosure, Floats, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES
+from vctune.running import check_time
 
 PRECISION = 2.0**-44
 """Of the integrals, relative: 6e-14, of the size of `GUARD`. Half and twice it change the bound by as much, and the
@@ -129,6 +130,7 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
         terms.append(lambda x: _compliance(exact, x.exp(), BALLS))
 
     def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:
+        check_time()
         low, high = edges[k], edges[k + 1]
         throughout = integrand(acb(low.union(high)), True)
         if throughout == 0:

@@ -34,7 +34,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 from vctune.model.transparency import TermName
 from vctune.proof.enclosures.array_intervals import Floats
-from vctune.running import OutOfTimeError, out_of_time, unlimited
+from vctune.running import OutOfTimeError, out_of_time
 
 FREQUENCIES, INTERVALS = 40, 48
 """Frequencies to begin with, of the conditions and of |S|; intervals of the transparency band. They cost time in
@@ -169,6 +169,11 @@ def bound(
     -------
     Optimality
         The bound is valid whenever the search ends, be it at the end of the time limit.
+
+    Raises
+    ------
+    OutOfTimeError
+        If the time limit ends it before it has posed its relaxation.
     """
     given, posed = posed, compared(posed)
     axes = axes_of(posed.problem)
@@ -176,8 +181,7 @@ def bound(
     nodes, pruned_bound, boxes = root(axes), inf, 0
     if resume is not None and resume.pruned_bound >= incumbent / (1 + gap):
         nodes, pruned_bound, boxes = resume.nodes, resume.pruned_bound, resume.boxes
-    with unlimited():  # what a search that is ended at once can still be gone on with
-        search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
+    search = _Search(_relaxed(posed, best), incumbent, None, pruned_bound, boxes, [])
     with suppress(OutOfTimeError):
         if all(axis.low == axis.high for axis in axes[:TAU_C]):  # gains that are fixed are never halved
             nodes = _with_stability(posed, search, Halved(nodes, np.ones(len(nodes), bool), 0))

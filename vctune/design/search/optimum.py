@@ -106,7 +106,7 @@ def optimum(prepared: Prepared, scanned: ScanResult, progress: Progress = lambda
         with suppress(OutOfTimeError):
             judgement = _with_least_coupling(prepared, judgement)
     seconds = {"polish": polished - began, "prove": perf_counter() - polished}
-    unproved = judgement.certificate.cut if judgement is not None else out_of_time()
+    unproved = judgement.cut if judgement is not None else out_of_time()
     cut = (SEARCH,) * (not searched) + (PROOF,) * unproved
     return Optimum(judgement, best, len(optima), seconds, cut)
 

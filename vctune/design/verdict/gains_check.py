@@ -5,26 +5,23 @@ See cli/README.md, section 2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from vctune.design.result import Repair, Solved
+from vctune.design.result import Repair
 from vctune.design.variables import keys_for, ranges
 from vctune.design.verdict.check_message import check_message, line_to_change, taken_back
-from vctune.design.verdict.design_record import record_of, warnings
+from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, finding_of
 from vctune.design.verdict.gain_repair import edits, undone, undone_together
 from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.design.verdict.parameter_changes import ParameterChange
 from vctune.design.verdict.repair import (
-    CUT_SHORT,
-    LONGEST,
     OF_FIXED,
     OF_FIXED_IN_USE,
     Progress,
@@ -35,110 +32,13 @@ from vctune.design.verdict.repair import (
 from vctune.document.gains_file import design_tables
 from vctune.document.reading import GainsFile, ProblemFile, gains_file, pose, problem_file
 from vctune.document.schema.kinds import require_gains_of
-from vctune.document.schema.plausibility import doubts
 from vctune.document.text import toml
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
-from vctune.markup import html_facts
 from vctune.model.problem import Problem
-from vctune.running import OutOfTimeError, out_of_time
+from vctune.running import OutOfTimeError
 
-OUT_OF_TIME = Note("time-limit", "the time limit cut the check short; what is stated was known by then")
-
-
-class CheckVerdict(StrEnum):
-    """What a check comes to."""
-
-    PASSED = "passed"
-    FAILED = "failed"
-    UNDECIDED = "undecided"
-    BAD_INPUT = "bad input"
-
-
-VERDICTS = {
-    Status.CERTIFIED: CheckVerdict.PASSED,
-    Status.VIOLATED: CheckVerdict.FAILED,
-    Status.UNDECIDED: CheckVerdict.UNDECIDED,
-    Status.INFEASIBLE: CheckVerdict.FAILED,
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Checked:
-    """What a check found.
-
-    Attributes
-    ----------
-    source : the file that holds the numbers
-    name : of the problem
-    verdict : what is proved
-    message : one line: proved, or what fails and what would repair it, or what is wrong with the input
-    line : of the source, that the message is about
-    finding : None for bad input
-    strict : whether a warning fails the check
-    """
-
-    source: Path
-    name: str
-    verdict: CheckVerdict
-    message: str
-    line: int
-    finding: Finding | None
-    strict: bool = False
-
-    @property
-    def warnings(self) -> list[str]:
-        """What the user should know beside the verdict."""
-        return self.finding.warnings if self.finding else []
-
-    @property
-    def failed_by_warnings(self) -> bool:
-        """Whether it is for its warnings alone that the check fails."""
-        return self.strict and bool(self.warnings) and self.verdict in (CheckVerdict.PASSED, CheckVerdict.UNDECIDED)
-
-    def _repr_html_(self) -> str:
-        facts = {"": self.message} | {f"warning {number}": text for number, text in enumerate(self.warnings, 1)}
-        return html_facts(f"{self.name}: {self.result}", facts)
-
-    @property
-    def result(self) -> CheckVerdict:
-        """The verdict, or failed for a warning alone."""
-        return CheckVerdict.FAILED if self.failed_by_warnings else self.verdict
-
-
-class Finding(Protocol):
-    """What is known when the input could be used: warnings, the seconds it took, and all of it as a JSON object."""
-
-    @property
-    def warnings(self) -> list[str]: ...
-    @property
-    def seconds(self) -> float: ...
-    def record(self) -> dict[str, Any]: ...
-
-
-@dataclass(frozen=True, slots=True)
-class DesignFinding:
-    """What is known of gains that could be judged.
-
-    Attributes
-    ----------
-    file : the problem
-    judgement : of the gains
-    repairs : of a violated design, those of its own numbers first, of the least error first
-    warnings : what the user should know
-    seconds : it took
-    """
-
-    file: ProblemFile
-    judgement: Judgement
-    repairs: list[Repair] | None
-    warnings: list[str]
-    seconds: float
-
-    def record(self) -> dict[str, Any]:
-        """Return the object of design.json."""
-        solved = Solved(problem=self.file.problem, judgement=self.judgement, repairs=self.repairs)
-        return record_of(self.file, solved).model_copy(update={"warnings": self.warnings}).to_json()
+OTHER_VERSION = Note("other-version", "the gains were made for another version of the problem (sha256 differs)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,13 +51,18 @@ class _Input:
     is_gains: bool
 
 
-def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
+def check(
+    paths: Sequence[Path],
+    progress: Progress = lambda stage: None,
+    begun: Callable[[Problem], None] = lambda problem: None,
+) -> list[Checked]:
     """Check problem files against their own fixed numbers, or one problem against gains files.
 
     Parameters
     ----------
     paths : of the files
     progress : told the stage of the work
+    begun : told each problem before the work on it
 
     Returns
     -------
@@ -174,9 +79,9 @@ def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> lis
     broken = [given for given in inputs if given.error]
     problems = [given for given in inputs if not given.is_gains and not given.error]
     if not gains:
-        return [_refused(given) if given.error else _check_problem(given, progress) for given in inputs]
+        return [_refused(given) if given.error else _check_problem(given, progress, begun) for given in inputs]
     if len(problems) == 1:
-        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress)]
+        return [*map(_refused, broken), *_check_gains(problems[0], gains, progress, begun)]
     if broken:
         return [*map(_refused, broken)]
     message = f"{len(gains)} gains files with {len(problems)} problems; name exactly one problem with gains files"
@@ -236,21 +141,25 @@ def _refused(given: _Input, error: InputError | None = None) -> Checked:
     return Checked(given.path, given.path.stem, CheckVerdict.BAD_INPUT, str(error), error.mistakes[0].line or 1, None)
 
 
-def _check_problem(given: _Input, progress: Progress) -> Checked:
+def _check_problem(given: _Input, progress: Progress, begun: Callable[[Problem], None]) -> Checked:
     try:
         file = problem_file(given.text, given.path)
         if not file.problem.bounds.fixed:
             raise InputError(str(given.path), [_free(file.problem)])
     except InputError as error:
         return _refused(given, error)
+    begun(file.problem)
     return _judged(file, [(given, _own_design(file))], progress)[0]
 
 
-def _check_gains(problem: _Input, gains: list[_Input], progress: Progress) -> list[Checked]:
+def _check_gains(
+    problem: _Input, gains: list[_Input], progress: Progress, begun: Callable[[Problem], None]
+) -> list[Checked]:
     try:
         file = problem_file(problem.text, problem.path)
     except InputError as error:
         return [_refused(problem, error)]
+    begun(file.problem)
     found: dict[Path, Checked] = {}
     usable = []
     for given in gains:
@@ -283,24 +192,10 @@ def _judged(
         began = perf_counter()
         changed = edits(file.problem, judgement, design.solved) if design.sha256 == file.sha256 else []
         repairs, together = _repairs(file, judgement, changed, progress)
-        cut = judgement.certificate.cut
-        if judgement.status is Status.VIOLATED or judgement.idle:
-            cut |= out_of_time()
-            repairs = repairs or None if cut else repairs  # that there is none was not found out
-        found = [CUT_SHORT] if perf_counter() - began > LONGEST else []
-        if cut:
-            found.append(OUT_OF_TIME)
-        found += [*doubts(file.problem), *warnings(file.problem, judgement, repairs)]
-        if judgement.idle and repairs is None:
-            said = "solving the problem finds a design that does use its velocity loop"
-            found.append(Note("warn-solve-instead", said))
-        if design.sha256 and design.sha256 != file.sha256:
-            said = "the gains were made for another version of the problem (sha256 differs)"
-            found.append(Note("other-version", said))
-        seconds = proving + perf_counter() - began
-        finding = DesignFinding(file, judgement, repairs, [note.line for note in found], seconds)
-        verdict, message = VERDICTS[judgement.status], check_message(judgement, repairs, changed, together)
-        line = line_to_change(source.text, repairs, together)
+        notes = [OTHER_VERSION] if design.sha256 and design.sha256 != file.sha256 else []
+        finding = finding_of(file, judgement, repairs, notes, perf_counter() - began, proving)
+        verdict, message = VERDICTS[judgement.status], check_message(judgement, finding.repairs, changed, together)
+        line = line_to_change(source.text, finding.repairs, together)
         checks.append(Checked(source.path, file.problem.name, verdict, message, line, finding))
     return checks
 

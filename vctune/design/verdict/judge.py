@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from enum import StrEnum
 from math import inf, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,9 +29,10 @@ from vctune.model.numbers.keys import keys_of, labelled
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
+from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Outcome, Verdict
-from vctune.running import seconds_left, time_limit, unlimited
+from vctune.running import in_time, seconds_left, time_limit, unlimited
 
 
 class Status(StrEnum):
@@ -78,6 +80,7 @@ class Judgement:
     in_any_hand : the least Re(1/Z_c)/R of an impedance display in any passive hand, if any is to be met
     peak_sensitivity, worst_sensitivity : greatest |S| of these devices up to Nyquist and where, rad/s
     certificate : what is proved
+    cut : whether the time limit ended its proof, or left devices of a box unlooked at in hands
     """
 
     gains: Gains
@@ -93,6 +96,7 @@ class Judgement:
     certificate: Certificate
     in_hand: RatioInHand | None = None
     in_any_hand: RatioInAnyHand | None = None
+    cut: bool = False
 
     @property
     def status(self) -> Status:
@@ -203,8 +207,7 @@ def judge_posed(posed: Posed, gains: Gains, coupling: AnyCoupling) -> Judgement:
     """
     with time_limit(PROVING * seconds_left()):
         certificate = certify(Design(posed.demands.device, gains, coupling), posed.demands, posed.box)
-    with unlimited():
-        return _judgement(posed, gains, coupling, certificate)
+    return _judgement(posed, gains, coupling, certificate)
 
 
 @np.errstate(all="ignore")
@@ -224,14 +227,38 @@ def judge_all(problem: Problem, designs: Sequence[tuple[Gains, AnyCoupling]]) ->
     posed = pose(problem)
     with time_limit(PROVING * seconds_left()):
         certificates = certify_all([Design(problem.device, *design) for design in designs], posed.demands, posed.box)
-    with unlimited():
-        return [
-            _judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)
-        ]
+    return [_judgement(posed, *design, certificate) for design, certificate in zip(designs, certificates, strict=True)]
 
 
 def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate) -> Judgement:
-    """Add to a certificate what double precision gives."""
+    """Add to a certificate what double precision gives, in hands on as many devices of a box as there is time for."""
+    in_hand = posed.demands.hands is not None or posed.demands.any_hand
+    at: list[_InHands] = []
+    for case in in_time(posed.hand_cases if in_hand else ()):
+        with unlimited():
+            at.append(_in_hands(posed.demands, case.device, gains, coupling))
+    with unlimited():
+        judgement = _estimated(posed, gains, coupling, certificate, at)
+    return replace(judgement, cut=certificate.cut or (in_hand and len(at) < len(posed.hand_cases)))
+
+
+class _InHands(NamedTuple):
+    """A device, and its least ratios in the hands to be met and in any passive one."""
+
+    device: Device
+    held: RatioInHand | None
+    any_hand: RatioInAnyHand | None
+
+
+def _in_hands(demands: Demands, device: Device, gains: Gains, coupling: AnyCoupling) -> _InHands:
+    hands = demands.hands
+    held = least_ratios_in_hands(device, hands, gains, coupling)[0] if hands is not None else None
+    return _InHands(device, held, least_ratios_in_any_hand(device, gains, coupling)[0] if demands.any_hand else None)
+
+
+def _estimated(
+    posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: Certificate, in_hands: list[_InHands]
+) -> Judgement:
     cases = posed.cases
     (min_ratio, worst), tightest, held = (inf, 0.0), posed.problem.device, None
     if posed.demands.passive:
@@ -241,20 +268,15 @@ def _judgement(posed: Posed, gains: Gains, coupling: AnyCoupling, certificate: C
         inside = worst_inside(posed, gains, coupling) if posed.box is not None else []
         if inside and inside[0].ratio < min_ratio:
             min_ratio, worst, tightest = inside[0].ratio, inside[0].omega, inside[0].device
-    if posed.demands.hands is not None:
-        found = (
-            (least_ratios_in_hands(case.device, posed.demands.hands, gains, coupling)[0], case)
-            for case in posed.hand_cases
-        )
-        held, case = min(found, key=lambda pair: pair[0].ratio)
+    if of_hands := [(at.held, at.device) for at in in_hands if at.held is not None]:
+        held, device = min(of_hands, key=lambda pair: pair[0].ratio)
         if held.ratio < min_ratio:
-            min_ratio, worst, tightest = held.ratio, held.omega, case.device
+            min_ratio, worst, tightest = held.ratio, held.omega, device
     in_any_hand = None
-    if posed.demands.any_hand:
-        of_any = ((least_ratios_in_any_hand(case.device, gains, coupling)[0], case) for case in posed.hand_cases)
-        in_any_hand, case = min(of_any, key=lambda pair: pair[0].ratio)
+    if of_any := [(at.any_hand, at.device) for at in in_hands if at.any_hand is not None]:
+        in_any_hand, device = min(of_any, key=lambda pair: pair[0].ratio)
         if in_any_hand.ratio < min_ratio:
-            min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, case.device
+            min_ratio, worst, tightest = in_any_hand.ratio, in_any_hand.omega, device
     sensitivity = min((sensitivity_maxima(case, gains) for case in cases), key=lambda found: float(found.value[0]))
     transparency, differing = transparency_error(posed.problem, gains, coupling), compared(posed)
     error = posed.error(gains, coupling) if len(posed.objective) > 1 else transparency.error

@@ -52,6 +52,11 @@ SLACK = 1e-5
 """By what share a first opinion wants the ratio greater than its demand, as the proof of rounded gains will."""
 
 Progress = Callable[[str], None]
+Posed = Callable[[dict[str, Any]], Problem | None]
+
+
+def _posed(document: dict[str, Any]) -> Problem | None:
+    return pose(document, "")[0]
 
 
 def _seems_admissible(problem: Problem) -> bool:
@@ -219,6 +224,7 @@ def find_repairs(
     changes: Sequence[ParameterChange],
     test: RepairTest = OF_FIXED,
     progress: Progress = lambda stage: None,
+    posed: Posed = _posed,
 ) -> list[Repair]:
     """Return the least changes of one number that repair a problem, as many as time allows.
 
@@ -231,6 +237,7 @@ def find_repairs(
     changes : the numbers that may be changed
     test : how changed problems are tried
     progress : told what is tried
+    posed : the problem that a document states, or None
 
     Returns
     -------
@@ -239,7 +246,7 @@ def find_repairs(
     """
     found: list[Repair] = []
     with suppress(OutOfTimeError), time_limit(LONGEST):
-        searches = [_Search(document, change, test) for change in changes]
+        searches = [_Search(document, change, test, posed) for change in changes]
         left = {number: 0.0 for number, search in enumerate(searches) if not search.hopeless()}
         trials = sorted((relative, number) for number in left for relative in changes[number].relative_changes())
         for relative, number in trials:
@@ -263,11 +270,13 @@ class _Search:
     document : parsed TOML
     change : the number
     test : how changed problems are tried
+    posed : the problem that a document states, or None
     """
 
     document: dict[str, Any]
     change: ParameterChange
     test: RepairTest
+    posed: Posed
 
     def hopeless(self) -> bool:
         """Return whether it will not do however far it goes, where going further only eases the demands."""
@@ -276,13 +285,13 @@ class _Search:
 
     def promising(self, relative: float) -> bool:
         """Return whether a relative change seems to suffice."""
-        posed, _ = pose(self.change.applied(self.document, self.change.value(relative)), "")
+        posed = self.posed(self.change.applied(self.document, self.change.value(relative)))
         check_time()
         return posed is not None and self.test.estimate(posed)
 
     def certified(self, new: float) -> Judgement | None:
         """Return the design that there is with a new value, if it is certified."""
-        posed, _ = pose(self.change.applied(self.document, new), "")
+        posed = self.posed(self.change.applied(self.document, new))
         check_time()
         judgement = self.test.verify(posed) if posed is not None else None
         check_time()  # what was cut is no answer

@@ -23,6 +23,7 @@ from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
 from vctune.report.figures.style import INK, PAPER, RED, STYLE, canvas
+from vctune.running import check_time
 from vctune.study.plane import Plane, Squares
 from vctune.study.region import Kind, Region
 from vctune.study.region_check import Recheck
@@ -172,6 +173,7 @@ def _marked(axes: Axes, plane: Plane, designs: Sequence[Design], mark: str, colo
 
 def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     """Draw the least error that any admissible coupling gives, where gains are proved feasible."""
+    check_time()
     plane = region.plane
     prepared = prepare(problem)
     marks = np.linspace(0, len(plane.edges[0]) - 1, MESH).astype(int)
@@ -180,6 +182,7 @@ def _contours(axes: Axes, problem: Problem, region: Region) -> None:
     K_v, K_p, *_ = prepared.units.to_dimensionless((K_v, K_p, 0.0, 0.0, 0.0))
     with np.errstate(all="ignore"):
         errors = least_errors(prepared.scaled, Gains(K_v, K_p)) * prepared.units.error
+    check_time()
     sound = np.isfinite(errors) & _feasible(region)[np.ix_(marks, marks)]
     if sound.sum() < 4:
         return

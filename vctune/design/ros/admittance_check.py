@@ -1,21 +1,23 @@
-"""A ROS 2 admittance in the place of the coupling: is it stable in every hand of the box, and what would help?
-
-The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
-mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
-rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
-among them.
-"""
+"""A ROS 2 parameter file: is each selected axis stable in every hand of the box, and what would help?"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
-from math import exp, log, pi, sqrt
+from math import sqrt
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
-from vctune.design.verdict.gains_check import Checked, CheckVerdict, DesignFinding, check_problem
+import numpy as np
+
+from vctune.design.ros.admittance_problem import as_problem, corner_hz, coupling_of_admittance, document_of_both
+from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
+from vctune.design.verdict.check_message import check_message
+from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, DesignFinding, finding_of
+from vctune.design.verdict.judge import Status, judge
+from vctune.design.verdict.repair import Progress
 from vctune.document.reading import ProblemFile, problem_file
 from vctune.document.ros import Admittance, AdmittanceFile
 from vctune.document.text.codes import Code, Note
@@ -23,7 +25,7 @@ from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 from vctune.model.device import Device
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
-from vctune.model.gains import Coupling, series_coupling
+from vctune.model.gains import series_coupling
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
 from vctune.simulation.mechanics.scene_stability import Mode, fastest_mode
@@ -35,7 +37,11 @@ Hz and less, twice names some that a hand cannot tell from none."""
 
 
 def check_admittance(
-    problem: ProblemFile, path: Path, given: AdmittanceFile, only: Sequence[str] = ()
+    problem: ProblemFile,
+    path: Path,
+    given: AdmittanceFile,
+    only: Sequence[str] = (),
+    progress: Progress = lambda stage: None,
 ) -> list[Checked]:
     """Check the selected axes of a parameter file, those with the same numbers once.
 
@@ -45,6 +51,7 @@ def check_admittance(
     path : of the parameter file
     given : its selected axes
     only : names of the axes to check; empty for all
+    progress : told the stage of the work
 
     Returns
     -------
@@ -58,7 +65,7 @@ def check_admittance(
         If the problem is an impedance display, lacks gains, or has a filter of its own; if `only` names an axis that
         the file does not select, or that does not move as the device does; or if no axis does.
     """
-    document, axes = _device(problem, given), _chosen(problem, path, given, only)
+    tables, axes = _device(problem, given), _chosen(problem, path, given, only)
     fitting = " ".join(f"--axis {axis.axis}" for axis in axes if _moves_as(axis, problem))
     checks: list[Checked] = []
     proved: dict[Admittance, Checked] = {}
@@ -71,7 +78,7 @@ def check_admittance(
             continue
         numbers = replace(axis, axis="")
         if numbers not in proved:
-            proved[numbers] = _checked(problem, document, axis, given.filter_coefficient)
+            proved[numbers] = _checked(problem, tables, given, axis, progress)
         checks.append(_of_axis(proved[numbers], problem, path, axis))
     return checks
 
@@ -119,11 +126,11 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
         finding = replace(finding, file=named)
     else:
         message = f"{path}: {message}"
-    return replace(checked, source=path, name=name, message=message, line=axis.line, finding=finding)
+    return replace(checked, source=path, name=name, message=message, finding=finding)
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
-    """Return the problem's tables with the file's filter as force sensor and the criterion of hands."""
+    """Return the problem's tables with the criterion of hands."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
@@ -137,61 +144,34 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     document = {key: value for key, value in problem.document.items() if key not in ("experiment", "uncertainty")}
     document["stability"] = {**document.get("stability", {}), "criterion": "hands"}
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
-    if given.filter_coefficient < 1:
-        corner = corner_hz(given.filter_coefficient, problem.problem.device.sample_time)
-        stated = document["device"].get("force_sensor", {})
-        document["device"] = {**document["device"], "force_sensor": {**stated, "bandwidth_hz": corner}}
     return document
 
 
-def corner_hz(coefficient: float, sample_time: float) -> float:
-    """Return the corner of the filter y += coefficient (x - y), Hz.
-
-    Parameters
-    ----------
-    coefficient : in (0, 1)
-    sample_time : T, s
-    """
-    return -log(1 - coefficient) / (2 * pi * sample_time)
-
-
-def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
-    """Return the coupling that is an admittance, its lossless spring apart, as the controller steps it.
-
-    Parameters
-    ----------
-    axis : what is rendered
-    sample_time : T, s
-
-    Returns
-    -------
-    Coupling
-        With mass or drag below 0 where the explicit step is not passive.
-    """
-    mass = axis.mass - axis.damping * sample_time
-    return Coupling(2 * mass / sample_time, mass, axis.damping - axis.stiffness * sample_time / 2)
-
-
-def _checked(problem: ProblemFile, document: dict[str, Any], axis: Admittance, coefficient: float) -> Checked:
+@np.errstate(all="ignore")
+def _checked(
+    problem: ProblemFile, tables: dict[str, Any], given: AdmittanceFile, axis: Admittance, progress: Progress
+) -> Checked:
     """Check an axis; its name does not count."""
-    T = problem.problem.device.sample_time
+    began, T = perf_counter(), problem.problem.device.sample_time
     coupling = coupling_of_admittance(axis, T)
     if coupling.mass <= 0 or coupling.drag < 0:
         return _unproved(CheckVerdict.FAILED, "ros-step", _explicit(axis, T, problem.problem.units), axis)
-    file = _pasted(document, coupling, problem)
-    checked = check_problem(file)
-    finding = checked.finding
-    assert isinstance(finding, DesignFinding), "a problem whose numbers are fixed is judged"
-    told = [*(note.line for note in _traps(axis, coefficient, problem.problem.device)), *finding.warnings]
-    parts = [checked.message]
-    if checked.verdict is not CheckVerdict.PASSED:
-        parts += [_with_its_spring(file, axis, finding), *_in_its_words(document, axis, finding, problem)]
-    return replace(checked, message="; ".join(parts), finding=replace(finding, warnings=told))
-
-
-def _pasted(document: dict[str, Any], coupling: Coupling, problem: ProblemFile) -> ProblemFile:
-    numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
-    return problem_file(toml_text({**document, "coupling": numbers}), Path(problem.source))
+    document = document_of_both(tables, given, axis)
+    file = problem_file(toml_text(as_problem(document)), Path(problem.source))
+    progress(f"proving {axis.axis}")
+    judgement = judge(file.problem, *file.problem.fixed_design)
+    proving = perf_counter() - began
+    repairs = repairs_of_axis(document, file.problem, judgement, progress)
+    finding = finding_of(file, judgement, repairs, [], perf_counter() - began - proving, proving)
+    traps = [note.line for note in _traps(axis, given.filter_coefficient, problem.problem.device)]
+    finding = replace(finding, warnings=[*traps, *finding.warnings])
+    parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]
+    if verdict is not CheckVerdict.PASSED:
+        parts.append(_with_its_spring(file, axis, finding))
+    if judgement.status is Status.VIOLATED and finding.repairs is not None:
+        parts.append(remedy(finding.repairs, problem.source))
+        line = next((given.lines[repair.key] for repair in finding.repairs if repair.key in given.lines), line)
+    return Checked(Path(), "", verdict, "; ".join(parts), line, finding)
 
 
 def _explicit(axis: Admittance, T: float, units: Units) -> str:
@@ -260,30 +240,3 @@ def _mode(file: ProblemFile, axis: Admittance, finding: DesignFinding, hand: Han
     experiment = Experiment(axis.axis, spring, operator, None, Sensors(0.0, 0.0, 0), None, None)
     judged = finding.judgement
     return fastest_mode(designed_scene(file.problem.device, judged.gains, series_coupling(judged.coupling), experiment))
-
-
-def _in_its_words(
-    document: dict[str, Any], axis: Admittance, finding: DesignFinding, problem: ProblemFile
-) -> list[str]:
-    """Return the repairs that the file itself can make, each proved again as the file would state it."""
-    T, found = problem.problem.device.sample_time, []
-    for repair in finding.repairs or []:
-        if repair.key == "coupling.drag" and repair.new is not None:
-            better, said = _with_drag(axis, repair.new, T)
-            coupling = coupling_of_admittance(better, T)
-            if coupling.mass > 0 and check_problem(_pasted(document, coupling, problem)).verdict is CheckVerdict.PASSED:
-                found.append(f"in the file's words: {said}")
-        if repair.key == "device.force_sensor.bandwidth_hz" and repair.new is not None:
-            found.append(f"in the file's words: filter_coefficient {1 - exp(-2 * pi * repair.new * T):.4g}")
-    return found
-
-
-def _with_drag(axis: Admittance, drag: float, T: float) -> tuple[Admittance, str]:
-    """Return the axis with a hundredth more than a drag, by the parameter that damps it, and what to change."""
-    lost = axis.stiffness * T / 2
-    if axis.stiffness == 0:
-        rate = float(f"{1.01 * drag / axis.mass:.4g}")
-        return replace(axis, joint_damping=rate), f"joint_damping {rate:g} instead of {axis.joint_damping:g}"
-    free = 1.01 * (drag + lost - axis.joint_loss)
-    ratio = float(f"{free / (2 * sqrt(axis.mass * axis.stiffness)):.4g}")
-    return replace(axis, damping_ratio=ratio), f"damping_ratio {ratio:g} instead of {axis.damping_ratio:g}"

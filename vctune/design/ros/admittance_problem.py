@@ -1,0 +1,81 @@
+"""A ROS 2 admittance in the place of the coupling: the problem that a device and a parameter file state together.
+
+The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + D v_before + S x_before = f. That is a
+mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
+rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
+among them.
+"""
+
+from __future__ import annotations
+
+from math import log, pi
+from typing import Any
+
+from vctune.document.ros import Admittance, AdmittanceFile
+from vctune.model.gains import Coupling
+
+OF_FILE = ("admittance", "ft_sensor")
+"""The tables of a parameter file, which stand beside those of the problem in a document of both."""
+
+
+def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
+    """Return the tables of a device with those of a parameter file that are about one axis.
+
+    Parameters
+    ----------
+    device : tables of the problem file
+    given, axis : the parameter file, and its axis
+    """
+    rendered = {
+        "mass": axis.mass,
+        "damping_ratio": axis.damping_ratio,
+        "stiffness": axis.stiffness,
+        "joint_damping": axis.joint_damping,
+    }
+    return device | {"admittance": rendered, "ft_sensor": {"filter_coefficient": given.filter_coefficient}}
+
+
+def as_problem(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of the problem that a document of both states, as the controller steps it.
+
+    Parameters
+    ----------
+    document : as of `document_of_both`
+    """
+    device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
+    axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
+    coupling = coupling_of_admittance(axis, T)
+    if coefficient < 1:
+        sensor = {**device.get("force_sensor", {}), "bandwidth_hz": corner_hz(coefficient, T)}
+        device = {**device, "force_sensor": sensor}
+    numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
+    tables = {key: table for key, table in document.items() if key not in OF_FILE}
+    return {**tables, "device": device, "coupling": numbers}
+
+
+def corner_hz(coefficient: float, sample_time: float) -> float:
+    """Return the corner of the filter y += coefficient (x - y), Hz.
+
+    Parameters
+    ----------
+    coefficient : in (0, 1)
+    sample_time : T, s
+    """
+    return -log(1 - coefficient) / (2 * pi * sample_time)
+
+
+def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
+    """Return the coupling that is an admittance, its lossless spring apart, as the controller steps it.
+
+    Parameters
+    ----------
+    axis : what is rendered
+    sample_time : T, s
+
+    Returns
+    -------
+    Coupling
+        With mass or drag below 0 where the explicit step is not passive.
+    """
+    mass = axis.mass - axis.damping * sample_time
+    return Coupling(2 * mass / sample_time, mass, axis.damping - axis.stiffness * sample_time / 2)

@@ -1,0 +1,94 @@
+"""What would help a refuted axis of a ROS 2 parameter file: first its own numbers, then those of the problem.
+
+The file has no coupling. Each change is one that its user can make, and is tried as the file would then state it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from math import sqrt
+from typing import Any
+
+from vctune.design.result import Repair
+from vctune.design.ros.admittance_problem import as_problem
+from vctune.design.verdict.judge import Judgement, Status
+from vctune.design.verdict.parameter_changes import ParameterChange, changes_of_demands, parameter_changes
+from vctune.design.verdict.repair import OF_FIXED, OF_FIXED_IN_USE, Progress, find_repairs
+from vctune.document.reading import pose
+from vctune.document.ros import HEAVIEST, LIGHTEST, TUNED, Admittance
+from vctune.model.problem import Problem
+
+
+def repairs_of_axis(
+    document: dict[str, Any], problem: Problem, judgement: Judgement, progress: Progress
+) -> list[Repair] | None:
+    """Return the changes of one number after which an axis passes, or no longer is idle; None where it needs none.
+
+    Parameters
+    ----------
+    document : the tables of the device and of the parameter file (`document_of_both`)
+    problem : that they state
+    judgement : of the axis
+    progress : told what is tried
+
+    Returns
+    -------
+    list of Repair
+        Those of the parameter file first; the least error first in either part.
+    """
+    tables = as_problem(document)
+    if judgement.idle:
+        changes, test = changes_of_demands(tables, problem), OF_FIXED_IN_USE
+    elif judgement.status is Status.VIOLATED:
+        changes, test = [*_of_file(document), *parameter_changes(tables, problem)], OF_FIXED
+    else:
+        return None
+    of_file = "force_sensor.bandwidth_hz" if document["ft_sensor"]["filter_coefficient"] < 1 else ""
+    own = [each for each in changes if each.path[0] != "coupling" and each.key != f"device.{of_file}"]
+    found = find_repairs(document, own, test, progress, _posed)
+    return sorted(map(_in_yaml, found), key=lambda repair: (repair.key not in TUNED, repair.rank))
+
+
+def remedy(repairs: Sequence[Repair], source: str) -> str:
+    """Return in words what would help.
+
+    Parameters
+    ----------
+    repairs : of an axis
+    source : the problem file
+    """
+    words = [
+        f"{place}{', or '.join(map(str, found))} would pass"
+        for place, found in (
+            ("", [repair for repair in repairs if repair.key in TUNED]),
+            (f"in {source} ", [repair for repair in repairs if repair.key not in TUNED]),
+        )
+        if found
+    ]
+    return "; ".join(words) or "no change of one number passes"
+
+
+def _posed(document: dict[str, Any]) -> Problem | None:
+    return pose(as_problem(document), "")[0]
+
+
+def _in_yaml(repair: Repair) -> Repair:
+    return replace(repair, needs=f"{repair.key}: {repair.new!r}") if repair.key in TUNED else repair
+
+
+def _of_file(document: dict[str, Any]) -> Iterator[ParameterChange]:
+    """Yield what may be changed about the axis, as far as its explicit step stays passive."""
+    axis = Admittance(axis="", line=0, **document["admittance"])
+    T, coefficient = float(document["device"]["sample_time"]), document["ft_sensor"]["filter_coefficient"]
+    yield ParameterChange(("admittance", "mass"), "a heavier axis", axis.mass, HEAVIEST)
+    yield ParameterChange(("admittance", "mass"), "a lighter axis", axis.mass, LIGHTEST)
+    per_ratio, rate = 2 * sqrt(axis.stiffness / axis.mass), axis.damping / axis.mass
+    spare = 1 / T - rate  # of D/M, at which nothing is left of the mass
+    if per_ratio > 0:
+        most = axis.damping_ratio + spare / per_ratio
+        yield ParameterChange(("admittance", "damping_ratio"), "a greater damping ratio", axis.damping_ratio, most)
+    path = ("admittance", "joint_damping")
+    yield ParameterChange(path, "a greater damping of the joints", axis.joint_damping, axis.joint_damping + spare)
+    if coefficient < 1:
+        yield ParameterChange(("ft_sensor", "filter_coefficient"), "a faster filter of the force", coefficient, 1.0)
