@@ -18,6 +18,7 @@ def _zero_or_sizeable(value: float) -> float:
 Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
 Share = Annotated[float, Field(strict=True, ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
+Portion = Annotated[float, Field(strict=True, ge=LEAST, le=1)]
 Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
 Place = Annotated[float, Field(strict=True, ge=-MOST, le=MOST)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from vctune.document.schema.experiment_schema import ExperimentTable
-from vctune.document.schema.fields import Edge, NotNegative, Positive, Share, Table, Text
+from vctune.document.schema.fields import Edge, NotNegative, Portion, Positive, Share, Table, Text
 from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
 
@@ -96,6 +96,19 @@ class ServoTable(Table):
     )
     bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
     order: Order = Field(1, description="Order of that low-pass, 1 or 2, as the actuator's.")
+    stiffness: Positive | None = Field(
+        None,
+        description="Of the firmware's spring between the measured position and its reference, N/m; no force sensor is "
+        "in its way. Default: none.",
+    )
+
+
+class ServoSensorTable(ForceSensorTable):
+    """What is sensed of the hand's force, and filtered by the admittance controller."""
+
+    filter_coefficient: Portion | None = Field(
+        None, description="a of the controller's filter y += a (x - y) of the samples, 0 < a <= 1. Default: no filter."
+    )
 
 
 class ServoDeviceTable(Table):
@@ -104,7 +117,7 @@ class ServoDeviceTable(Table):
     units: Literal["linear", "rotary"] = Field("linear", description="How it moves, as of any other device.")
     sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
     servo: ServoTable
-    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed at once.")
 
 
 class DeviceTable(Table):
