@@ -29,7 +29,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Rule:
-    """What the controller is told of one axis; `reference` is the environment's share of the sensed force."""
+    """What the controller is told of one axis."""
 
     mass: float
     damping_ratio: float
@@ -103,33 +103,53 @@ class Held:
         return A, self.advance(np.zeros(self.size), 1.0)
 
 
-def loop_matrix(arm, hand, rule):
-    """Return what a period does to arm, hand and controller: memory, velocity, smoothed force."""
-    held = Held(arm, hand)
+@dataclass(frozen=True)
+class World:
+    """What else is rendered, by the trapezoidal rule: a spring, N/m, or a mass, kg, with a damper beside it."""
+
+    kind: str = "spring"
+    value: float = 0.0
+    damping: float = 0.0
+
+
+def loop_matrix(arm, hand, rule, world=None, push=None):
+    """Return what a period does to memory of the arm, velocity, smoothed force and what the world remembers.
+
+    With `push`, of shape (n,), it is filled with what a force in the controller does.
+    """
+    held, world, T = Held(arm, hand), world or World(), arm.T
     A, B = held.matrices()
-    n, T = held.size, arm.T
-    force, position = np.zeros(n + 2), np.zeros(n + 2)
-    force[n - 1] = 1.0
-    position[held.at["x"]] = 1.0
-    v, f = np.eye(n + 2)[n], np.eye(n + 2)[n + 1]
+    n = held.size
+    unit = np.eye(n + 3)
+    force, position, v, f, kept = unit[n - 1], unit[held.at["x"]], unit[n], unit[n + 1], unit[n + 2]
     damping = 2 * rule.damping_ratio * sqrt(rule.mass * rule.stiffness)
     smooth = (1 - rule.filter_coefficient) * f + rule.filter_coefficient * force
-    acceleration = (smooth - damping * v - rule.stiffness * position) / rule.mass - rule.joint_damping * v
-    after = v + T * acceleration
-    matrix = np.zeros((n + 2, n + 2))
+    free = v + T * ((smooth - damping * v - rule.stiffness * position) / rule.mass - rule.joint_damping * v)
+    if world.kind == "spring":  # kept is its deflection
+        own, rest = world.value * T / 2 + world.damping, world.value * (kept + T / 2 * v)
+    else:  # kept is its force
+        own, rest = world.value * 2 / T + world.damping, -world.value * 2 / T * v - kept
+    share = 1 / (1 + T / rule.mass * own)
+    after = share * (free - T / rule.mass * rest)
+    matrix = np.zeros((n + 3, n + 3))
     matrix[:n, :n] = A
     matrix[:n] += np.outer(B, after)
     matrix[n], matrix[n + 1] = after, smooth
+    spring = kept + T / 2 * (v + after)
+    matrix[n + 2] = spring if world.kind == "spring" else world.value * 2 / T * (after - v) - kept
+    if push is not None:
+        push[:] = 0.0
+        push[:n], push[n] = B * share * T / rule.mass, share * T / rule.mass
     return matrix
 
 
-def radius(arm, hand, rule):
-    return float(abs(np.linalg.eigvals(loop_matrix(arm, hand, rule))).max())
+def radius(arm, hand, rule, world=None):
+    return float(abs(np.linalg.eigvals(loop_matrix(arm, hand, rule, world))).max())
 
 
-def impedance(arm, hand, theta, *, of="force"):
-    """Return -force, or the position, over the commanded velocity at an angle."""
-    held = Held(arm, hand)
-    A, B = held.matrices()
-    state = np.linalg.solve(np.exp(1j * theta) * np.eye(held.size) - A, B)
-    return -state[held.size - 1] if of == "force" else state[held.at["x"]]
+def asked(arm, hand, rule, theta):
+    """Return a force in the controller over the velocity that it commands then, at an angle."""
+    push = np.zeros(Held(arm, hand).size + 3)
+    matrix, z = loop_matrix(arm, hand, rule, push=push), np.exp(1j * theta)
+    state = np.linalg.solve(z * np.eye(len(push)) - matrix, push.astype(complex))
+    return 1 / (z * state[len(push) - 3])

@@ -167,6 +167,9 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
 def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:
     if servo.stiffness is None:
         return None
+    sensor = device.force_sensor
+    known = delay.moved is not None or sensor is None or ops.is_zero(sensor.delay)
+    assert known, "the delay of the servo alone is not told"
     alone = replace(device, servo=replace(servo, stiffness=None), force_sensor=None)
     return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
 
