@@ -22,7 +22,7 @@ from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision
 
-Format = Literal["c", "fmu", "json"]
+Format = Literal["c", "fmu", "json", "ros2"]
 FOLDER = "firmware"
 """Of what is exported, in that of the design."""
 
@@ -61,7 +61,7 @@ def export(
     gains : N s/m and N/m, with their coupling; or a gains file or its path; None for those of the design.json, or
         that the problem fixes
     coupling : N s/m and kg
-    to : "c" with vectors to replay, "fmu" or "json"
+    to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
     precision : of the firmware's numbers
     unproved : export what is not proved too; every file then says so at its top
     progress : told the stage of the work
@@ -83,10 +83,21 @@ def export(
             raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
     file, design = stated_design(source, gains, coupling)
     progress("proving")
-    made = firmware(file, *design, precision)
+    made = _made(file, design, to, precision)
     if not certified(made) and not unproved:
         raise NotCertifiedError(made)
     return Exported(file, made, _files(file, made, to, progress))
+
+
+def _made(file: ProblemFile, design: tuple[Gains, AnyCoupling], to: Format, precision: Precision) -> Firmware:
+    """Return a design as it will run, proved."""
+    if to != "ros2":
+        return firmware(file, *design, precision)
+    from vctune.firmware.ros2 import ros2_firmware
+
+    if precision != "double":
+        raise InputError.of("precision", "bad-option", "an admittance_controller computes in double precision; leave it out")
+    return ros2_firmware(file, *design)
 
 
 class NotCertifiedError(InputError):
@@ -178,6 +189,10 @@ def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) ->
         from vctune.firmware.fmu import fmu
 
         return {f"{folder_name(made.name)}.fmu": fmu(made)}
+    if to == "ros2":
+        from vctune.firmware.ros2 import ros2_files
+
+        return ros2_files(file, made)
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays

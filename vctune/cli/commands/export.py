@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from vctune.simulation.firmware.stepped import Precision
 
 
-@click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
+@click.command(short_help="Make firmware of a design: C99, an FMU, JSON, or ROS 2 parameters.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--to", type=click.Choice(["c", "fmu", "json"]), default="c", show_default=True, help="What to make.")
+@click.option("--to", type=click.Choice(["c", "fmu", "json", "ros2"]), default="c", show_default=True, help="What to make.")
 @click.option(
     "--precision",
     type=click.Choice(["double", "single"]),

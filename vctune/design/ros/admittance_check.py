@@ -12,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.ros.admittance_problem import as_problem, corner_hz, coupling_of_admittance, document_of_both
+from vctune.design.ros.admittance_problem import (
+    as_problem,
+    corner_hz,
+    coupling_of_admittance,
+    device_tables,
+    document_of_both,
+)
 from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
 from vctune.design.verdict.check_message import check_message
 from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, DesignFinding, finding_of
@@ -135,8 +141,7 @@ def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
-    document = {key: value for key, value in problem.document.items() if key not in ("experiment", "coupling")}
-    document["stability"] = {**document.get("stability", {}), "criterion": "hands"}
+    document = device_tables(problem.document)
     if not problem.problem.device.kind.own_loop:
         return document
     if not (bounds.velocity.fixed and bounds.position.fixed):

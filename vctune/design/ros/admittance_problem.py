@@ -22,6 +22,17 @@ OF_FILE = ("admittance", "ft_sensor")
 """The tables of a parameter file, which stand beside those of the problem in a document of both."""
 
 
+def device_tables(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of a problem that are about its device and hands, with the criterion of hands.
+
+    Parameters
+    ----------
+    document : of the problem
+    """
+    tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
+    return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
+
+
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
     """Return the tables of a device with those of a parameter file that are about one axis.
 
