@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -85,7 +86,7 @@ def export(
     progress("proving")
     made = _made(file, design, to, precision)
     if not certified(made) and not unproved:
-        raise NotCertifiedError(made)
+        raise NotCertifiedError(made, RIGID if to == "ros2" and design[1].damping < inf else "")
     return Exported(file, made, _files(file, made, to, progress))
 
 
@@ -100,13 +101,19 @@ def _made(file: ProblemFile, design: tuple[Gains, AnyCoupling], to: Format, prec
     return ros2_firmware(file, *design)
 
 
+RIGID = (
+    "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
+)
+"""What may help a design that is refuted as an admittance_controller steps it."""
+
+
 class NotCertifiedError(InputError):
     """A design is not exported, for it is not certified; `status` is what it is."""
 
-    def __init__(self, made: Firmware) -> None:
+    def __init__(self, made: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
         self.status = Status(made.record.status)
-        message = f"not exported: {self.status.value}{single}: {made.doubt}; --unproved exports it, and says so"
+        message = f"not exported: {self.status.value}{single}: {made.doubt}{also}; --unproved exports it, and says so"
         super().__init__(made.name, [Mistake("not-certified", "", message)])
 
 
