@@ -82,7 +82,9 @@ def test_gains_files_are_checked_against_one_problem(tmp_path):
     (tmp_path / "gains").mkdir()
     for share in (1.0, 0.5):
         coupling = type(judgement.coupling)(judgement.coupling.damping * share, judgement.coupling.mass, 0.0)
-        (tmp_path / f"gains/{share}.toml").write_text(gains_text(judgement.gains, coupling, {"sha256": "of another"}))
+        (tmp_path / f"gains/{share}.toml").write_text(
+            gains_text(judgement.kind, judgement.gains, coupling, {"sha256": "of another"})
+        )
     done = run("problem.toml", "gains", cwd=tmp_path)
     assert done.returncode == ExitCode.FAILED
     assert done.stdout.count("sha256 differs") == 2
@@ -114,7 +116,7 @@ def test_rounding_attack(tmp_path, count):
         judgement = solve(parse_problem(for_passive_hands(text), "x", "x")).judgement
         problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
         problem.write_text(for_passive_hands(text))
-        gains.write_text(gains_text(judgement.gains, judgement.coupling, {}))
+        gains.write_text(gains_text(judgement.kind, judgement.gains, judgement.coupling, {}))
         assert check([problem, gains])[0].result is CheckVerdict.PASSED
 
 

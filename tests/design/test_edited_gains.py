@@ -68,7 +68,7 @@ def line_of(folder, key: str) -> int:
 
 def numbers_of(folder) -> dict[str, float]:
     file = read_gains(folder / "gains.toml")
-    return design_numbers(file.gains, file.coupling)
+    return design_numbers(file.kind, file.gains, file.coupling)
 
 
 def test_a_lowered_coupling_and_a_lowered_gain_are_named_first(wheel, numbers_only, tmp_path):

@@ -34,6 +34,7 @@ from vctune.document.building import problem as problem_of
 from vctune.document.reading import read_problem
 from vctune.document.text.errors import InputError
 from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
+from vctune.model.display import IMPEDANCE
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
@@ -508,7 +509,7 @@ def test_a_gains_file_is_written_and_read_again(tmp_path):
     from vctune.document.reading import read_gains
 
     path = tmp_path / "gains.toml"
-    path.write_text(gains_text(Gains(0.2, 0.0), SpringDamper(0.1, 700.0), {"problem": "x"}))
+    path.write_text(gains_text(IMPEDANCE, Gains(0.2, 0.0), SpringDamper(0.1, 700.0), {"problem": "x"}))
     assert "position" not in path.read_text()
     found = read_gains(path)
     assert (found.gains, found.coupling) == (Gains(0.2, 0.0), SpringDamper(0.1, 700.0))

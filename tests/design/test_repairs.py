@@ -35,6 +35,7 @@ from vctune.document.records.design_file import design_of
 from vctune.document.text.codes import ENDING
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
+from vctune.model.display import ADMITTANCE
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.keys import KEYS
 from vctune.model.problem import Problem
@@ -467,7 +468,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     assert f"{record['repairs'][0]['needs']} would cure it" in said
     design = Gains(**record["gains"]), Coupling(**record["coupling"])
     (tmp_path / "idle.toml").write_text(for_passive_hands(IDLE))
-    (tmp_path / "gains.toml").write_text(gains_text(*design, {}))
+    (tmp_path / "gains.toml").write_text(gains_text(ADMITTANCE, *design, {}))
     checked = check([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
     shown = page(design_of(record, "x"), file.problem, {}, {})

@@ -21,6 +21,7 @@ from vctune.document.schema.problem_schema import json_schema
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import folder_name, write_together
+from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.gains import Coupling, Gains
 from vctune.model.problem import HUMAN_HANDS, Band, Range
@@ -290,7 +291,7 @@ def test_problems_name_the_schema():
 )
 def test_gains_file_is_toml_and_fixes_a_problem(name):
     gains, coupling = Gains(279.10689, 1e-05), Coupling(16.0, 1e19, 0.0)
-    text = gains_text(gains, coupling, {"problem": name, "sha256": "0"})
+    text = gains_text(ADMITTANCE, gains, coupling, {"problem": name, "sha256": "0"})
     document = tomllib.loads(text)
     assert document["design"]["problem"] == name
     pasted = text[: text.index("[design]")] + THREE.format(0.4, 2.0, 1e-3)

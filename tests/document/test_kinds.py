@@ -14,6 +14,7 @@ from vctune.document.gains_file import gains_text
 from vctune.document.reading import read_gains
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
+from vctune.model.display import DISPLAYS
 from vctune.model.gains import Coupling, Gains, SpringDamper
 
 EXPERIMENT = """[[experiment]]
@@ -40,7 +41,8 @@ def files(tmp_path):
     """Each kind's problem, its gains file as it is written, and one that states neither display nor units."""
     for kind, (gains, coupling) in DESIGNS.items():
         units = "rotary" if kind == "rotary" else "linear"
-        text = gains_text(gains, coupling, {"verdict": "proved"}, units)
+        display = DISPLAYS["impedance" if kind == "impedance" else "admittance"]
+        text = gains_text(display, gains, coupling, {"verdict": "proved"}, units)
         (tmp_path / f"{kind}.toml").write_text(DEVICES[kind] + EXPERIMENT)
         (tmp_path / f"gains-{kind}.toml").write_text(text)
         (tmp_path / f"bare-{kind}.toml").write_text(text[: text.index("[design]")])
@@ -92,16 +94,16 @@ def test_what_solve_writes_states_its_kind(files, kind):
     assert run("solve", "one.toml", cwd=files).returncode == ExitCode.OK
     text = (files / "results/one/gains.toml").read_text()
     found = read_gains(files / "results/one/gains.toml")
-    assert found.display == ("impedance" if kind == "impedance" else "admittance")
+    assert found.kind.name == ("impedance" if kind == "impedance" else "admittance")
     assert found.units == ("rotary" if kind == "rotary" else "linear")
-    assert f'display = "{found.display}"' in text and f'units = "{found.units}"' in text
+    assert f'display = "{found.kind.name}"' in text and f'units = "{found.units}"' in text
 
 
 @pytest.mark.parametrize(
     "design, complaint",
     [
         ('display = "impedance"', 'design.display: "impedance" contradicts [coupling], in which mass'),
-        ('display = "other"', "is not one of 'admittance' or 'impedance' [out-of-range]"),
+        ('display = "other"', "is not one of 'admittance', 'impedance' or 'servo' [out-of-range]"),
         ('units = "metric"', "is not one of 'linear' or 'rotary' [out-of-range]"),
         ("remark = 3", "design.remark: 3 is not a text"),
     ],

@@ -22,6 +22,8 @@ def coupling_impedance(coupling: Coupling, omega: Number) -> Pair:
     """
     b_c, m_c = coupling.damping, coupling.mass
     reactance = m_c * omega
+    if coupling.rigid:
+        return Pair(coupling.drag + 0 * omega, reactance)
     quotient = reactance / (b_c * b_c + reactance * reactance)
     return Pair(coupling.drag + b_c * reactance * quotient, b_c * b_c * quotient)
 
@@ -38,6 +40,8 @@ def sampled_resistance(coupling: Coupling, sample_time: Number, theta: Number, o
     theta : omega T, rad, in [0, pi]
     ops : arithmetic of all of these
     """
+    if coupling.rigid:  # the mass is a reactance
+        return coupling.drag + 0 * theta
     b_c, reactance, cos = coupling.damping, coupling.mass * (2 * ops.sin(theta / 2)) / sample_time, ops.cos(theta / 2)
     squared, slack = reactance * reactance, b_c * cos
     return coupling.drag + b_c * (squared / (slack * slack + squared))

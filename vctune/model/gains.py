@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from vctune.model.numbers.arithmetic import Number
 
@@ -26,7 +27,7 @@ class Coupling:
 
     Attributes
     ----------
-    damping : b_c, N s/m
+    damping : b_c, N s/m, > 0; inf for a rigid coupling, mass and drag alone
     mass : m_c, kg
     drag : b_0, N s/m
     """
@@ -34,6 +35,11 @@ class Coupling:
     damping: Number
     mass: Number
     drag: Number
+
+    @property
+    def rigid(self) -> bool:
+        """Whether b_c is infinite, which is a plain float in every arithmetic: nothing gives way between the masses."""
+        return isinstance(self.damping, float) and self.damping == inf
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from contextlib import redirect_stdout
 from dataclasses import dataclass
 from functools import lru_cache
 from io import StringIO
-from math import pi
+from math import inf, pi
 from typing import Any
 
 import casadi as ca
@@ -262,7 +262,8 @@ def _design(structure: NlpStructure, z: ca.SX, common: dict[str, ca.SX]) -> tupl
     for k, (index, from_zero) in enumerate(structure.free):
         values[index] = common["scales"][index] * ca.expm1(z[k]) if from_zero else ca.exp(z[k])
     K_v, K_p, *of_coupling = values
-    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(of_coupling)
+    coupling = [inf, *of_coupling[1:]] if structure.rigid else of_coupling
+    return Gains(K_v, K_p if structure.integrator else 0.0), coupling_from(coupling)
 
 
 @lru_cache(maxsize=16)

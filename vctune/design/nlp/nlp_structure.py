@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 
 from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
@@ -29,6 +30,7 @@ class NlpStructure:
     Attributes
     ----------
     kind : of the device
+    rigid : whether b_c is infinite
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -45,6 +47,7 @@ class NlpStructure:
     """
 
     kind: Display
+    rigid: bool
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -98,6 +101,7 @@ def nlp_structure(
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
         kind=problem.device.kind,
+        rigid=problem.bounds.damping.min == inf,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -1,7 +1,8 @@
 """A coupling as a scale times a shape, of which the search knows the least scale in closed form (README, section 3).
 
 Of an admittance display the scale is b_c, the time constant m_c/b_c and Z_c = b_0 + b_c (u + j v). Of an impedance
-display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c.
+display, the dual, the scale is 1/k_c, the time constant b_c/k_c and 1/Z_c = (u + j v)/k_c. A rigid coupling of an
+admittance display has the time constant 0, and its scale is m_c: Z_c = b_0 + m_c j omega.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
         unit = spring_damper_admittance(SpringDamper(time_constant, 1.0), device.sample_time, low_pass, theta, FLOATS)
         return np.asarray(unit.re), np.asarray(unit.im)
     x2 = (omega * time_constant) ** 2
-    return x2 / (1 + x2), np.sqrt(x2) / (1 + x2)
+    return x2 / (1 + x2), np.where(time_constant > 0, np.sqrt(x2) / (1 + x2), omega)
 
 
 def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -> Floats:
@@ -55,8 +56,9 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
         unit = SpringDamper(time_constant, 1.0)
         there = np.asarray(offered_by_spring(unit, device.sample_time, low_pass, place, FLOATS).quotient)
         return np.where(there > 0, 1 / np.where(there > 0, there, 1.0), 1e100)  # behind a slow filter b_c may drive
-    with np.errstate(divide="ignore"):
-        return np.minimum(1 + 1 / (place * time_constant) ** 2, 1e100)  # at 0 drag alone is left
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.where(time_constant > 0, place * time_constant, 0.0)
+        return np.minimum(1 + 1 / x**2, 1e100)  # at 0 drag alone is left
 
 
 def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Floats]:
@@ -75,6 +77,8 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
     """
     bounds, tau = problem.bounds, time_constant
     if not problem.device.kind.inverse:
+        if bounds.damping.min == inf:
+            return bounds.mass.min + 0 * tau, bounds.mass.max + 0 * tau
         return np.maximum(bounds.damping.min, bounds.mass.min / tau), np.minimum(
             bounds.damping.max, bounds.mass.max / tau
         )
@@ -102,7 +106,7 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
     else:
         above, below = bounds.mass, bounds.damping
         shortest = max(above.min / below.max, 1e-2 / high * min(1.0, 1 / below.min))
-    if above.max == 0:
+    if above.max == 0 or below.min == inf:
         return 0.0, 0.0
     if above.fixed and below.fixed:
         return above.min / below.min, above.min / below.min
@@ -125,7 +129,8 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
 
     if problem.device.kind.inverse:
         return SpringDamper(clipped("damping", time_constant / scale), clipped("stiffness", 1 / scale))
-    return Coupling(clipped("damping", scale), clipped("mass", scale * time_constant), float(drag))
+    mass = scale if bounds.damping.min == inf else scale * time_constant
+    return Coupling(clipped("damping", scale), clipped("mass", mass), float(drag))
 
 
 def shape_of(coupling: AnyCoupling) -> tuple[float, float]:

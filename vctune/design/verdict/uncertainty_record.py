@@ -23,12 +23,14 @@ def device_record(device: Device, problem: Problem) -> DeviceRecord:
     problem : one with an uncertain device
     """
     widths = dict(problem.uncertainty.half_widths) if problem.uncertainty is not None else {}
-    others = {key: number for key, number in device.numbers().items() if "." in key and key in widths}
+    known = device.numbers()
+    others = {key: number for key, number in known.items() if "." in key and key in widths}
     found: dict[str, Any] = {"parts": others} if others else {}
     if device.unmodelled is not None and device.unmodelled.share > 0:
         share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
         found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
-    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay, **found)
+    own = {key: known[key] for key in ("mass", "damping", "delay") if key in known}
+    return DeviceRecord(**own, **found)
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:

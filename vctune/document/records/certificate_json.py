@@ -29,11 +29,11 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain; those of its parts by their keys."""
+    """The numbers of a device that may be uncertain; those of its parts by their keys. A servo has the latter alone."""
 
-    mass: Annotated[float, Shown("mass", of="mass")]
-    damping: Annotated[float, Shown("damping", of="damping")]
-    delay: Annotated[float, Shown("delay", of="time")]
+    mass: Annotated[float, Shown("mass", of="mass")] = 0.0
+    damping: Annotated[float, Shown("damping", of="damping")] = 0.0
+    delay: Annotated[float, Shown("delay", of="time")] = 0.0
     parts: dict[str, float] = Field(default_factory=dict)
     unmodelled: PerturbationRecord | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import inf
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
@@ -43,16 +44,16 @@ class GainsRecord(Part):
 
 
 class CouplingRecord(Part):
-    """The virtual coupling."""
+    """The virtual coupling; b_c is null where it is infinite."""
 
-    damping: Annotated[Positive, Shown("damping b_c", digits=8, of="damping")]
+    damping: Annotated[Positive | None, Shown("damping b_c", digits=8, of="damping")]
     mass: Annotated[Positive, Shown("mass m_c", digits=8, of="mass")]
     drag: Annotated[NotNegative, Shown("drag b_0", digits=8, of="damping")] = 0.0
 
     @property
     def plain(self) -> AnyCoupling:
         """The coupling."""
-        return Coupling(self.damping, self.mass, self.drag)
+        return Coupling(inf if self.damping is None else self.damping, self.mass, self.drag)
 
 
 class SpringRecord(Part):
@@ -80,7 +81,9 @@ AnyCouplingRecord = Annotated[
 
 def coupling_record(coupling: AnyCoupling) -> CouplingRecord | SpringRecord:
     """Return the record of a coupling."""
-    return (SpringRecord if isinstance(coupling, SpringDamper) else CouplingRecord)(**asdict(coupling))
+    if isinstance(coupling, SpringDamper):
+        return SpringRecord(**asdict(coupling))
+    return CouplingRecord(**asdict(coupling) | ({"damping": None} if coupling.rigid else {}))
 
 
 class TransparencyRecord(DisplayPart):

@@ -75,7 +75,9 @@ def _impossible_bands(raw: dict[str, Any]) -> Iterator[Contradiction]:
 def _impossible_criterion(raw: dict[str, Any]) -> Iterator[Contradiction]:
     stability, uncertainty = raw.get("stability"), raw.get("uncertainty")
     criterion = stability.get("criterion") if isinstance(stability, dict) else None
-    if criterion == "hands" and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
+    device = raw.get("device")
+    servo = isinstance(device, dict) and "servo" in device
+    if criterion == "hands" and not servo and isinstance(uncertainty, dict) and uncertainty.get("unmodelled"):
         yield (
             ("uncertainty", "unmodelled"),
             'is not proved in hands; leave it out, or ask for stability.criterion = "both" or "passive"',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -15,11 +16,21 @@ def _zero_or_sizeable(value: float) -> float:
     return value
 
 
+def _most_or_inf(value: float) -> float:
+    if MOST < value < inf:
+        raise ValueError(f"{value:g} is too large: must be at most {MOST:g}, or inf")
+    return value
+
+
 Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
 Share = Annotated[float, Field(strict=True, ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
 Portion = Annotated[float, Field(strict=True, ge=LEAST, le=1)]
 Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
+PositiveOrInf = Annotated[float, Field(strict=True, ge=LEAST), AfterValidator(_most_or_inf)]
+NotNegativeOrInf = Annotated[
+    float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable), AfterValidator(_most_or_inf)
+]
 Place = Annotated[float, Field(strict=True, ge=-MOST, le=MOST)]
 Count = Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
 Text = Annotated[str, Field(strict=True)]

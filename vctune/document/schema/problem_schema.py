@@ -10,7 +10,17 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from vctune.document.schema.experiment_schema import ExperimentTable
-from vctune.document.schema.fields import Edge, NotNegative, Portion, Positive, Share, Table, Text
+from vctune.document.schema.fields import (
+    Edge,
+    NotNegative,
+    NotNegativeOrInf,
+    Portion,
+    Positive,
+    PositiveOrInf,
+    Share,
+    Table,
+    Text,
+)
 from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
 
@@ -38,6 +48,9 @@ PositiveVariable = Annotated[
 ]
 Variable = Annotated[
     Annotated[NotNegative, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
+]
+Damping = Annotated[
+    Annotated[NotNegativeOrInf, Tag("<number>")] | Annotated[NotNegativeRange, Tag("<range>")], Discriminator(_form)
 ]
 
 
@@ -187,10 +200,10 @@ class GainsTable(Table):
 class CouplingTable(Table):
     """The virtual coupling Z_c = drag + damping and mass in series, of an impedance display damping + stiffness/s."""
 
-    damping: Variable | None = Field(
+    damping: Damping | None = Field(
         None,
         description="b_c, N s/m. Default { min = 1e-6 Z_0, max = 1e6 Z_0 }, of an impedance display from 0, which no "
-        "other has.",
+        "other has. inf makes the coupling of a servo rigid: mass and drag alone, the usual admittance law of robots.",
     )
     mass: PositiveVariable | None = Field(
         None,
@@ -352,7 +365,7 @@ class FixedGainsTable(Table):
 class FixedCouplingTable(Table):
     """Coupling of a gains file."""
 
-    damping: Positive = Field(description="b_c, N s/m.")
+    damping: PositiveOrInf = Field(description="b_c, N s/m; inf for mass and drag alone.")
     mass: Positive = Field(description="m_c, kg.")
     drag: NotNegative = Field(0.0, description="b_0, N s/m.")
 

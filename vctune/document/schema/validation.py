@@ -226,19 +226,27 @@ def _field_at(model: type[BaseModel], path: KeyPath) -> FieldInfo | None:
 
 def _table_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     """Return the table at a path: a key's own, that of each element of a list, or one that may be left out."""
-    table = model
+    tables = [model]
     for step in path:
         if isinstance(step, int):
             continue
-        field = next((field for name, field in table.model_fields.items() if step == (field.alias or name)), None)
-        if field is None:
+        known = (
+            field for table in tables for name, field in table.model_fields.items() if step == (field.alias or name)
+        )
+        field = next(known, None)
+        if field is None or "<number>" in str(field.annotation):
             return None
-        forms = (field.annotation, *get_args(field.annotation))
-        found = [form for form in forms if isinstance(form, type) and issubclass(form, BaseModel)]
-        if not found or "<number>" in str(field.annotation):
+        tables = _tables_in(field.annotation)
+        if not tables:
             return None
-        table = found[0]
-    return table
+    return tables[0]
+
+
+def _tables_in(annotation: Any) -> list[type[BaseModel]]:
+    """Return the tables that a key may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in _tables_in(part)]
 
 
 def _unknown(model: type[BaseModel], path: KeyPath) -> str:

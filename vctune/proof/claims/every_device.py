@@ -19,7 +19,7 @@ from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, r
 from vctune.proof.claims.model_poles import NEAR
 from vctune.proof.claims.polynomials import is_rational
 from vctune.proof.device_box import DeviceBox
-from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal
+from vctune.proof.enclosures.array_intervals import Enclosure, Floats, between, decimal, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.engine.band_edges import extend_band
 from vctune.proof.engine.bands import STEP
@@ -68,7 +68,7 @@ class RobustDesign:
     def values(self) -> Values:
         """The five numbers of the design, enclosed."""
         numbers = astuple(self.design.gains) + astuple(self.design.coupling)
-        return dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
+        return dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
 
     @property
     def names(self) -> tuple[str, ...]:

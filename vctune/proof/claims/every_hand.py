@@ -28,7 +28,7 @@ from vctune.proof.claims.sampled_poles import in_rad_per_s
 from vctune.proof.claims.whole_samples import NEXT_TO
 from vctune.proof.device_box import DELAYS, DeviceBox, in_longer_hands, moved_as_one
 from vctune.proof.enclosures.arb_balls import BALLS, ball, design_ball, device_ball, gains_ball
-from vctune.proof.enclosures.array_intervals import Floats, decimal
+from vctune.proof.enclosures.array_intervals import Floats, decimal_or_inf
 from vctune.proof.enclosures.jets import ENCLOSURES
 from vctune.proof.enclosures.taylor_functions import TAYLOR
 from vctune.proof.engine.box_tests import FEW, next_to_zero, positive, positive_by_polynomials
@@ -206,7 +206,7 @@ def _proved_over(
     names = hand_rows + tuple(map(row_of, uncertain))
     band = band_of(near.first if near else 0.0, HALF_TURN, STEP)
     numbers = (*astuple(design.gains), *astuple(design.coupling))
-    fixed = dict(zip(keys_of(len(numbers)), map(decimal, numbers), strict=True))
+    fixed = dict(zip(keys_of(len(numbers)), map(decimal_or_inf, numbers), strict=True))
     boxes, point = 0, None
     for part in _parts(design.device, names, *ends):
         for test in tests(part, fixed):

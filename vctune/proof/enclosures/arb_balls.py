@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import astuple
-from math import factorial
+from math import factorial, inf
 
 from flint import acb, arb, arb_series
 
@@ -120,6 +120,11 @@ def ball(decimal: float) -> arb:
     return arb(repr(float(decimal)))
 
 
+def ball_or_inf(decimal: float) -> Number:
+    """Return the same of a number that may be infinite, which stays a float."""
+    return decimal if decimal == inf else ball(decimal)
+
+
 def as_series(constant: arb) -> arb_series:
     """Return a ball as a power series with three terms: a product of two of them is cheaper than one with a ball."""
     return arb_series([constant], 3)
@@ -147,7 +152,7 @@ def gains_ball(gains: Gains) -> Gains:
 
 def coupling_ball(coupling: AnyCoupling) -> AnyCoupling:
     """Return the coupling with its decimals enclosed."""
-    return type(coupling)(*map(ball, astuple(coupling)))
+    return type(coupling)(*map(ball_or_inf, astuple(coupling)))
 
 
 def design_ball(design: Design) -> Design:

@@ -8,12 +8,13 @@ itself. What overflows or divides by 0 gets a radius that is not a finite number
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.arithmetic import FLOATS, Number
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -147,6 +148,11 @@ def between(low: Any, high: Any) -> Enclosure:
 def decimal(x: Any) -> Enclosure:
     """Return an enclosure of the decimals that floats are written as: 0.4 means 2/5."""
     return Enclosure(x, UNIT * np.abs(x))
+
+
+def decimal_or_inf(x: float) -> Number:
+    """Return the same of a number that may be infinite, which stays a float."""
+    return x if x == inf else decimal(x)
 
 
 def stacked(numbers: Sequence[Any]) -> Enclosure:

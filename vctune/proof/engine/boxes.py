@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import astuple, dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -111,11 +112,17 @@ class Boxes:
         """Return how many boxes each owner has."""
         return np.bincount(self.owner, minlength=owners)
 
-    def rows(self) -> list[Enclosure]:
-        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for."""
-        value = between(self.low, self.high)
-        value.rad[1:] += 4 * UNIT * np.abs(self.high[1:])
-        return [Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)]
+    def rows(self) -> list[Number]:
+        """Return the rows enclosed, the edges of all but the frequency as the decimals that they stand for.
+
+        A row that is infinite throughout, b_c of a rigid coupling, is that float.
+        """
+        endless: Flags = np.asarray(np.isinf(self.low).all(axis=1))
+        low, high = (np.where(endless[:, None], 0.0, edge) for edge in (self.low, self.high))
+        value = between(low, high)
+        value.rad[1:] += 4 * UNIT * np.abs(high[1:])
+        found = [Enclosure(mid, rad) for mid, rad in zip(value.mid, value.rad, strict=True)]
+        return [inf if infinite else row for row, infinite in zip(found, endless.tolist(), strict=True)]
 
     def named(self, rows: Sequence[Number], fixed: Values) -> Values:
         """Return the numbers that a claim takes beside the frequency: these rows' and those that are fixed.

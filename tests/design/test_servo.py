@@ -1,0 +1,141 @@
+"""Servos: designs of the reference problems, and what a problem of one may not state."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from vctune import solve
+from vctune.analysis.in_hands import loops_in_hands
+from vctune.design.verdict.judge import Status, judge
+from vctune.document.reading import parse_problem
+from vctune.document.text.errors import InputError
+from vctune.model.gains import Coupling, Gains
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.servo import latency
+
+SERVO = """
+[device]
+sample_time = 0.002
+[device.servo]
+delay = 0.032
+bandwidth_hz = 20.0
+order = 2
+[operator]
+mass = { min = 0.0, max = 2 }
+damping = { min = 0.0, max = 30 }
+stiffness = { min = 0.0, max = 1000 }
+"""
+NONE = Gains(0.0, 0.0)
+REFERENCE = ROOT / "tests/reference/servo"
+
+
+def problem(text: str = SERVO, more: str = ""):
+    return parse_problem(text + more, "servo.toml", "servo")
+
+
+@pytest.mark.parametrize("name", ["servo-late-arm", "servo-position", "servo-contact"])
+def test_reference(name):
+    """Certified, and |Z_c|/Z_0 at most .1 % above that of an independent search on a grid, whose ratio is smaller."""
+    expected = json.loads((REFERENCE / "expected.json").read_text())[name]
+    solved = solve(REFERENCE / f"{name}.toml")
+    assert solved.status is Status.CERTIFIED
+    assert solved.judgement.transparency.coupling <= 1.001 * expected["coupling"]
+    assert solved.judgement.transparency.admittance == 0
+
+
+def test_at_rest_the_drag_is_stiffness_times_latency():
+    device = problem().device
+    hands = Hands(Hand(0.0, 0.0, 1000.0), Hand(0.0, 0.0, 1000.0))
+    R = loops_in_hands(device, hands).required(NONE)[:, 0]
+    assert pytest.approx(1000 * latency(device, FLOATS).total, rel=1e-12) == R
+    assert latency(device, FLOATS).total == pytest.approx(0.001 + 0.032 + np.sqrt(2) / (2 * np.pi * 20), rel=1e-12)
+
+
+def test_nothing_depends_on_a_mass_that_a_servo_does_not_have():
+    base, design = problem(), Coupling(297.0, 2.67, 46.5)
+    first, other = (
+        judge(replace(base, device=replace(base.device, mass=mass, damping=damping)), NONE, design)
+        for mass, damping in ((1.0, 0.0), (7.0, 3.0))
+    )
+    assert first.status is other.status is Status.CERTIFIED
+    assert first.transparency == other.transparency and first.min_ratio == other.min_ratio
+    assert first.certificate.boxes == other.certificate.boxes
+
+
+def test_a_rigid_coupling_offers_its_drag_alone():
+    """Mass and drag alone, the law of robots: certified with a drag just above safety factor times R, refuted below."""
+    posed = problem()
+    R = max(float(loops_in_hands(posed.device, posed.hands).required(NONE).max()), 0.0)
+    above, below = (
+        judge(posed, NONE, Coupling(inf, 5.0, share * posed.stability.safety_factor * R)) for share in (1.01, 0.98)
+    )
+    assert above.status is Status.CERTIFIED and below.status is Status.VIOLATED
+    assert above.min_ratio == pytest.approx(1.01 * posed.stability.safety_factor, rel=1e-3)
+
+
+def test_a_rigid_coupling_is_designed():
+    solved = solve({**_tables(), "coupling": {"damping": inf, "mass": 4.0}})
+    assert solved.status is Status.CERTIFIED
+    assert solved.judgement.coupling.rigid and solved.judgement.coupling.mass == 4.0
+    assert solved.judgement.min_ratio == pytest.approx(1.05, rel=1e-3)
+
+
+def _tables():
+    return tomllib.loads(SERVO)
+
+
+@pytest.mark.parametrize(
+    "more, key, reason",
+    [
+        ("[gains]\nvelocity = 3.0\n", "gains", "its loop is the vendor's"),
+        ("[stability]\nmax_sensitivity = 2.0\n", "stability.max_sensitivity", "closes no loop"),
+        ('[stability]\ncriterion = "passive"\n', "stability.criterion", "unlimited stiffness"),
+        ('[stability]\ncriterion = "both"\n', "stability.criterion", "unlimited stiffness"),
+        ("[coupling]\nstiffness = 3.0\n", "coupling.stiffness", "damping and mass in series"),
+        (
+            "[device.structure]\nhandle_mass = 0.1\nfrequency_hz = 30.0\ndamping_ratio = 0.1\n",
+            "device.structure",
+            "spring",
+        ),
+        ("[device.velocity]\nfrom = 'difference'\n", "device.velocity", "no gain"),
+        ("[device.actuator]\nbandwidth_hz = 3.0\n", "device.actuator", "device.servo.bandwidth_hz"),
+    ],
+)
+def test_what_a_servo_has_not_is_refused_with_the_reason(more, key, reason):
+    with pytest.raises(InputError) as refused:
+        problem(more=more)
+    lines = [line for line in str(refused.value).splitlines() if f" {key}: " in line]
+    assert len(lines) == 1 and reason in lines[0]
+
+
+@pytest.mark.parametrize("key", ["mass = 1.0", "damping = 1.0", "delay = 0.001", "hold = 'lag'"])
+def test_own_numbers_of_a_device_are_refused_with_the_reason(key):
+    with pytest.raises(InputError) as refused:
+        problem(SERVO.replace("[device]", f"[device]\n{key}"))
+    (line,) = str(refused.value).splitlines()
+    assert f"device.{key.split()[0]}: means nothing with [device.servo]" in line
+
+
+def test_an_uncertain_servo_is_designed_for_its_whole_box():
+    more = '[uncertainty]\n"servo.delay" = 0.1\n"servo.bandwidth_hz" = 0.1\n'
+    sure, unsure = (solve(tables) for tables in (_tables(), {**_tables(), "uncertainty": _uncertain(more)}))
+    assert sure.status is unsure.status is Status.CERTIFIED
+    assert unsure.judgement.transparency.coupling > sure.judgement.transparency.coupling
+    base = problem()
+    for delay in (0.0288, 0.0352):
+        for hertz in (18.0, 22.0):
+            servo = replace(base.device.servo, delay=delay, bandwidth_hz=hertz)
+            there = replace(base, device=replace(base.device, servo=servo))
+            assert judge(there, NONE, unsure.judgement.coupling).status is Status.CERTIFIED
+
+
+def _uncertain(text: str):
+    return tomllib.loads(text)["uncertainty"]
