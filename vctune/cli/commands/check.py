@@ -60,13 +60,12 @@ def check(
     from dataclasses import replace
     from functools import partial
 
-    from vctune.cli.printing.exits import of_check
+    from vctune.cli.printing.exits import of_check, worst
     from vctune.cli.printing.formats import FORMATS
     from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.design.verdict.gains_check import check as check_files
     from vctune.document.ros import is_admittance
-    from vctune.exit_codes import ExitCode
 
     files = [file for path in paths for file in _files(path)]
     admittances = [file for file in files if is_admittance(file)]
@@ -85,8 +84,7 @@ def check(
         emit(FORMATS[style](checks))
     elif refused := [checked for checked in checks if checked.finding is None]:
         click.echo(FORMATS[style](refused), err=True)
-    severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
-    return max((of_check(checked.result) for checked in checks), key=severity.index)
+    return worst(of_check(checked.result) for checked in checks)
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
