@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Literal, get_args
 
 from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
+from vctune.design.ros.admittance_design import axes_of
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
@@ -20,6 +21,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
+from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision
 
@@ -83,22 +85,61 @@ def export(
         if value not in get_args(known):
             raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
     file, design = stated_design(source, gains, coupling)
+    if to == "ros2":
+        require_double(precision)
+        axes = [RosAxis(axis, file, *design) for axis in axes_of(file.problem)]
+        return export_parameters(file, axes, unproved=unproved, progress=progress)
     progress("proving")
-    made = _made(file, design, to, precision)
+    made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
-        raise NotCertifiedError(made, RIGID if to == "ros2" and design[1].damping < inf else "")
+        raise NotCertifiedError(made)
     return Exported(file, made, _files(file, made, to, progress))
 
 
-def _made(file: ProblemFile, design: tuple[Gains, AnyCoupling], to: Format, precision: Precision) -> Firmware:
-    """Return a design as it will run, proved."""
-    if to != "ros2":
-        return firmware(file, *design, precision)
-    from vctune.firmware.ros2 import ros2_firmware
+def require_double(precision: Precision) -> None:
+    """Make sure that a ROS 2 controller is not asked for in another precision than its own.
 
+    Raises
+    ------
+    InputError
+        If it is.
+    """
     if precision != "double":
-        raise InputError.of("precision", "bad-option", "an admittance_controller computes in double precision; leave it out")
-    return ros2_firmware(file, *design)
+        message = f"is {precision!r}, and an admittance_controller computes in double precision; leave it out"
+        raise InputError.of("precision", "bad-option", message)
+
+
+def export_parameters(
+    named: ProblemFile, axes: Sequence[RosAxis], *, unproved: bool = False, progress: Progress = lambda stage: None
+) -> Exported:
+    """Prove designs as a ROS 2 admittance_controller steps them, and make its parameter file.
+
+    Parameters
+    ----------
+    named : the problem by whose name the export goes
+    axes : the designs, at least one
+    unproved : export what is not proved too
+    progress : told the stage of the work
+
+    Returns
+    -------
+    Exported
+        Its firmware is the first that is not certified, or else the first.
+
+    Raises
+    ------
+    NotCertifiedError
+        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+    InputError
+        If the controller cannot render them.
+    """
+    progress("proving")
+    made = ros2_firmware(axes)
+    doubted = [number for number, one in enumerate(made) if not certified(one)]
+    first = doubted[0] if doubted else 0
+    if doubted and not unproved:
+        raise NotCertifiedError(made[first], RIGID if axes[first].coupling.damping < inf else "")
+    return Exported(named, made[first], ros2_files(axes, made))
 
 
 RIGID = (
@@ -196,10 +237,6 @@ def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) ->
         from vctune.firmware.fmu import fmu
 
         return {f"{folder_name(made.name)}.fmu": fmu(made)}
-    if to == "ros2":
-        from vctune.firmware.ros2 import ros2_files
-
-        return ros2_files(file, made)
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays

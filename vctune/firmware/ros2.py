@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from vctune.design.ros.admittance_design import RenderedAxis, axes_of, parameters_of
@@ -20,52 +21,86 @@ from vctune.model.gains import AnyCoupling, Gains, series_coupling
 PARAMETERS = "admittance_controller.yaml"
 
 
-def ros2_firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling) -> Firmware:
-    """Return a design as the controller steps it, proved.
+@dataclass(frozen=True, slots=True)
+class RosAxis:
+    """A design for an axis of the controller.
+
+    Attributes
+    ----------
+    axis : x, y, z, rx, ry or rz
+    file : the problem
+    gains, coupling : the design
+    """
+
+    axis: str
+    file: ProblemFile
+    gains: Gains
+    coupling: AnyCoupling
+
+
+def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
+    """Return designs as the controller steps them, each proved; those of the same law once.
 
     Parameters
     ----------
-    file : the problem
-    gains, coupling : the design
+    axes : at least one
 
     Raises
     ------
     InputError
-        If the device is no servo: what follows the command is then a loop that vctune designs.
+        If a device is no servo, for what follows the command is then a loop that vctune designs; or if an axis moves
+        otherwise than its device, or the axes need what the controller has once for all of them.
     """
-    if file.problem.device.kind.own_loop:
-        message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"
-        raise InputError.of(file.source, "other-kind", message, key="device")
-    given = _parameters(file, coupling)
-    tables = {"name": file.problem.name, **device_tables(file.document)}
-    law = problem_file(toml_text(as_problem(document_of_both(tables, given, given.axes[0]))), Path(file.source))
-    made = firmware(law, *law.problem.fixed_design, "double")
-    return replace(
-        made,
-        gains=gains,
-        coupling=coupling,
-        problem_sha256=file.sha256,
-        design_sha256=digest([file.sha256, asdict(gains), asdict(coupling)]),
-    )
+    for axis in axes:
+        _require_servo(axis)
+    given, done = _parameters(axes), dict[str, Firmware]()
+    made = []
+    for axis, rendered in zip(axes, given.axes, strict=True):
+        tables = {"name": axis.file.problem.name, **device_tables(axis.file.document)}
+        text = toml_text(as_problem(document_of_both(tables, given, rendered)))
+        if text not in done:
+            law = problem_file(text, Path(axis.file.source))
+            done[text] = firmware(law, *law.problem.fixed_design, "double")
+        sha256 = axis.file.sha256
+        design = digest([sha256, asdict(axis.gains), asdict(axis.coupling)])
+        decimals = replace(done[text], gains=axis.gains, coupling=axis.coupling)
+        made.append(replace(decimals, problem_sha256=sha256, design_sha256=design))
+    return made
 
 
-def ros2_files(file: ProblemFile, made: Firmware) -> dict[str, str]:
+def ros2_files(axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
     """Return the parameter file, with what is proved of it in its comments.
 
     Parameters
     ----------
-    file : the problem
-    made : as of `ros2_firmware`
+    axes : the designs
+    made : what `ros2_firmware` made of them
     """
-    given, certificate = _parameters(file, made.coupling), made.record.certificate
-    axes = ", ".join(axis.axis for axis in given.axes)
+    told: dict[str, list[str]] = {}
+    for axis, one in zip(axes, made, strict=True):
+        told.setdefault("\n".join([*statement(one), _least(one)]), []).append(axis.axis)
+    comments = [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
+    again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
+    return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
+
+
+def _least(made: Firmware) -> str:
+    certificate = made.record.certificate
     hands = None if certificate is None else certificate.hands
-    least = [] if hands is None else [f"{axes}: least Re Z_c / R {hands.min_ratio:.6g}, as the controller steps it."]
-    again = f"vctune check {Path(file.source).name} {PARAMETERS} proves it again."
-    return {PARAMETERS: admittance_text(given, [*statement(made), *least, again])}
+    return "" if hands is None else f"Least Re Z_c / R {hands.min_ratio:.6g}, as the controller steps it."
 
 
-def _parameters(file: ProblemFile, coupling: AnyCoupling) -> AdmittanceFile:
-    """Return the parameters of every axis that moves as the device does."""
-    series, device = series_coupling(coupling), file.problem.device
-    return parameters_of([RenderedAxis(axis, device, series) for axis in axes_of(file.problem)], file.source)
+def _require_servo(axis: RosAxis) -> None:
+    device = axis.file.problem.device
+    if device.kind.own_loop:
+        message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"
+        raise InputError.of(axis.file.source, "other-kind", message, key="device")
+    if axis.axis not in axes_of(axis.file.problem):
+        fitting = ", ".join(axes_of(axis.file.problem))
+        message = f"is {device.units}, and the axis {axis.axis}; an admittance_controller has {fitting} of that"
+        raise InputError.of(axis.file.source, "ros-rotation", message, key="device.units")
+
+
+def _parameters(axes: Sequence[RosAxis]) -> AdmittanceFile:
+    rendered = [RenderedAxis(one.axis, one.file.problem.device, series_coupling(one.coupling)) for one in axes]
+    return parameters_of(rendered, axes[0].file.source)
