@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Literal, get_args
 
 from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
+from vctune.design.ros.admittance_design import axes_of
 from vctune.design.search.optimum import Progress
 from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
@@ -19,10 +21,11 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
+from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision
 
-Format = Literal["c", "fmu", "json"]
+Format = Literal["c", "fmu", "json", "ros2"]
 FOLDER = "firmware"
 """Of what is exported, in that of the design."""
 
@@ -61,7 +64,7 @@ def export(
     gains : N s/m and N/m, with their coupling; or a gains file or its path; None for those of the design.json, or
         that the problem fixes
     coupling : N s/m and kg
-    to : "c" with vectors to replay, "fmu" or "json"
+    to : "c" with vectors to replay, "fmu", "json", or "ros2" for the parameters of an admittance_controller
     precision : of the firmware's numbers
     unproved : export what is not proved too; every file then says so at its top
     progress : told the stage of the work
@@ -82,6 +85,10 @@ def export(
         if value not in get_args(known):
             raise InputError.of(name, "bad-option", f"is {value!r}; one of {', '.join(get_args(known))}")
     file, design = stated_design(source, gains, coupling)
+    if to == "ros2":
+        require_double(precision)
+        axes = [RosAxis(axis, file, *design) for axis in axes_of(file.problem)]
+        return export_parameters(file, axes, unproved=unproved, progress=progress)
     progress("proving")
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
@@ -89,13 +96,65 @@ def export(
     return Exported(file, made, _files(file, made, to, progress))
 
 
+def require_double(precision: Precision) -> None:
+    """Make sure that a ROS 2 controller is not asked for in another precision than its own.
+
+    Raises
+    ------
+    InputError
+        If it is.
+    """
+    if precision != "double":
+        message = f"is {precision!r}, and an admittance_controller computes in double precision; leave it out"
+        raise InputError.of("precision", "bad-option", message)
+
+
+def export_parameters(
+    named: ProblemFile, axes: Sequence[RosAxis], *, unproved: bool = False, progress: Progress = lambda stage: None
+) -> Exported:
+    """Prove designs as a ROS 2 admittance_controller steps them, and make its parameter file.
+
+    Parameters
+    ----------
+    named : the problem by whose name the export goes
+    axes : the designs, at least one
+    unproved : export what is not proved too
+    progress : told the stage of the work
+
+    Returns
+    -------
+    Exported
+        Its firmware is the first that is not certified, or else the first.
+
+    Raises
+    ------
+    NotCertifiedError
+        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+    InputError
+        If the controller cannot render them.
+    """
+    progress("proving")
+    made = ros2_firmware(axes)
+    doubted = [number for number, one in enumerate(made) if not certified(one)]
+    first = doubted[0] if doubted else 0
+    if doubted and not unproved:
+        raise NotCertifiedError(made[first], RIGID if axes[first].coupling.damping < inf else "")
+    return Exported(named, made[first], ros2_files(axes, made))
+
+
+RIGID = (
+    "; the controller renders mass and drag alone, without a damper in a row: write coupling.damping = inf, solve again"
+)
+"""What may help a design that is refuted as an admittance_controller steps it."""
+
+
 class NotCertifiedError(InputError):
     """A design is not exported, for it is not certified; `status` is what it is."""
 
-    def __init__(self, made: Firmware) -> None:
+    def __init__(self, made: Firmware, also: str = "") -> None:
         single = " with the constants rounded to single precision" if made.precision == "single" else ""
         self.status = Status(made.record.status)
-        message = f"not exported: {self.status.value}{single}: {made.doubt}; --unproved exports it, and says so"
+        message = f"not exported: {self.status.value}{single}: {made.doubt}{also}; --unproved exports it, and says so"
         super().__init__(made.name, [Mistake("not-certified", "", message)])
 
 

@@ -56,11 +56,14 @@ class ForceSensor:
     bandwidth_hz : Hz, > 0; None without a low-pass
     order : 1 or 2
     delay : s, >= 0
+    filter_coefficient : a of the firmware's filter y += a (x - y) of the samples, in (0, 1); None without it. Of a
+        servo alone
     """
 
     bandwidth_hz: Number | None = None
     order: int = 1
     delay: Number = 0.0
+    filter_coefficient: Number | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,12 +76,15 @@ class Servo:
     bandwidth_hz : of the low-pass from the late command to the motion, Hz, > 0
     order : of that low-pass, 1 or 2 with damping ratio 1/sqrt(2)
     command : "velocity", held over a sample, or "position", interpolated linearly over it
+    stiffness : of a spring by which the firmware pulls what it measures of the position to a reference, N/m; None
+        without it. It passes no force sensor
     """
 
     delay: Number
     bandwidth_hz: Number
     order: int = 1
     command: Literal["velocity", "position"] = "velocity"
+    stiffness: Number | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +143,8 @@ NUMBERS = (
     "servo.bandwidth_hz",
 )
 """The numbers of a device by their keys in its table."""
+OF_FIRMWARE = ("force_sensor.filter_coefficient", "servo.stiffness")
+"""Those that the firmware computes with: they are known."""
 INERT = ("mass", "damping", "delay")
 """Those that a servo does not have: nothing depends on their values then."""
 PERTURBATION = ("unmodelled.share", "unmodelled.phase")
@@ -247,8 +255,10 @@ class Device:
         return {key: number for key, number in found.items() if number is not None}
 
     def _varying(self) -> dict[str, Number]:
-        """Return its numbers, and which of its responses it has."""
-        return self.numbers() | {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
+        """Return its numbers, those of its firmware, and which of its responses it has."""
+        firmware = {key: number for key in OF_FIRMWARE if (number := self.number(key)) is not None}
+        perturbed = {key: self.number(key) for key in PERTURBATION if self.unmodelled is not None}
+        return self.numbers() | firmware | perturbed
 
     def with_numbers(self, numbers: Mapping[str, Number]) -> Device:
         """Return the device with other numbers in place of some that it has, by their keys."""
@@ -277,6 +287,8 @@ class Device:
         units |= {"handle_mass": impedance * time, "frequency_hz": 1 / time, "bandwidth_hz": 1 / time}
         units |= {"filter_hz": 1 / time, "damping_ratio": 1.0}
         scaled = {key: value / units[key.rpartition(".")[2]] for key, value in self.numbers().items()}
+        if self.servo is not None and self.servo.stiffness is not None:
+            scaled["servo.stiffness"] = self.servo.stiffness / (impedance / time)
         same = self.with_numbers(scaled)
         if same.unmodelled is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.unmodelled.radii)

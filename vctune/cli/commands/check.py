@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from vctune.cli.printing.progress import Progress
+    from vctune.document.problem_axes import AxesFile
     from vctune.design.verdict.checked import Checked
     from vctune.model.problem import Problem
 
@@ -54,27 +55,35 @@ def check(
     checked with the device of one PROBLEM whose [gains] are fixed. Rotations need a rotary device, translations a
     linear one: other axes are not looked at, exit code 3, unless --axis selects those that fit.
 
+    With several [[axis]] each is checked: with the numbers that it fixes, with the gains in the folder of `vctune solve`,
+    OUT/NAME, or with the axis of that name of a ROS 2 file.
+
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
     be proved.
     """
     from dataclasses import replace
     from functools import partial
 
-    from vctune.cli.printing.exits import of_check
+    from vctune.cli.printing.exits import of_check, worst
     from vctune.cli.printing.formats import FORMATS
     from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
     from vctune.design.verdict.gains_check import check as check_files
     from vctune.document.ros import is_admittance
-    from vctune.exit_codes import ExitCode
 
-    files = [file for path in paths for file in _files(path)]
+    several = next(filter(None, map(_axes, paths)), None) if baseline is None else None
+    if several is None:
+        files = [file for path in paths for file in _files(path)]
+    else:
+        files = [path for path in paths if str(path) != several.axes[0].file.source]
     admittances = [file for file in files if is_admittance(file)]
     if axes and not admittances:
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
     said = partial(warn_of_doubts, quiet=quiet)
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
-        if admittances and baseline is None:
+        if several is not None:
+            found = _of_axes(several, files, axes, progress, said)
+        elif admittances and baseline is None:
             found = _admittances([file for file in files if file not in admittances], admittances, axes, progress, said)
         elif baseline is None:
             found = check_files(files, progress, said)
@@ -85,8 +94,7 @@ def check(
         emit(FORMATS[style](checks))
     elif refused := [checked for checked in checks if checked.finding is None]:
         click.echo(FORMATS[style](refused), err=True)
-    severity = [ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT]
-    return max((of_check(checked.result) for checked in checks), key=severity.index)
+    return worst(of_check(checked.result) for checked in checks)
 
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
@@ -126,6 +134,42 @@ def _admittances(
     return [
         one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes, progress)
     ]
+
+
+def _axes(path: Path) -> AxesFile | None:
+    """Return the axes of a problem file that states several."""
+    from vctune.document.problem_axes import axes_file
+    from vctune.document.text import toml
+    from vctune.document.text.errors import InputError
+
+    if not path.is_file() or path.suffix != ".toml":
+        return None
+    try:
+        text = toml.read_text(path)
+        toml.parse(text, str(path))
+    except InputError:
+        return None  # the check of one problem tells
+    return axes_file(text, path)
+
+
+def _of_axes(
+    several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
+) -> list[Checked]:
+    """Check several axes: the numbers that they fix, the gains in a folder of `vctune solve`, or parameters of ROS 2."""
+    from vctune.api.axes import check_axes, check_parameters, gains_of_axes
+    from vctune.document.ros import is_admittance
+    from vctune.document.text.errors import InputError
+
+    said(*(axis.file.problem for axis in several.axes))
+    if files and all(map(is_admittance, files)):
+        return [one for path in files for one in check_parameters(several, path, axes, progress)]
+    if len(files) > 1 or (files and not files[0].is_dir()):
+        message = (
+            "with a problem of several axes; name the folder of their designs, OUT/NAME of `vctune solve`, or "
+            "files of ROS 2"
+        )
+        raise InputError.of(str(files[0]), "ambiguous-files", message)
+    return check_axes(several, gains_of_axes(several, files[0]) if files else None, progress)
 
 
 def _files(path: Path) -> list[Path]:

@@ -10,14 +10,18 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 if TYPE_CHECKING:
-    from vctune.api.exporting import Format
+    from vctune.api.exporting import Exported, Format
+    from vctune.document.problem_axes import AxesFile
+    from vctune.document.records.printed_json import ExportRecord
     from vctune.simulation.firmware.stepped import Precision
 
 
-@click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
+@click.command(short_help="Make firmware of a design: C99, an FMU, JSON, or ROS 2 parameters.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--to", type=click.Choice(["c", "fmu", "json"]), default="c", show_default=True, help="What to make.")
+@click.option(
+    "--to", type=click.Choice(["c", "fmu", "json", "ros2"]), default="c", show_default=True, help="What to make."
+)
 @click.option(
     "--precision",
     type=click.Choice(["double", "single"]),
@@ -40,6 +44,9 @@ def export(
 ) -> int:
     """Make firmware of a design.json of `vctune solve`, of PROBLEM with GAINS, or of a PROBLEM whose numbers are fixed.
 
+    ros2 makes the parameter file of an admittance_controller before a servo. Of a PROBLEM with several [[axis]], GAINS is
+    the folder that `vctune solve` made, OUT/NAME.
+
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
     leaves it undecided; nothing is written then, unless --unproved is given.
     """
@@ -48,13 +55,14 @@ def export(
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer, warn
     from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.document.problem_axes import read_axes
     from vctune.document.reading import read_gains
-    from vctune.document.records.printed_json import ExportRecord
-    from vctune.document.text.errors import printable
     from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
-    from vctune.firmware.c_source import statement
 
+    axes = read_axes(source) if source.suffix == ".toml" and source.is_file() else None
+    if axes is not None:
+        return _export_axes(axes, gains, out, to=to, precision=precision, unproved=unproved, style=style, quiet=quiet)
     given = read_gains(gains) if gains else None
     try:
         with progress_on_stderr(f"vctune export {source.name}", shown=not quiet) as progress:
@@ -65,12 +73,63 @@ def export(
         return of_status(refused.status)
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
         warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
-    made = exported.firmware
-    lines = [printable(line) for line in statement(made) if line]
-    record = ExportRecord(
-        name=made.name, status=made.record.status, statement=lines, folder=str(place), files=list(exported.files)
-    )
-    answer(style, quiet, record.to_json, lambda: click.echo("\n".join(lines)))
+    record = _record(exported, place)
+    answer(style, quiet, record.to_json, lambda: click.echo("\n".join(record.statement)))
     if not quiet:
         click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
+    return ExitCode.OK
+
+
+def _record(exported: Exported, place: Path) -> ExportRecord:
+    """Return what was exported, as an object."""
+    from vctune.document.records.printed_json import ExportRecord
+    from vctune.document.text.errors import printable
+    from vctune.firmware.c_source import statement
+
+    made = exported.firmware
+    lines = [printable(line) for line in statement(made) if line]
+    return ExportRecord(
+        name=exported.file.problem.name,
+        status=made.record.status,
+        statement=lines,
+        folder=str(place),
+        files=list(exported.files),
+    )
+
+
+def _export_axes(
+    axes: AxesFile,
+    gains: Path | None,
+    out: Path,
+    *,
+    to: Format,
+    precision: Precision,
+    unproved: bool,
+    style: str,
+    quiet: bool,
+) -> int:
+    """Export several axes."""
+    from vctune.api.axes import export_axes, gains_of_axes
+    from vctune.api.exporting import NotCertifiedError
+    from vctune.cli.printing.exits import of_status
+    from vctune.cli.printing.output import answer
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.exit_codes import ExitCode
+
+    given = gains_of_axes(axes, gains) if gains else None
+    try:
+        with progress_on_stderr(f"vctune export {axes.name}", shown=not quiet) as progress:
+            made = export_axes(axes, given, out, to=to, precision=precision, unproved=unproved, progress=progress)
+    except NotCertifiedError as refused:
+        click.echo(str(refused), err=True)
+        return of_status(refused.status)
+    records = [_record(exported, place) for exported, place in made]
+    answer(
+        style,
+        quiet,
+        lambda: [record.to_json() for record in records],
+        lambda: click.echo("\n".join(line for record in records for line in record.statement)),
+    )
+    for record in () if quiet else records:
+        click.echo(f"written to {record.folder}: {', '.join(record.files)}", err=True)
     return ExitCode.OK

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -11,6 +12,9 @@ from vctune.api.argument_ranges import GAPS
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
 from vctune.running import OutOfTimeError, check_time, time_limit_of_command
 from vctune.running import time_limit as limited
+
+if TYPE_CHECKING:
+    from vctune.document.problem_axes import AxesFile
 
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
@@ -42,6 +46,7 @@ def solve(
     """Find the most transparent gains of PROBLEM and prove them stable.
 
     PROBLEM is a TOML file, or - for standard input; only [device] mass, damping and sample_time are required in it.
+    With several [[axis]] each is solved, and its files are in OUT/NAME/AXIS/; the worst exit code wins.
     """
 
     def once() -> int:
@@ -63,9 +68,15 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     from vctune.api.folders import DESIGN_FILE, design_folder
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.reading import read_problem
+    from vctune.document.problem_axes import axes_file
+    from vctune.document.reading import problem_file
+    from vctune.document.text import toml
 
-    file = read_problem(problem)
+    stated = toml.read_text(problem)
+    axes = axes_file(stated, problem)
+    if axes is not None:
+        return _solve_axes(axes, out, report=report, strict=strict, gap=gap, style=style, quiet=quiet)
+    file = problem_file(stated, problem)
     folder = design_folder(file, out)
 
     from vctune.api.solving import solve as solve_problem
@@ -105,6 +116,39 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
     open_ = gap is not None and solved.optimality is not None and not solved.optimality.proved
     left = open_ or cut or not drawn
     return ExitCode.UNDECIDED if left and solved.status is Status.CERTIFIED else of_status(solved.status)
+
+
+def _solve_axes(
+    axes: AxesFile, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool
+) -> int:
+    from vctune.api.axes import axis_folder, claim_axes, solve_axes, write_axes
+    from vctune.api.design_files import write_report
+    from vctune.cli.printing.axes_table import print_axes
+    from vctune.cli.printing.exits import of_status, worst
+    from vctune.cli.printing.output import answer, warn_of_doubts
+    from vctune.cli.printing.progress import progress_on_stderr
+    from vctune.design.verdict.judge import Status
+    from vctune.document.text.output_files import folder_name
+    from vctune.exit_codes import ExitCode
+
+    claim_axes(axes, out)
+    warn_of_doubts(*(axis.file.problem for axis in axes.axes), quiet=quiet)
+    with progress_on_stderr(f"vctune solve {axes.name}", shown=not quiet) as progress:
+        designs = solve_axes(axes, gap=gap, prices=report, progress=progress)
+        say_renamed(write_axes(axes, designs, out))
+        for design in designs if report else ():
+            progress(f"{design.axis.name}: drawing the report")
+            write_report(design.record, axis_folder(axes, design.axis, out))
+    found = {design.axis.name: design.record for design in designs}
+    answer(
+        style,
+        quiet,
+        lambda: [record.to_json() for record in found.values()],
+        lambda: print_axes(axes.name, found, out / folder_name(axes.name)),
+    )
+    if strict and any(record.warnings for record in found.values()):
+        return ExitCode.FAILED
+    return worst(of_status(Status(record.status)) for record in found.values())
 
 
 def say_renamed(renamed: dict[Path, Path]) -> None:

@@ -28,7 +28,7 @@ COLOURS = {"certified": "green", "violated": "red", "infeasible": "red", "undeci
 
 
 @contextmanager
-def _page(least_width: int, folder: Path) -> Iterator[Console]:
+def page(least_width: int, folder: Path) -> Iterator[Console]:
     """Print in this block; in one piece, whole or not at all, with where the files are at the end."""
     console = Console(highlight=False)
     console.width = max(console.width, least_width)
@@ -51,7 +51,7 @@ def print_design(record: DesignRecord, folder: Path) -> None:
     record : of the design, or of why there is none
     folder : named at the end
     """
-    with _page(WIDE, folder) as console:
+    with page(WIDE, folder) as console:
         idle = ", but it hardly uses its velocity loop" if record.idle else ""
         colour = COLOURS["undecided" if idle else record.status]
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]: [bold {colour}]{record.status}{idle}[/]")
@@ -84,7 +84,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
     """
     from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
 
-    with _page(WIDE, folder) as console:
+    with page(WIDE, folder) as console:
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
         table = Table(box=None, pad_edge=False)
         for heading in HEADINGS:
@@ -172,7 +172,7 @@ def print_sweep(found: SweepRecord, folder: Path) -> None:
     found : in a few numbers
     folder : named at the end
     """
-    with _page(LEAST_WIDTH, folder) as console:
+    with page(LEAST_WIDTH, folder) as console:
         idle = {"certified": f" ({found.idle} idle)" if found.idle else ""}
         counts = ", ".join(f"{count} {status}{idle.get(status, '')}" for status, count in found.status.items())
         console.print(f"[bold]{escape(printable(found.study))}[/bold]: {found.points} points, {counts}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from vctune.exit_codes import ExitCode
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
 def of_status(status: Status) -> ExitCode:
     """Return what is told of a problem or a design."""
     return {"certified": ExitCode.OK, "undecided": ExitCode.UNDECIDED}.get(status, ExitCode.FAILED)
+
+
+def worst(codes: Iterable[ExitCode]) -> ExitCode:
+    """Return what is told of several."""
+    return max(codes, key=[ExitCode.OK, ExitCode.UNDECIDED, ExitCode.FAILED, ExitCode.BAD_INPUT].index)
 
 
 def of_check(result: CheckVerdict) -> ExitCode:

@@ -12,7 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from vctune.design.ros.admittance_problem import as_problem, corner_hz, coupling_of_admittance, document_of_both
+from vctune.design.ros.admittance_problem import (
+    as_problem,
+    corner_hz,
+    coupling_of_admittance,
+    device_tables,
+    document_of_both,
+)
 from vctune.design.ros.admittance_repair import remedy, repairs_of_axis
 from vctune.design.verdict.check_message import check_message
 from vctune.design.verdict.checked import VERDICTS, Checked, CheckVerdict, DesignFinding, finding_of
@@ -130,19 +136,21 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 
 
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
-    """Return the problem's tables with the criterion of hands."""
+    """Return the problem's tables with the criterion of hands, and the gains of a loop of its own."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
     if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
+    document = device_tables(problem.document)
+    if not problem.problem.device.kind.own_loop:
+        return document
     if not (bounds.velocity.fixed and bounds.position.fixed):
         message = "are not fixed, and a file of ROS 2 has none: fix velocity and position, the loop that follows it"
         raise InputError.of(problem.source, "not-fixed", message, key="gains")
     if sensor is not None and sensor.bandwidth_hz is not None and given.filter_coefficient < 1:
         message = "stands in the place of filter_coefficient: leave one of them out, or set filter_coefficient to 1"
         raise InputError.of(problem.source, "contradiction", message, key="device.force_sensor.bandwidth_hz")
-    document = {key: value for key, value in problem.document.items() if key not in ("experiment", "uncertainty")}
-    document["stability"] = {**document.get("stability", {}), "criterion": "hands"}
+    document.pop("uncertainty", None)
     document["gains"] = {"velocity": bounds.velocity.min, "position": bounds.position.min}
     return document
 
@@ -153,9 +161,13 @@ def _checked(
 ) -> Checked:
     """Check an axis; its name does not count."""
     began, T = perf_counter(), problem.problem.device.sample_time
-    coupling = coupling_of_admittance(axis, T)
+    looped = problem.problem.device.kind.own_loop
+    coupling = coupling_of_admittance(axis, T, servo=not looped)
     if coupling.mass <= 0 or coupling.drag < 0:
-        return _unproved(CheckVerdict.FAILED, "ros-step", _explicit(axis, T, problem.problem.units), axis)
+        # before a servo the step is looked at alone, and grows by itself only where D T is above 2 M
+        grows = looped or axis.damping * T > 2 * axis.mass
+        verdict = CheckVerdict.FAILED if grows else CheckVerdict.UNDECIDED
+        return _unproved(verdict, "ros-step", _explicit(axis, T, problem.problem.units), axis)
     document = document_of_both(tables, given, axis)
     file = problem_file(toml_text(as_problem(document)), Path(problem.source))
     progress(f"proving {axis.axis}")
@@ -166,7 +178,7 @@ def _checked(
     traps = [note.line for note in _traps(axis, given.filter_coefficient, problem.problem.device)]
     finding = replace(finding, warnings=[*traps, *finding.warnings])
     parts, line, verdict = [check_message(judgement, None, [], [])], axis.line, VERDICTS[judgement.status]
-    if verdict is not CheckVerdict.PASSED:
+    if verdict is not CheckVerdict.PASSED and looped:
         parts.append(_with_its_spring(file, axis, finding))
     if judgement.status is Status.VIOLATED and finding.repairs is not None:
         parts.append(remedy(finding.repairs, problem.source))

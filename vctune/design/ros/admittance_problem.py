@@ -4,6 +4,10 @@ The controller steps M dv/dt + D v + S x = f explicitly: (M/T) (v - v_before) + 
 mass M - D T by backward Euler, a drag D - S T/2 and a lossless spring S: the first is the coupling of the trapezoidal
 rule with b_c = 2 (M - D T)/T and m_c = M - D T, and what is proved of it holds on every passive environment, the spring
 among them.
+
+Before a servo nothing is left to approximate. S pulls the measured position, which is late as the servo is: it is the
+servo's own spring, and takes no drag beside. The filter of the samples is one of the samples. A position that is
+commanded is the sum of T v, between which the servo interpolates: it moves as if v were commanded.
 """
 
 from __future__ import annotations
@@ -16,6 +20,17 @@ from vctune.model.gains import Coupling
 
 OF_FILE = ("admittance", "ft_sensor")
 """The tables of a parameter file, which stand beside those of the problem in a document of both."""
+
+
+def device_tables(document: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of a problem that are about its device and hands, with the criterion of hands.
+
+    Parameters
+    ----------
+    document : of the problem
+    """
+    tables = {key: value for key, value in document.items() if key not in ("experiment", "coupling")}
+    return {**tables, "stability": {**tables.get("stability", {}), "criterion": "hands"}}
 
 
 def document_of_both(device: dict[str, Any], given: AdmittanceFile, axis: Admittance) -> dict[str, Any]:
@@ -44,13 +59,24 @@ def as_problem(document: dict[str, Any]) -> dict[str, Any]:
     """
     device, coefficient = document["device"], document["ft_sensor"]["filter_coefficient"]
     axis, T = Admittance(axis="", line=0, **document["admittance"]), float(device["sample_time"])
-    coupling = coupling_of_admittance(axis, T)
-    if coefficient < 1:
+    coupling = coupling_of_admittance(axis, T, servo="servo" in device)
+    if "servo" in device:
+        device = _as_servo(device, axis, coefficient)
+    elif coefficient < 1:
         sensor = {**device.get("force_sensor", {}), "bandwidth_hz": corner_hz(coefficient, T)}
         device = {**device, "force_sensor": sensor}
     numbers = {"damping": coupling.damping, "mass": coupling.mass, "drag": coupling.drag}
     tables = {key: table for key, table in document.items() if key not in OF_FILE}
     return {**tables, "device": device, "coupling": numbers}
+
+
+def _as_servo(device: dict[str, Any], axis: Admittance, coefficient: float) -> dict[str, Any]:
+    """Return the table of a servo with what the controller adds to it."""
+    servo = {key: value for key, value in device["servo"].items() if key != "command"}
+    if axis.stiffness > 0:
+        servo["stiffness"] = axis.stiffness
+    sensor = {**device.get("force_sensor", {}), "filter_coefficient": coefficient}
+    return {**device, "servo": servo, "force_sensor": sensor}
 
 
 def corner_hz(coefficient: float, sample_time: float) -> float:
@@ -64,13 +90,14 @@ def corner_hz(coefficient: float, sample_time: float) -> float:
     return -log(1 - coefficient) / (2 * pi * sample_time)
 
 
-def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
-    """Return the coupling that is an admittance, its lossless spring apart, as the controller steps it.
+def coupling_of_admittance(axis: Admittance, sample_time: float, *, servo: bool = False) -> Coupling:
+    """Return the coupling that is an admittance, its spring apart, as the controller steps it.
 
     Parameters
     ----------
     axis : what is rendered
     sample_time : T, s
+    servo : whether a servo follows, whose measured position the spring pulls; else the spring is lossless
 
     Returns
     -------
@@ -78,4 +105,5 @@ def coupling_of_admittance(axis: Admittance, sample_time: float) -> Coupling:
         With mass or drag below 0 where the explicit step is not passive.
     """
     mass = axis.mass - axis.damping * sample_time
-    return Coupling(2 * mass / sample_time, mass, axis.damping - axis.stiffness * sample_time / 2)
+    taken = 0.0 if servo else axis.stiffness * sample_time / 2
+    return Coupling(2 * mass / sample_time, mass, axis.damping - taken)

@@ -207,7 +207,7 @@ def device_of(table: DeviceTable | ServoDeviceTable) -> Device:
 
 
 def _force_sensor(table: ForceSensorTable | None) -> ForceSensor | None:
-    sensed = ForceSensor() if table is None else ForceSensor(table.bandwidth_hz, table.order, table.delay)
+    sensed = ForceSensor() if table is None else ForceSensor(**table.model_dump())
     return None if sensed == ForceSensor() else sensed
 
 

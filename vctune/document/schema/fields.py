@@ -25,6 +25,7 @@ def _most_or_inf(value: float) -> float:
 Positive = Annotated[float, Field(strict=True, ge=LEAST, le=MOST)]
 NotNegative = Annotated[float, Field(strict=True, ge=0, le=MOST), AfterValidator(_zero_or_sizeable)]
 Share = Annotated[float, Field(strict=True, ge=0, lt=1), AfterValidator(_zero_or_sizeable)]
+Portion = Annotated[float, Field(strict=True, ge=LEAST, le=1)]
 Edge = Annotated[float, Field(strict=True, ge=0), AfterValidator(_zero_or_sizeable)]
 PositiveOrInf = Annotated[float, Field(strict=True, ge=LEAST), AfterValidator(_most_or_inf)]
 NotNegativeOrInf = Annotated[

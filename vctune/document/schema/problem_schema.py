@@ -14,6 +14,7 @@ from vctune.document.schema.fields import (
     Edge,
     NotNegative,
     NotNegativeOrInf,
+    Portion,
     Positive,
     PositiveOrInf,
     Share,
@@ -108,6 +109,19 @@ class ServoTable(Table):
     )
     bandwidth_hz: Positive = Field(description="Bandwidth of the motion that follows the late command, Hz.")
     order: Order = Field(1, description="Order of that low-pass, 1 or 2, as the actuator's.")
+    stiffness: Positive | None = Field(
+        None,
+        description="Of the firmware's spring between the measured position and its reference, N/m; no force sensor is "
+        "in its way. Default: none.",
+    )
+
+
+class ServoSensorTable(ForceSensorTable):
+    """What is sensed of the hand's force, and filtered by the admittance controller."""
+
+    filter_coefficient: Portion | None = Field(
+        None, description="a of the controller's filter y += a (x - y) of the samples, 0 < a <= 1. Default: no filter."
+    )
 
 
 class ServoDeviceTable(Table):
@@ -116,7 +130,7 @@ class ServoDeviceTable(Table):
     units: Literal["linear", "rotary"] = Field("linear", description="How it moves, as of any other device.")
     sample_time: Positive = Field(description="Sample time of the admittance controller, s.")
     servo: ServoTable
-    force_sensor: ForceSensorTable | None = Field(None, description="Default: the force is sensed at once.")
+    force_sensor: ServoSensorTable | None = Field(None, description="Default: the force is sensed at once.")
 
 
 class DeviceTable(Table):
@@ -290,6 +304,32 @@ class UncertaintyTable(Table):
     )
 
 
+class AxisTable(Table):
+    """One of several axes that do not couple: a problem of the file's tables and of these, which override them."""
+
+    name: Text = Field(description='Name of the axis and of its folder, such as "x".')
+    device: dict[str, Any] = Field(default_factory=dict, description="Keys of [device] that this axis has otherwise.")
+    operator: dict[str, Any] = Field(default_factory=dict, description="Keys of [operator], likewise.")
+    gains: dict[str, Any] = Field(default_factory=dict, description="Keys of [gains], likewise.")
+    coupling: dict[str, Any] = Field(default_factory=dict, description="Keys of [coupling], likewise.")
+    transparency: dict[str, Any] = Field(default_factory=dict, description="Keys of [transparency], likewise.")
+    stability: dict[str, Any] = Field(default_factory=dict, description="Keys of [stability], likewise.")
+    uncertainty: dict[str, Any] = Field(default_factory=dict, description="Keys of [uncertainty], likewise.")
+
+
+class AxisTable(Table):
+    """One of several axes that do not couple: a problem of the file's tables, of which these override what they state."""
+
+    name: Text = Field(description='Name of the axis and of its folder, such as "x".')
+    device: dict[str, Any] = Field(default_factory=dict, description="Keys of [device] that it has otherwise.")
+    operator: dict[str, Any] = Field(default_factory=dict, description="Keys of [operator], likewise.")
+    gains: dict[str, Any] = Field(default_factory=dict, description="Keys of [gains], likewise.")
+    coupling: dict[str, Any] = Field(default_factory=dict, description="Keys of [coupling], likewise.")
+    transparency: dict[str, Any] = Field(default_factory=dict, description="Keys of [transparency], likewise.")
+    stability: dict[str, Any] = Field(default_factory=dict, description="Keys of [stability], likewise.")
+    uncertainty: dict[str, Any] = Field(default_factory=dict, description="Keys of [uncertainty], likewise.")
+
+
 class ProblemDocument(Table):
     """A vctune problem file. Only [device] mass, damping and sample_time are required, or sample_time and servo."""
 
@@ -309,6 +349,9 @@ class ProblemDocument(Table):
     uncertainty: UncertaintyTable = Field(default_factory=UncertaintyTable)
     experiment: list[ExperimentTable] = Field(
         default_factory=list, description="Experiments for `vctune simulate`; designing does not look at them."
+    )
+    axis: list[AxisTable] = Field(
+        default_factory=list, description="Several axes that do not couple, each of which is designed by itself."
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from hashlib import sha256
 from typing import Any
 
-from vctune.model.device import PARTS
+from vctune.model.device import OF_FIRMWARE, PARTS
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
@@ -20,6 +20,9 @@ def problem_digest(problem: Problem) -> str:
     # what an ideal device has not is not in it: a digest of before there was anything else still holds
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
     stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
+    for part, key in (path.split(".") for path in OF_FIRMWARE):
+        if (table := stated["device"].get(part)) is not None and table[key] is None:
+            del table[key]
     if problem.device.kind is ADMITTANCE:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":

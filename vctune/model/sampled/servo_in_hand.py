@@ -7,6 +7,8 @@ The motion follows the command alone, and the sensed force of a hand is linear i
 times cos(theta/2) for a position command, with e and o polynomials of y = s^2 that are linear in the hand. Hence
 
     R = (e sin(mu theta)/s - o c cos(mu theta))/(2 D).
+
+What the firmware's own spring is seen as, its stiffness times the G_x of a servo without force sensor, adds to Z_seen.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, dot
 from vctune.model.sampled.circle import Circle, circle
 from vctune.model.sampled.impedance_display import Required
-from vctune.model.sampled.servo_plant import Numerator, ServoPlant, sensed_delay, servo_plant
+from vctune.model.sampled.servo_plant import Numerator, Pull, ServoPlant, sensed_delay, servo_plant
 
 Floats = NDArray[np.float64]
 Radii = tuple[tuple[float, float], ...]
@@ -64,11 +66,28 @@ def seen_of_servo(plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic)
         Of the shape of theta.
     """
     at = circle(theta, ops)
+    seen = _seen_at(plant, hand, at)
+    return seen if plant.pull is None else _both(seen, _seen_at(plant.pull.plant, _pulling(plant.pull), at))
+
+
+def _seen_at(plant: ServoPlant, hand: Hand, at: Circle) -> Seen:
+    """Return what is seen of a hand, through the force sensor alone."""
     even, odd, size = _at_once(plant, hand, at)
     cos, sine = at.turned(plant.turns)
     found = cos * even + at.square * (sine * odd), cos * odd - sine * even
     even, odd = (at.cos * x for x in found) if plant.interpolated else found
     return Seen(even, odd, size)
+
+
+def _pulling(pull: Pull) -> Hand:
+    """Return the firmware's own spring as a hand."""
+    return Hand(0, 0, pull.stiffness)
+
+
+def _both(one: Seen, other: Seen) -> Seen:
+    """Return the sum of what is seen of each."""
+    even, odd = one.even * other.size + other.even * one.size, one.odd * other.size + other.odd * one.size
+    return Seen(even, odd, one.size * other.size)
 
 
 def required_of_servo(
@@ -89,6 +108,13 @@ def required_of_servo(
     Required
         Of the shape of theta.
     """
+    if plant.pull is not None:
+        seen = seen_of_servo(plant, hand, theta, ops)
+        lost = -0.5 * seen.odd
+        if radii is not None:
+            around = ops.modulus(seen.even, ops.sin(theta / 2) * seen.odd)
+            lost = lost + _blur(radii, plant.sample_time, theta, ops) * around
+        return Required(lost, seen.size)
     at = circle(theta, ops)
     even, odd, size = _at_once(plant, hand, at)
     cos, sine = at.turned(plant.turns)

@@ -12,16 +12,19 @@ e^(-j theta/2) each polynomial is one of 2 j s and c with real coefficients, and
 
     G_x = e^(-j mu theta) (e(y) + j s c o(y))/(2 j s D(y)),   D = |O|^2,   mu = N + 1/2,
 
-and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X.
+and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X. A filter y += a (x - y) of the sensed samples is
+
+    a/(1 - b w) = a (a + 2 b y - 2 j b s c)/(a^2 + 4 b y),   b = 1 - a.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import zip_longest
 from math import comb
 
-from vctune.model.device import Device
+from vctune.model.device import Device, Servo
 from vctune.model.numbers.arithmetic import Arithmetic, Number
 from vctune.model.numbers.matrices import Matrix, Vector, add, dot, times
 from vctune.model.sampled.state_space import filter_rows, sampled_chain
@@ -52,6 +55,7 @@ class ServoPlant:
     turns : mu, for a position command half more
     interpolated : whether the command is a position: all is times cos(theta/2)
     sample_time : T, s
+    pull : the firmware's own spring; None without it
     """
 
     size: Vector
@@ -61,20 +65,43 @@ class ServoPlant:
     turns: Number
     interpolated: bool
     sample_time: Number
+    pull: Pull | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Pull:
+    """A spring of the firmware between what it measures of the position and a reference.
+
+    Attributes
+    ----------
+    plant : the servo without force sensor
+    stiffness : N/m
+    """
+
+    plant: ServoPlant
+    stiffness: Number
 
 
 @dataclass(frozen=True, slots=True)
 class SensedDelay:
-    """N of the delays of servo and sensor together, and whether a part of a sample remains."""
+    """N of the delays of servo and sensor together, and whether a part of a sample remains.
+
+    Attributes
+    ----------
+    whole, fractional : N, and whether delta > 0
+    moved : those of the servo alone; None if they are the same
+    """
 
     whole: int
     fractional: bool
+    moved: SensedDelay | None = None
 
 
 def sensed_delay(device: Device) -> SensedDelay:
     """Return the delays of a device whose numbers are plain, in samples."""
     whole, left = split_delay(_sensed_delay(device), device.sample_time)
-    return SensedDelay(whole, left > 0)
+    moved, rest = split_delay(device.latency, device.sample_time)
+    return SensedDelay(whole, left > 0, SensedDelay(moved, rest > 0))
 
 
 def _sensed_delay(device: Device) -> Number:
@@ -114,22 +141,57 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
     position = _with_older(*chain.position)
     below = _half_angles(below_all, n)
     D, _ = _by_square(_times_conjugate(below, below))
+    servo, sensor = device.servo, device.force_sensor
+    assert servo is not None
+    share = None if sensor is None else sensor.filter_coefficient
 
     def numerator(polynomial: Sequence[Number], degree: int, unit: Number) -> Numerator:
         halves = _half_angles(polynomial, degree)
         halves = [0] * (n + 2 - degree) + [times(unit, x) for x in halves]
-        return Numerator(*_by_square(_times_conjugate(halves, below)))
+        found = Numerator(*_by_square(_times_conjugate(halves, below)))
+        return found if share is None else _smoothed(found, share)
 
-    interpolated = device.servo is not None and device.servo.command == "position"
+    interpolated = servo.command == "position"
     return ServoPlant(
-        size=D,
+        size=D if share is None else _polynomial_product(D, (share, 4 * (1 - share) / share)),
         acceleration=numerator(acceleration, n + 1, 1 / T),
         velocity=numerator(velocity, n + 1, 1),
         position=numerator(position, n + 2, T),
         turns=delay.whole + (1.0 if interpolated else 0.5),
         interpolated=interpolated,
         sample_time=T,
+        pull=_pull(device, servo, delay, ops),
     )
+
+
+def _pull(device: Device, servo: Servo, delay: SensedDelay, ops: Arithmetic) -> Pull | None:
+    if servo.stiffness is None:
+        return None
+    sensor = device.force_sensor
+    known = delay.moved is not None or sensor is None or ops.is_zero(sensor.delay)
+    assert known, "the delay of the servo alone is not told"
+    alone = replace(device, servo=replace(servo, stiffness=None), force_sensor=None)
+    return Pull(servo_plant(alone, delay.moved or delay, ops), servo.stiffness)
+
+
+def _smoothed(part: Numerator, share: Number) -> Numerator:
+    """Return what a filter of the samples makes of a numerator; the size is multiplied by a + 4 b y/a."""
+    twice, late = (share, 2 * (1 - share)), (0, 2 * (1 - share))
+    even = _sum(_polynomial_product(part.even, twice), _polynomial_product(part.odd, (*late, -late[1])))
+    odd = _sum(_polynomial_product(part.odd, twice), [times(-late[1], x) for x in part.even])
+    return Numerator(even, odd)
+
+
+def _polynomial_product(a: Sequence[Number], b: Sequence[Number]) -> Vector:
+    found: list[Number] = [0] * (len(a) + len(b) - 1)
+    for i, x in enumerate(a):
+        for j, y in enumerate(b):
+            found[i + j] = add(found[i + j], times(x, y))
+    return tuple(found)
+
+
+def _sum(a: Sequence[Number], b: Sequence[Number]) -> Vector:
+    return tuple(add(x, y) for x, y in zip_longest(a, b, fillvalue=0))
 
 
 def _rates(device: Device, ops: Arithmetic) -> Matrix:

@@ -1,0 +1,287 @@
+"""Problems with several axes that do not couple: each axis is a problem, and equal problems are worked on once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from vctune.api.design_files import write_record
+from vctune.api.exporting import (
+    Exported,
+    Format,
+    export,
+    export_parameters,
+    require_double,
+    stated_design,
+    write_export,
+)
+from vctune.api.folders import GAINS_FILE, claim_folder
+from vctune.api.solving import solve
+from vctune.design.result import Solved
+from vctune.design.ros.admittance_check import check_admittance
+from vctune.design.search.optimum import Progress
+from vctune.design.verdict.checked import Checked, CheckVerdict, DesignFinding
+from vctune.design.verdict.design_record import record_of
+from vctune.design.verdict.gains_check import check_problem
+from vctune.document.problem_axes import AxesFile, AxisProblem
+from vctune.document.reading import GainsFile, ProblemFile, read_gains
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.ros import read_admittance
+from vctune.document.text.date import today
+from vctune.document.text.errors import InputError
+from vctune.document.text.output_files import folder_name, write_together
+from vctune.firmware.ros2 import RosAxis
+from vctune.report.page.axes_page import axes_page
+from vctune.simulation.firmware.stepped import Precision
+
+INDEX = "index.html"
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisDesign:
+    """What came of an axis.
+
+    Attributes
+    ----------
+    axis : its problem
+    record : of its design, or of why there is none
+    """
+
+    axis: AxisProblem
+    record: DesignRecord
+
+
+def of_each(axes: AxesFile, work: Callable[[AxisProblem], Found]) -> list[tuple[AxisProblem, Found]]:
+    """Return what a function makes of each axis; it is called once for those that state the same problem."""
+    done: dict[str, Found] = {}
+    for axis in axes.axes:
+        if axis.file.sha256 not in done:
+            done[axis.file.sha256] = work(axis)
+    return [(axis, done[axis.file.sha256]) for axis in axes.axes]
+
+
+def solve_axes(
+    axes: AxesFile, *, gap: float | None = None, prices: bool = False, progress: Progress = lambda stage: None
+) -> list[AxisDesign]:
+    """Solve each axis.
+
+    Parameters
+    ----------
+    axes : the problem file
+    gap, prices : as of `vctune.solve`
+    progress : told the axis and the stage of the work
+    """
+    from vctune.design.nlp.nlp import ipopt_version
+
+    def work(axis: AxisProblem) -> Solved:
+        return solve(axis.file, gap=gap, prices=prices, progress=lambda stage: progress(f"{axis.name}: {stage}"))
+
+    return [
+        AxisDesign(axis, record_of(axis.file, replace(solved, problem=axis.file.problem), ipopt_version(), today()))
+        for axis, solved in of_each(axes, work)
+    ]
+
+
+def axis_folder(axes: AxesFile, axis: AxisProblem, out: Path) -> Path:
+    """Return the folder of an axis: in OUT, in that of the problem, under its name."""
+    return out / folder_name(axes.name) / folder_name(axis.name)
+
+
+def claim_axes(axes: AxesFile, out: Path) -> None:
+    """Make sure that the folder of each axis is there and may be written.
+
+    Raises
+    ------
+    InputError
+        If one cannot be written, or holds the design of another problem.
+    """
+    for axis in axes.axes:
+        claim_folder(axis.file, axis_folder(axes, axis, out))
+
+
+def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path) -> dict[Path, Path]:
+    """Write the design of each axis into its folder, and a page with a line for each beside them.
+
+    Parameters
+    ----------
+    axes : the problem file
+    designs : of its axes
+    out : in which the folder of the problem is
+
+    Returns
+    -------
+    dict
+        What of earlier designs was renamed, and to what.
+    """
+    renamed: dict[Path, Path] = {}
+    for design in designs:
+        renamed |= write_record(axis_folder(axes, design.axis, out), design.axis.file, design.record)
+    found = {design.axis.name: design.record for design in designs}
+    write_together({out / folder_name(axes.name) / INDEX: axes_page(axes.name, found)})
+    return renamed
+
+
+def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
+    """Return the gains of each axis, by its name, from the folder that `vctune solve` makes of a file with axes.
+
+    Raises
+    ------
+    InputError
+        If an axis has none there.
+    """
+    return {axis.name: read_gains(folder / folder_name(axis.name) / GAINS_FILE) for axis in axes.axes}
+
+
+def check_axes(
+    axes: AxesFile,
+    gains: Mapping[str, GainsFile] | None = None,
+    progress: Progress = lambda stage: None,
+) -> list[Checked]:
+    """Check each axis against the numbers that it fixes, or against gains.
+
+    Parameters
+    ----------
+    axes : the problem file
+    gains : by the name of the axis; None for the numbers that the file fixes
+    progress : told the axis
+
+    Returns
+    -------
+    list of Checked
+        One for each axis, in the file's order; equal ones are proved once.
+    """
+    done: dict[tuple[object, ...], Checked] = {}
+    checks = []
+    for axis in axes.axes:
+        given = None if gains is None else gains[axis.name]
+        key = (
+            axis.file.sha256,
+            *(() if given is None else (given.kind.name, given.gains, given.coupling, given.sha256)),
+        )
+        if key not in done:
+            progress(f"proving {axis.name}")
+            done[key] = _checked(axis, given)
+        checks.append(_of_axis(done[key], axis, given))
+    return checks
+
+
+def check_parameters(
+    axes: AxesFile,
+    path: Path,
+    only: Sequence[str] = (),
+    progress: Progress = lambda stage: None,
+) -> list[Checked]:
+    """Check the selected axes of a ROS 2 parameter file, each before the axis of that name.
+
+    Parameters
+    ----------
+    axes : the problem file
+    path : of the parameter file
+    only : names of the axes to check; empty for all that the file selects
+    progress : told the stage of the work
+
+    Raises
+    ------
+    InputError
+        If the file selects an axis that the problem does not have, or an axis moves otherwise.
+    """
+    given, known = read_admittance(path), {axis.name for axis in axes.axes}
+    selected = [axis.axis for axis in given.axes]
+    asked = list(only or selected)
+    if missing := [name for name in asked if name not in known and name in selected]:
+        message = (
+            f"selects {', '.join(missing)}, and {axes.axes[0].file.source} has no [[axis]] of that name; write one"
+        )
+        raise InputError.of(str(path), "contradiction", message, key="admittance.selected_axes", line=given.line)
+    groups: dict[str, list[AxisProblem]] = {}
+    for axis in axes.axes:
+        if axis.name in asked:
+            groups.setdefault(axis.file.sha256, []).append(axis)
+    found: dict[str, Checked] = {}
+    for group in groups.values():
+        names = [axis.name for axis in group]
+        checks = check_admittance(_named(group[0].file, axes.name), path, given, names, progress)
+        found |= dict(zip([name for name in selected if name in names], checks, strict=True))
+    return [found[name] for name in selected if name in found]
+
+
+def _checked(axis: AxisProblem, given: GainsFile | None) -> Checked:
+    try:
+        return check_problem(axis.file, given)
+    except InputError as error:
+        said = "; ".join(f"{mistake.key}: {mistake.message} [{mistake.code}]" for mistake in error.mistakes)
+        return Checked(Path(), "", CheckVerdict.BAD_INPUT, said, 1, None)
+
+
+def _of_axis(checked: Checked, axis: AxisProblem, given: GainsFile | None) -> Checked:
+    """Return a check as that of an axis with the same problem."""
+    source = Path(axis.file.source if given is None else given.source)
+    line = axis.line if given is None else checked.line
+    message, finding = f"{axis.name}: {checked.message}", checked.finding
+    if isinstance(finding, DesignFinding):
+        finding = replace(finding, file=_named(finding.file, axis.file.problem.name))
+    else:
+        message = f"{source}:{line}: {message}"
+    return replace(checked, source=source, name=axis.file.problem.name, message=message, line=line, finding=finding)
+
+
+def _named(file: ProblemFile, name: str) -> ProblemFile:
+    return replace(file, problem=replace(file.problem, name=name))
+
+
+def export_axes(
+    axes: AxesFile,
+    gains: Mapping[str, GainsFile] | None,
+    out: Path,
+    *,
+    to: Format = "c",
+    precision: Precision = "double",
+    unproved: bool = False,
+    progress: Progress = lambda stage: None,
+) -> list[tuple[Exported, Path]]:
+    """Export each axis into its folder, or all as the parameters of one ROS 2 controller into that of the problem.
+
+    Parameters
+    ----------
+    axes : the problem file
+    gains : by the name of the axis; None for the numbers that the file fixes
+    out : in which the folder of the problem is
+    to, precision, unproved, progress : as of `vctune.export`
+
+    Returns
+    -------
+    list
+        What was exported, and the folder of its files.
+
+    Raises
+    ------
+    NotCertifiedError
+        If a design is not certified, and `unproved` was not asked for; an `InputError` as well.
+    InputError
+        If an axis has no design, or cannot be exported.
+    """
+    if to == "ros2":
+        require_double(precision)
+        designs = [
+            RosAxis(axis.name, axis.file, *stated_design(axis.file, gains and gains[axis.name], None)[1])
+            for axis in axes.axes
+        ]
+        named = _named(axes.axes[0].file, axes.name)
+        made = export_parameters(named, designs, unproved=unproved, progress=progress)
+        return [(made, write_export(made, out / folder_name(axes.name)))]
+    exported = [
+        export(
+            axis.file,
+            gains and gains[axis.name],
+            to=to,
+            precision=precision,
+            unproved=unproved,
+            progress=lambda stage, axis=axis: progress(f"{axis.name}: {stage}"),
+        )
+        for axis in axes.axes
+    ]
+    pairs = zip(axes.axes, exported, strict=True)
+    return [(one, write_export(one, axis_folder(axes, axis, out))) for axis, one in pairs]

@@ -1,0 +1,38 @@
+"""The designs of several axes as one table for people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from rich.markup import escape
+from rich.table import Table
+
+from vctune.cli.printing.design_table import COLOURS, WIDE, page
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.text.errors import printable
+from vctune.report.page.axes_page import HEADINGS, axis_row
+
+
+def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
+    """Print a line for each axis, what should be known of it, and where the files are.
+
+    Parameters
+    ----------
+    name : of the problem
+    designs : by the name of the axis
+    folder : named at the end
+    """
+    with page(WIDE, folder) as console:
+        console.print(f"[bold]{escape(printable(name))}[/bold]")
+        table = Table(box=None, pad_edge=False)
+        for heading in HEADINGS:
+            table.add_column(heading, no_wrap=True, header_style="dim")
+        for axis, record in designs.items():
+            first, status, *others = map(escape, axis_row(axis, record))
+            table.add_row(first, f"[bold {COLOURS[record.status]}]{status}[/]", *others)
+        console.print(table)
+        for axis, record in designs.items():
+            for said in (record.reason, *record.warnings):
+                if said:
+                    console.print(escape(f"{axis}: {said}"), soft_wrap=True)

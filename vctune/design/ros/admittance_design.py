@@ -1,0 +1,108 @@
+"""A design before a servo as parameters of a ROS 2 admittance_controller.
+
+The controller's law is a coupling with b_c = 2 m_c/T, m_c = M - D T and b_0 = D (`vctune.design.ros.admittance_problem`):
+M = m_c + D T and D = b_0 render mass and drag of a design. There is no damper in a row with the mass to set. D is told
+as a damping ratio of M and S, and as joint_damping, which all axes share and which alone damps without a stiffness.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor, log10, sqrt
+
+from vctune.document.ros import AXES, Admittance, AdmittanceFile
+from vctune.document.text.errors import InputError
+from vctune.model.device import Device
+from vctune.model.gains import Coupling
+from vctune.model.problem import Problem
+
+DIGITS = 7
+"""Of a damping, rounded up. Half of them ask for a hundredth of a per cent more; twice are not read by anybody."""
+RETURN = 1e4
+"""Seconds in which a spring that is there for the sake of its damping ratio alone pulls an axis back. Half and twice it
+cost a millionth of a damping."""
+
+
+@dataclass(frozen=True, slots=True)
+class RenderedAxis:
+    """A design of one axis.
+
+    Attributes
+    ----------
+    axis : one of `AXES`
+    device : a servo
+    coupling : of the design; its damping is left out
+    """
+
+    axis: str
+    device: Device
+    coupling: Coupling
+
+    @property
+    def stiffness(self) -> float:
+        """S, N/m."""
+        servo = self.device.servo
+        return 0.0 if servo is None or servo.stiffness is None else float(servo.stiffness)
+
+    @property
+    def filter_coefficient(self) -> float:
+        """Share of each new sample in the filter of the force; 1 without one."""
+        sensor = self.device.force_sensor
+        return 1.0 if sensor is None or sensor.filter_coefficient is None else float(sensor.filter_coefficient)
+
+    @property
+    def mass(self) -> float:
+        """M, kg."""
+        return float(self.coupling.mass + self.coupling.drag * self.device.sample_time)
+
+
+def axes_of(problem: Problem) -> tuple[str, ...]:
+    """Return the axes that move as a device does."""
+    turns = problem.device.units == "rotary"
+    return tuple(axis for axis in AXES if axis.startswith("r") == turns)
+
+
+def parameters_of(designs: Sequence[RenderedAxis], source: str) -> AdmittanceFile:
+    """Return the parameters that render designs, one for each selected axis.
+
+    Parameters
+    ----------
+    designs : at least one
+    source : what messages call the problem
+
+    Raises
+    ------
+    InputError
+        If the axes have different sample times or filters, which the controller cannot.
+    """
+    for key, values in (
+        ("device.sample_time", {design.device.sample_time for design in designs}),
+        ("device.force_sensor.filter_coefficient", {design.filter_coefficient for design in designs}),
+    ):
+        if len(values) > 1:
+            message = f"differs between axes: {', '.join(f'{value:g}' for value in sorted(values))}; write one for all"
+            raise InputError.of(source, "contradiction", message, key=key)
+    limp = any(design.stiffness == 0 for design in designs)
+    rates = [design.coupling.drag / design.mass for design in designs]
+    joint_damping = rounded_up(min(rates)) if limp else 0.0
+    axes = tuple(_axis(design, joint_damping) for design in designs)
+    return AdmittanceFile(axes, designs[0].filter_coefficient, 1, {})
+
+
+def _axis(design: RenderedAxis, joint_damping: float) -> Admittance:
+    mass, drag, stiffness = design.mass, float(design.coupling.drag), design.stiffness
+    left = drag - joint_damping * mass
+    if left <= 0:
+        return Admittance(design.axis, mass, 0.0, stiffness, joint_damping, 1)
+    stiffness = stiffness or float(f"{drag / RETURN:.1e}")
+    ratio = rounded_up(left / (2 * sqrt(mass * stiffness)))
+    return Admittance(design.axis, mass, ratio, stiffness, joint_damping, 1)
+
+
+def rounded_up(number: float) -> float:
+    """Return a number >= 0 rounded up to `DIGITS` significant digits."""
+    if number == 0:
+        return 0.0
+    place = DIGITS - 1 - floor(log10(number))
+    return float(f"{ceil(number * 10.0**place)}e{-place}")

@@ -1,0 +1,172 @@
+"""Several axes that do not couple: each is a problem, of the file's tables and those of its [[axis]] that override them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from vctune.document.reading import ProblemFile, pose
+from vctune.document.schema.validation import Fault, KeyPath, refusal, shown
+from vctune.document.text import toml
+from vctune.document.text.toml_writing import toml_text
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
+OWN = ("name", "description", "experiment", "axis")
+"""Keys of a file that an axis does not override."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisProblem:
+    """An axis of a problem file.
+
+    Attributes
+    ----------
+    name : of the axis
+    file : its problem, named after the file's and its own name; the text is that of the merged tables
+    line : of its [[axis]]
+    """
+
+    name: str
+    file: ProblemFile
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class AxesFile:
+    """A problem file with several axes.
+
+    Attributes
+    ----------
+    name : of the problem
+    axes : in the file's order, at least one
+    """
+
+    name: str
+    axes: tuple[AxisProblem, ...]
+
+
+def read_axes(path: str | Path) -> AxesFile | None:
+    """Read a problem file with several axes.
+
+    Parameters
+    ----------
+    path : of a TOML file
+
+    Returns
+    -------
+    AxesFile
+        None where the file has no [[axis]], or is no TOML: `read_problem` reads it then.
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
+    return axes_file(toml.read_text(Path(path)), Path(path))
+
+
+def axes_file(text: str, path: Path) -> AxesFile | None:
+    """Return the axes that the text of a file states.
+
+    Parameters
+    ----------
+    text : TOML
+    path : of the file, whose stem is the problem's name unless the text has one
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
+    path = toml.called(path)
+    raw, source = toml.parse(text, str(path)), str(path)
+    if "axis" not in raw:
+        return None
+    tables, faults = raw["axis"], [*_misstated(raw["axis"])]
+    if faults:
+        raise refusal(faults, text, source)
+    shared = {key: value for key, value in raw.items() if key != "axis"}
+    name = raw.get("name") if isinstance(raw.get("name"), str) else path.stem
+    lines, axes = toml.Lines(text), []
+    found: list[list[Fault]] = []
+    for index, table in enumerate(tables):
+        own = {key: value for key, value in table.items() if key != "name"}
+        stated = merged(shared, own) | {"name": f"{name} {table['name']}"}
+        problem, wrong = pose(stated, path.stem)
+        found.append([_at(fault, shared, own, index) for fault in wrong])
+        if problem is not None:
+            line = lines.locate(("axis", index, "name")) or 1
+            axes.append(AxisProblem(table["name"], ProblemFile(problem, toml_text(stated), source), line))
+    if any(found):
+        raise refusal(_named(found, [table["name"] for table in tables]), text, source)
+    return AxesFile(str(name), tuple(axes))
+
+
+def merged(shared: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Return tables with those that override them: a table key by key, anything else as a whole.
+
+    Parameters
+    ----------
+    shared : of the file
+    own : of an axis
+    """
+    found = deepcopy(dict(shared))
+    for key, value in own.items():
+        both = isinstance(value, Mapping) and isinstance(found.get(key), Mapping)
+        found[key] = merged(found[key], value) if both else deepcopy(value)
+    return found
+
+
+def _misstated(tables: Any) -> Iterator[Fault]:
+    """Return what is wrong with the list of axes and their names."""
+    if not isinstance(tables, list) or not tables or not all(isinstance(table, Mapping) for table in tables):
+        yield Fault(("axis",), "is no list of tables; write [[axis]] and a name for each axis", "wrong-type")
+        return
+    seen: dict[str, int] = {}
+    for index, table in enumerate(tables):
+        path: KeyPath = ("axis", index, "name")
+        name = table.get("name")
+        if not isinstance(name, str) or not NAME.fullmatch(name):
+            message = 'of up to 32 letters, digits, - and _, such as "x"'
+            found = "is missing" if name is None else f"{shown(name)} is no name"
+            yield Fault(path, f"{found}; write one {message}", "missing-key" if name is None else "wrong-type")
+        elif name.lower() in seen:
+            yield Fault(path, f"{name!r} is the name of axis[{seen[name.lower()]}] too; write another", "contradiction")
+        else:
+            seen[name.lower()] = index
+        for key in OWN[1:]:
+            if key in table:
+                message = "is of the file, and no axis has its own; write it at the top of the file, or leave it out"
+                yield Fault(("axis", index, key), message, "contradiction")
+
+
+def _at(fault: Fault, shared: Mapping[str, Any], own: Mapping[str, Any], index: int) -> Fault:
+    """Return a fault of the merged tables where it stands in the file."""
+    path: KeyPath = ("axis", index, *fault.path)
+    if _has(own, fault.path) or (not _has(shared, fault.path) and fault.path[0] in own):
+        return fault._replace(path=path)
+    return fault
+
+
+def _has(tables: Any, path: KeyPath) -> bool:
+    for step in path:
+        try:
+            tables = tables[step]
+        except (KeyError, IndexError, TypeError):
+            return False
+    return True
+
+
+def _named(found: Sequence[Sequence[Fault]], names: Sequence[str]) -> list[Fault]:
+    """Return the faults of all axes, each once; what stands in the file's own tables and is not wrong in all, named."""
+    everywhere = set.intersection(*map(set, found))
+    told = []
+    for faults, name in zip(found, names, strict=True):
+        for fault in faults:
+            own = fault in everywhere or fault.path[:1] == ("axis",)
+            told.append(fault if own else fault._replace(message=f"of axis {name}: {fault.message}"))
+    return list(dict.fromkeys(told))

@@ -1,0 +1,106 @@
+"""A design as parameters of a ROS 2 admittance_controller: proved as that controller steps them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from vctune.design.ros.admittance_design import RenderedAxis, axes_of, parameters_of
+from vctune.design.ros.admittance_problem import as_problem, device_tables, document_of_both
+from vctune.document.reading import ProblemFile, problem_file
+from vctune.document.ros import AdmittanceFile
+from vctune.document.ros_writing import admittance_text
+from vctune.document.text.digest import digest
+from vctune.document.text.errors import InputError
+from vctune.document.text.toml_writing import toml_text
+from vctune.firmware.c_source import statement
+from vctune.firmware.firmware import Firmware, firmware
+from vctune.model.gains import AnyCoupling, Gains, series_coupling
+
+PARAMETERS = "admittance_controller.yaml"
+
+
+@dataclass(frozen=True, slots=True)
+class RosAxis:
+    """A design for an axis of the controller.
+
+    Attributes
+    ----------
+    axis : x, y, z, rx, ry or rz
+    file : the problem
+    gains, coupling : the design
+    """
+
+    axis: str
+    file: ProblemFile
+    gains: Gains
+    coupling: AnyCoupling
+
+
+def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
+    """Return designs as the controller steps them, each proved; those of the same law once.
+
+    Parameters
+    ----------
+    axes : at least one
+
+    Raises
+    ------
+    InputError
+        If a device is no servo, for what follows the command is then a loop that vctune designs; or if an axis moves
+        otherwise than its device, or the axes need what the controller has once for all of them.
+    """
+    for axis in axes:
+        _require_servo(axis)
+    given, done = _parameters(axes), dict[str, Firmware]()
+    made = []
+    for axis, rendered in zip(axes, given.axes, strict=True):
+        tables = {"name": axis.file.problem.name, **device_tables(axis.file.document)}
+        text = toml_text(as_problem(document_of_both(tables, given, rendered)))
+        if text not in done:
+            law = problem_file(text, Path(axis.file.source))
+            done[text] = firmware(law, *law.problem.fixed_design, "double")
+        sha256 = axis.file.sha256
+        design = digest([sha256, asdict(axis.gains), asdict(axis.coupling)])
+        decimals = replace(done[text], gains=axis.gains, coupling=axis.coupling)
+        made.append(replace(decimals, problem_sha256=sha256, design_sha256=design))
+    return made
+
+
+def ros2_files(axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
+    """Return the parameter file, with what is proved of it in its comments.
+
+    Parameters
+    ----------
+    axes : the designs
+    made : what `ros2_firmware` made of them
+    """
+    told: dict[str, list[str]] = {}
+    for axis, one in zip(axes, made, strict=True):
+        told.setdefault("\n".join([*statement(one), _least(one)]), []).append(axis.axis)
+    comments = [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
+    again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
+    return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
+
+
+def _least(made: Firmware) -> str:
+    certificate = made.record.certificate
+    hands = None if certificate is None else certificate.hands
+    return "" if hands is None else f"Least Re Z_c / R {hands.min_ratio:.6g}, as the controller steps it."
+
+
+def _require_servo(axis: RosAxis) -> None:
+    device = axis.file.problem.device
+    if device.kind.own_loop:
+        message = "is no servo, and an admittance_controller commands one; write [device.servo], or export to C"
+        raise InputError.of(axis.file.source, "other-kind", message, key="device")
+    if axis.axis not in axes_of(axis.file.problem):
+        fitting = ", ".join(axes_of(axis.file.problem))
+        message = f"is {device.units}, and the axis {axis.axis}; an admittance_controller has {fitting} of that"
+        raise InputError.of(axis.file.source, "ros-rotation", message, key="device.units")
+
+
+def _parameters(axes: Sequence[RosAxis]) -> AdmittanceFile:
+    rendered = [RenderedAxis(one.axis, one.file.problem.device, series_coupling(one.coupling)) for one in axes]
+    return parameters_of(rendered, axes[0].file.source)

@@ -1,0 +1,62 @@
+"""The page of a problem with several axes: a line for each, with the way to its report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+
+from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.part import text
+from vctune.document.text.output_files import folder_name
+from vctune.report.page.contents import REPORT
+
+HEADINGS = ("axis", "status", "mass", "drag", "least ratio", "error")
+STYLE = (
+    "body { font: 1rem/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; "
+    "color-scheme: light dark; } td, th { text-align: left; padding: .15rem 1rem .15rem 0; }"
+)
+
+
+def axis_row(name: str, record: DesignRecord) -> tuple[str, ...]:
+    """Return the cells of an axis, in the order of `HEADINGS`.
+
+    Parameters
+    ----------
+    name : of the axis
+    record : of its design, or of why there is none
+    """
+    units, coupling, certificate = record.units, record.coupling, record.certificate
+    mass, drag = getattr(coupling, "mass", None), getattr(coupling, "drag", None)
+    hands = None if certificate is None else certificate.hands
+    ratio = None if certificate is None else (hands.min_ratio if hands is not None else certificate.min_ratio)
+    return (
+        name,
+        record.status,
+        "" if mass is None else f"{text(mass, 5)} {units.mass}",
+        "" if drag is None else f"{text(drag, 5)} {units.damping}",
+        "" if ratio is None else text(ratio, 5),
+        "" if record.transparency is None else text(record.transparency.error, 5),
+    )
+
+
+def axes_page(name: str, designs: Mapping[str, DesignRecord]) -> str:
+    """Return the HTML of the axes of a problem.
+
+    Parameters
+    ----------
+    name : of the problem
+    designs : by the name of the axis
+    """
+    rows = "".join(_row(axis, axis_row(axis, record)) for axis, record in designs.items())
+    headings = "".join(f"<th>{escape(heading)}</th>" for heading in HEADINGS)
+    return (
+        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(name)}: axes</title>\n'
+        f"<style>{STYLE}</style>\n</head>\n<body>\n<h1>{escape(name)}</h1>\n<table>\n<tr>{headings}</tr>\n{rows}"
+        "</table>\n</body>\n</html>\n"
+    )
+
+
+def _row(axis: str, cells: Sequence[str]) -> str:
+    first, *others = cells
+    link = f'<a href="{escape(folder_name(axis))}/{REPORT}">{escape(first)}</a>'
+    return f"<tr><td>{link}</td>{''.join(f'<td>{escape(cell)}</td>' for cell in others)}</tr>\n"
