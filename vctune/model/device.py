@@ -308,6 +308,11 @@ class Device:
         return self.sample_time / 2 + self.latency
 
     @property
+    def delay_key(self) -> str:
+        """The key of `latency`."""
+        return "delay" if self.servo is None else "servo.delay"
+
+    @property
     def latency(self) -> Number:
         """The delay from sampling to actuation, beyond the hold, s."""
         return self.delay if self.servo is None else self.servo.delay

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from vctune.cli.printing.progress import Progress
-    from vctune.document.problem_axes import AxesFile
     from vctune.design.verdict.checked import Checked
+    from vctune.document.problem_axes import AxesFile
     from vctune.model.problem import Problem
 
     Said = Callable[[Problem], None]

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.hands import HAND, Hand, Hands
@@ -22,7 +23,14 @@ from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, Delays, PlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import (
+    AnyPlantInHand,
+    Delays,
+    PlantInHand,
+    ServoInHand,
+    delays_of,
+    plant_in_hand,
+)
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.claims.margins_of_claims import (
     Design,
@@ -44,6 +52,7 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_sufficient_margin,
     unmodelled_margin,
 )
+from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
 from vctune.proof.engine.box_tests import Curve, Margin
@@ -312,6 +321,13 @@ def _plant_in_hand(
 ) -> Callable[[Values], AnyPlantInHand]:
     """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
+
+    if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
+        with ctx.workprec(PRECISION):
+            known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
+        assert isinstance(known, ServoInHand)
+        servo = known.plant.converted(enclosure_of)
+        return lambda v: ServoInHand(servo, Hand(*(v[name] for name in HAND)))
 
     def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
         device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))
