@@ -25,14 +25,14 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
 
 
-@click.command(short_help="Say what a code, a key of a file or a word means.")
-@click.argument("name", required=False, metavar="[CODE|KEY|TERM]", shell_complete=_names)
+@click.command(short_help="Say what a code, a key of a file, a word or a claim means.")
+@click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
     """Say what NAME means, from the guides of the project; without it, list what can be explained.
 
     NAME is a code, as it stands in brackets behind an error, a warning or what was left out; a key of a problem or log
-    file; or a word or symbol of the glossary.
+    file; a word or symbol of the glossary; or a claim of a certificate, by its id in design.json.
     """
     from vctune.api.explaining import entries
     from vctune.api.explaining import explain as found_in_guides
@@ -52,7 +52,7 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 
 def _contents(every: list[EntryRecord]) -> str:
     """Return what can be explained, by its kind."""
-    titles = {"code": "Codes", "key": "Keys of files", "term": "Words"}
+    titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
     lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 

@@ -28,6 +28,7 @@ from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import seconds_left, time_limit, unlimited
 
@@ -137,10 +138,11 @@ class Judgement:
     @property
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        units, display = UNITS[self.tightest.units], self.tightest.display
         return [
-            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}{CUT * outcome.cut}"
-            for claim, outcome in self.certificate.outcomes.items()
-            if outcome.verdict is not Verdict.PROVED
+            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(display)}{CUT * found.cut}"
+            for claim, found in self.certificate.outcomes.items()
+            if found.verdict is not Verdict.PROVED
         ]
 
     @property
