@@ -27,7 +27,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.criteria import with_alternatives
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import CheckVerdict, check
+from vctune.design.verdict.gains_check import CheckVerdict, check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import read_problem
@@ -529,7 +529,7 @@ def test_a_gains_file_without_gains_is_checked(tmp_path):
     (tmp_path / "arm.toml").write_text(device + "[stability]\nsafety_factor = 1.0\n")
     for name, stiffness in (("soft", 1199.0), ("stiff", 1201.0)):
         (tmp_path / f"{name}.toml").write_text(f"[coupling]\ndamping = 0.2\nstiffness = {stiffness}\n")
-    passed, failed = check([tmp_path / "arm.toml", tmp_path / "soft.toml", tmp_path / "stiff.toml"])
+    passed, failed = check_files([tmp_path / "arm.toml", tmp_path / "soft.toml", tmp_path / "stiff.toml"])
     assert passed.verdict is CheckVerdict.PASSED
     assert "in any passive hand up to Nyquist" in passed.message
     assert failed.verdict is CheckVerdict.FAILED

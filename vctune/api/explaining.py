@@ -82,6 +82,12 @@ def explain(name: str) -> ExplanationRecord:
     return ExplanationRecord(name=name, entries=records)
 
 
+def contents() -> ExplanationRecord:
+    """Return what can be explained, by name, without its text."""
+    listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
+    return ExplanationRecord(name=None, entries=listed)
+
+
 def _alike(asked: str) -> Iterator[str]:
     """Yield what a label may be explained as: itself, or without what differs from design to design."""
     linear = reduce(lambda words, pair: words.replace(*pair), TURNING, asked)

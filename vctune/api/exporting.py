@@ -15,12 +15,15 @@ from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.records.printed_json import ExportRecord
+from vctune.document.text.errors import InputError, Mistake, printable
 from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
+from vctune.firmware.c_source import statement
 from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.firmware.stepped import Precision
+from vctune.simulation.firmware.stepped import Precision as Precision
 
 Format = Literal["c", "fmu", "json"]
 FOLDER = "firmware"
@@ -122,6 +125,24 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     make_folder(place)
     write_together({place / name: content for name, content in exported.files.items()})
     return place
+
+
+def export_record(exported: Exported, place: Path) -> ExportRecord:
+    """Return what was exported, as an object.
+
+    Parameters
+    ----------
+    exported : the files
+    place : folder that they are in
+    """
+    made = exported.firmware
+    return ExportRecord(
+        name=made.name,
+        status=made.record.status,
+        statement=[printable(line) for line in statement(made) if line],
+        folder=str(place),
+        files=list(exported.files),
+    )
 
 
 def stated_design(

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vctune.api.argument_ranges import AXES
 from vctune.cli.printing.options import out_option, output_options, time_limited
-from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
+    from vctune.api.checking import Checked
     from vctune.cli.printing.progress import Progress
-    from vctune.design.verdict.gains_check import Checked
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -54,12 +54,11 @@ def check(
     """
     from dataclasses import replace
 
+    from vctune.api.checking import check_files, check_parameter_files, is_admittance
     from vctune.cli.printing.exits import of_check
     from vctune.cli.printing.formats import FORMATS
     from vctune.cli.printing.output import emit
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.design.verdict.gains_check import check as check_files
-    from vctune.document.ros import is_admittance
     from vctune.exit_codes import ExitCode
 
     files = [file for path in paths for file in _files(path)]
@@ -68,7 +67,7 @@ def check(
         raise click.UsageError("--axis selects axes of a ROS 2 parameter file, and no .yaml file is named")
     with progress_on_stderr("vctune check", shown=not quiet) as progress:
         if admittances and baseline is None:
-            found = _admittances([file for file in files if file not in admittances], admittances, axes)
+            found = check_parameter_files([file for file in files if file not in admittances], admittances, axes)
         else:
             found = check_files(files, progress) if baseline is None else _against(baseline, files, out, progress)
     checks = [replace(checked, strict=strict) for checked in found]
@@ -82,13 +81,11 @@ def check(
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
-    from vctune.api.checking import LOST, remove_lost, write_lost
-    from vctune.design.verdict.gains_check import check as check_files
-    from vctune.document.reading import read_problem
-    from vctune.document.text.output_files import folder_name
-    from vctune.study.region_check import check_region
+    from vctune import read_problem
+    from vctune.api.checking import LOST, check_files, recheck_region, remove_lost, write_lost
+    from vctune.api.folders import folder_name
 
-    checked, again = check_region(read_problem(files[0]), baseline, progress)
+    checked, again = recheck_region(read_problem(files[0]), baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
@@ -98,23 +95,9 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
-def _admittances(problems: list[Path], admittances: list[Path], axes: tuple[str, ...]) -> list[Checked]:
-    """Check parameter files of ROS 2 against one problem."""
-    from vctune.design.verdict.admittance_check import check_admittance
-    from vctune.document.reading import read_problem
-    from vctune.document.ros import read_admittance
-    from vctune.document.text.errors import InputError
-
-    if len(problems) != 1:
-        message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
-        raise InputError.of(str(admittances[0]), "ambiguous-files", message)
-    problem = read_problem(problems[0])
-    return [one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes)]
-
-
 def _files(path: Path) -> list[Path]:
     """Return the files that an argument stands for."""
-    from vctune.document.text.errors import InputError
+    from vctune import InputError
 
     if not path.is_dir():
         return [path]

@@ -34,16 +34,14 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
     NAME is a code, as it stands in brackets behind an error, a warning or what was left out; a key of a problem or log
     file; a word or symbol of the glossary; or a claim of a certificate, by its id in design.json.
     """
-    from vctune.api.explaining import entries
+    from vctune.api.explaining import contents
     from vctune.api.explaining import explain as found_in_guides
     from vctune.cli.printing.output import answer
-    from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
     from vctune.exit_codes import ExitCode
 
     if name is None:
-        every = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
-        found = ExplanationRecord(name=None, entries=every)
-        answer(style, quiet, found.to_json, lambda: click.echo(_contents(every)))
+        found = contents()
+        answer(style, quiet, found.to_json, lambda: click.echo(_contents(found.entries)))
     else:
         found = found_in_guides(name)
         answer(style, quiet, found.to_json, lambda: click.echo("\n\n".join(map(_page, found.entries))))

@@ -10,8 +10,7 @@ import click
 from vctune.cli.printing.options import out_option, output_options
 
 if TYPE_CHECKING:
-    from vctune.api.exporting import Format
-    from vctune.simulation.firmware.stepped import Precision
+    from vctune.api.exporting import Format, Precision
 
 
 @click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
@@ -43,17 +42,13 @@ def export(
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
     leaves it undecided; nothing is written then, unless --unproved is given.
     """
-    from vctune.api.exporting import NotCertifiedError, write_export
+    from vctune.api.exporting import NotCertifiedError, export_record, read_gains, write_export
     from vctune.api.exporting import export as make
+    from vctune.api.folders import folder_name
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer, warn
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.reading import read_gains
-    from vctune.document.records.printed_json import ExportRecord
-    from vctune.document.text.errors import printable
-    from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
-    from vctune.firmware.c_source import statement
 
     given = read_gains(gains) if gains else None
     try:
@@ -65,12 +60,8 @@ def export(
         return of_status(refused.status)
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
         warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
-    made = exported.firmware
-    lines = [printable(line) for line in statement(made) if line]
-    record = ExportRecord(
-        name=made.name, status=made.record.status, statement=lines, folder=str(place), files=list(exported.files)
-    )
-    answer(style, quiet, record.to_json, lambda: click.echo("\n".join(lines)))
+    record = export_record(exported, place)
+    answer(style, quiet, record.to_json, lambda: click.echo("\n".join(record.statement)))
     if not quiet:
-        click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
+        click.echo(f"written to {place}: {', '.join(record.files)}", err=True)
     return ExitCode.OK

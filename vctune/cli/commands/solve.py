@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from vctune.api.argument_ranges import GAPS
+from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
 from vctune.running import OutOfTimeError, check_time
 from vctune.running import time_limit as limited
@@ -50,7 +50,6 @@ def solve(
 
     if watch:
         from vctune.cli.printing.watch import on_every_save
-        from vctune.document.text.toml import STDIN
 
         if problem == STDIN:
             raise click.UsageError("--watch needs a file; standard input is read once")
@@ -59,29 +58,26 @@ def solve(
 
 
 def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
-    from vctune.api.design_files import write_record, write_report
+    from vctune import read_problem
+    from vctune.api.design_files import write_report, write_solved
     from vctune.api.folders import DESIGN_FILE, design_folder
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.reading import read_problem
 
     file = read_problem(problem)
     folder = design_folder(file, out)
 
+    from vctune import Status
+    from vctune.api.messages import has_code
     from vctune.api.solving import solve as solve_problem
     from vctune.cli.printing.exits import of_status
-    from vctune.design.nlp.nlp import ipopt_version
-    from vctune.design.verdict.design_record import record_of
-    from vctune.design.verdict.judge import Status
-    from vctune.document.text.codes import has_code
-    from vctune.document.text.date import today
     from vctune.exit_codes import ExitCode
 
     warn_of_doubts(file.problem, quiet=quiet)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
-        record = record_of(file, solved, ipopt_version(), today())
-        say_renamed(write_record(folder, file, record))
+        record, renamed = write_solved(folder, file, solved)
+        say_renamed(renamed)
         drawn = not report
         with suppress(OutOfTimeError):
             if report:

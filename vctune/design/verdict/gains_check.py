@@ -151,7 +151,7 @@ class _Input:
     is_gains: bool
 
 
-def check(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
+def check_files(paths: Sequence[Path], progress: Progress = lambda stage: None) -> list[Checked]:
     """Check problem files against their own fixed numbers, or one problem against gains files.
 
     Parameters
