@@ -119,8 +119,8 @@ def test_rounding_attack(tmp_path, count):
 
 def test_a_check_imports_no_optimiser():
     code = (
-        "import sys; from pathlib import Path; from vctune.design.verdict.gains_check import CheckVerdict, check_files;"
-        f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
+        "import sys\nfrom vctune.cli.main import main\n"
+        f"assert main(['check', {str(ROOT / 'problems/fixed-gains.toml')!r}], standalone_mode=False) == 0\n"
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

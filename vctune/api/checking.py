@@ -1,4 +1,4 @@
-"""`vctune check`, as a function."""
+"""`vctune check`, as a function: it imports no optimiser for what needs none."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import json
 from collections.abc import Sequence
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vctune.design.verdict.admittance_check import check_admittance
 from vctune.design.verdict.gains_check import Checked as Checked
 from vctune.design.verdict.gains_check import CheckVerdict as CheckVerdict
 from vctune.design.verdict.gains_check import check_files as check_files
@@ -16,7 +15,7 @@ from vctune.design.verdict.gains_check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
-from vctune.document.reading import read_problem
+from vctune.document.reading import ProblemFile, read_problem
 from vctune.document.records.printed_json import NamedRecord, RefusalRecord
 from vctune.document.ros import is_admittance as is_admittance
 from vctune.document.ros import read_admittance
@@ -24,8 +23,10 @@ from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.gains import Coupling
 from vctune.running import time_limit as limited
-from vctune.study.region_check import Recheck
-from vctune.study.region_check import recheck_region as recheck_region
+
+if TYPE_CHECKING:
+    from vctune.design.search.optimum import Progress
+    from vctune.study.region_check import Recheck
 
 LOST = ("lost.json", "lost.svg")
 
@@ -79,7 +80,21 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     InputError
         If problem or baseline are none, or the problem no longer has such a region.
     """
-    return recheck_region(problem_of(problem), Path(baseline))[0]
+    return recheck(problem_of(problem), Path(baseline))[0]
+
+
+def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
+    """Prove a region again, as `check_region` does; return the check, and what became of cells and gain sets.
+
+    Parameters
+    ----------
+    file : the problem
+    baseline : path of a region.json
+    progress : told the stage of the work
+    """
+    from vctune.study.region_check import recheck_region
+
+    return recheck_region(file, baseline, progress)
 
 
 def check_parameter_files(problems: Sequence[Path], files: Sequence[Path], axes: Sequence[str] = ()) -> list[Checked]:
@@ -101,6 +116,8 @@ def check_parameter_files(problems: Sequence[Path], files: Sequence[Path], axes:
     InputError
         If there are several problems, a file is damaged, or the problem is no device for them.
     """
+    from vctune.design.verdict.admittance_check import check_admittance
+
     if len(problems) != 1:
         message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
         raise InputError.of(str(files[0]), "ambiguous-files", message)

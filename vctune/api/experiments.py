@@ -147,7 +147,7 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
 
 
 def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
-    """Solve a problem and price its device, without repairs where there is no design: there is nothing to simulate.
+    """Return what solving finds, with prices; where there is no design, no repairs are looked for.
 
     Parameters
     ----------

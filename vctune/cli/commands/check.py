@@ -82,10 +82,10 @@ def check(
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
     from vctune import read_problem
-    from vctune.api.checking import LOST, check_files, recheck_region, remove_lost, write_lost
+    from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
     from vctune.api.folders import folder_name
 
-    checked, again = recheck_region(read_problem(files[0]), baseline, progress)
+    checked, again = recheck(read_problem(files[0]), baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
