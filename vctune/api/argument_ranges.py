@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from vctune.document.ros import AXES as AXES
 from vctune.document.text.toml import STDIN as STDIN
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 
+Format = Literal["c", "fmu", "json"]
+"""What an export can be."""
 GAPS = (1e-4, 10.0)
 """Least and greatest gap: below, rounding shows; above, a bound says nothing."""
 RESOLUTIONS = (1 / 2048, 1 / 8)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
+from vctune.api.argument_ranges import Format
 from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
 from vctune.design.search.optimum import Progress
@@ -25,7 +26,8 @@ from vctune.firmware.firmware import Firmware, certified, firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision as Precision
 
-Format = Literal["c", "fmu", "json"]
+Files = Mapping[str, Content]
+"""Contents by name."""
 FOLDER = "firmware"
 """Of what is exported, in that of the design."""
 
@@ -43,7 +45,7 @@ class Exported:
 
     file: ProblemFile
     firmware: Firmware
-    files: Mapping[str, Content]
+    files: Files
 
 
 def export(
@@ -89,7 +91,7 @@ def export(
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
         raise NotCertifiedError(made)
-    return Exported(file, made, _files(file, made, to, progress))
+    return Exported(file, made, FILES[to](file, made, progress))
 
 
 class NotCertifiedError(InputError):
@@ -187,21 +189,33 @@ def stated_design(
     return file, record.design
 
 
-def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
-    if to == "json":
-        from vctune.firmware.coefficients import controller_record
-        from vctune.report.page.controller_page import controller_page
-
-        record = controller_record(made)
-        page = controller_page(record, made.device, made.gains, made.coupling)
-        return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
-    if to == "fmu":
-        from vctune.firmware.fmu import fmu
-
-        return {f"{folder_name(made.name)}.fmu": fmu(made)}
+def _c_files(file: ProblemFile, made: Firmware, progress: Progress) -> Files:
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
 
     sources = c_source(made)
     return {**sources, **replay_files(made, replays(file, made, progress))}
+
+
+def _fmu_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+    from vctune.firmware.fmu import fmu
+
+    return {f"{folder_name(made.name)}.fmu": fmu(made)}
+
+
+def _json_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+    from vctune.firmware.coefficients import controller_record
+    from vctune.report.page.controller_page import controller_page
+
+    record = controller_record(made)
+    page = controller_page(record, made.device, made.gains, made.coupling)
+    return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
+
+
+FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
+    "c": _c_files,
+    "fmu": _fmu_files,
+    "json": _json_files,
+}
+"""Makes the files of each format."""

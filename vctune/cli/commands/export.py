@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import click
 
+from vctune.api.argument_ranges import Format
 from vctune.cli.printing.options import out_option, output_options
 
 if TYPE_CHECKING:
-    from vctune.api.exporting import Format, Precision
+    from vctune.api.exporting import Precision
 
 
 @click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option("--to", type=click.Choice(["c", "fmu", "json"]), default="c", show_default=True, help="What to make.")
+@click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="What to make.")
 @click.option(
     "--precision",
     type=click.Choice(["double", "single"]),
