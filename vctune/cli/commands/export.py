@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from vctune.api.exporting import Precision
 
 
-@click.command(short_help="Make firmware of a design: C99, an FMU, or JSON.")
+@click.command(short_help="Make firmware of a design, or the data for it.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
 @click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="What to make.")
