@@ -101,7 +101,7 @@ def main():
     ]
     lines = []
     for path in sorted((ROOT / "problems").glob("*.toml")):
-        if path.stem not in LEFT_OUT and not stated(path).problem.device.renders_force:
+        if path.stem not in LEFT_OUT and not stated(path).problem.device.kind.inverse:
             for criterion in ("passive", "hands", "both"):
                 lines.append(row(path, criterion))
                 sys.stdout.write(lines[-1] + "\n")

@@ -16,14 +16,13 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import get_args
 
 from gallery import gallery
 
 from vctune.document.records.rows_json import COLUMNS
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import json_schema, schema_of
-from vctune.model.device import Display
+from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR
 from vctune.proof.claims.registry import CLAIMS
 
@@ -110,8 +109,8 @@ def claims() -> str:
     """Return the claims that a certificate makes, as a table."""
     rows = ["| id | claim | meaning |", "|---|---|---|"]
     for claim in CLAIMS.values():
-        sentences = dict.fromkeys(claim.said_of(display) for display in get_args(Display))
-        cells = [f"`{claim.id}`", "; impedance display: ".join(sentences), claim.explain]
+        sentences = dict.fromkeys(map(claim.said_of, DISPLAYS.values()))
+        cells = [f"`{claim.id}`", "; ".join(sentences), claim.explain]
         rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
     return "\n".join(rows) + "\n"
 

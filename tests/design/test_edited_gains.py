@@ -174,8 +174,8 @@ def violating_edits(folder):
             value = factor * number if number else factor * (problem.device.mass / problem.device.loop_lag) / 100
             changed = [value if key == other else kept for other, kept in numbers.items()]
             law = read_gains(folder / "gains.toml").gains
-            law = type(law)(*changed[:2]) if not problem.device.renders_force else type(law)(changed[0], 0.0)
-            coupling = Coupling(*changed[2:]) if not problem.device.renders_force else SpringDamper(*changed[1:])
+            law = type(law)(*changed[:2]) if not problem.device.kind.inverse else type(law)(changed[0], 0.0)
+            coupling = Coupling(*changed[2:]) if not problem.device.kind.inverse else SpringDamper(*changed[1:])
             if judge(problem, law, coupling).status is Status.VIOLATED:
                 yield key, value
 

@@ -17,6 +17,7 @@ from vctune.document.records.design_file import design_of, read_design
 from vctune.document.records.json_schemas import SCHEMAS
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
+from vctune.model.display import ADMITTANCE
 from vctune.proof.claims.registry import CLAIMS
 from vctune.report.page.tables import claim_lines
 
@@ -47,7 +48,7 @@ def table(record):
 def test_a_file_has_identifiers_and_sentences(written):
     claims = json.loads(written.read_text())["certificate"]["claims"]
     assert [(claim["id"], claim["claim"]) for claim in claims] == [
-        (name, CLAIMS[name].said_of("admittance")) for name in ("passive", "sensitivity", "stable_model", "stable")
+        (name, CLAIMS[name].said_of(ADMITTANCE)) for name in ("passive", "sensitivity", "stable_model", "stable")
     ]
 
 

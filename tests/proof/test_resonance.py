@@ -147,7 +147,7 @@ def test_no_verdict_is_another_than_without(number, monkeypatch):
             without.setattr(in_hands, "resonance", lambda design, hands: None)
             assert prove_hands(scaled(design, factor), demands).verdict in (expected, Verdict.UNDECIDED)
         assert found.verdict is expected
-        if found.verdict is Verdict.PROVED and not design.device.renders_force:
+        if found.verdict is Verdict.PROVED and design.device.kind.senses_force:
             assert greatest_need(scaled(design, factor), held) * demands.factor <= 1
         if found.hand is not None:
             assert all(a <= x <= b for a, x, b in zip(*map(astuple, (held.low, found.hand, held.high)), strict=True))

@@ -178,8 +178,8 @@ def test_the_ratio_jumps_only_where_the_force_does(parts, hands, jumps):
 def room_in_a_firm_hand(problem: Problem) -> float:
     """Return |F|^2 (Re Z_c - R) of some gains at a third of Nyquist."""
     device, hand = problem.device, replace(problem.hands.high, stiffness=500.0)
-    coupling = SpringDamper(0.1, 50.0) if device.renders_force else Coupling(100.0, 0.2, 1.0)
-    gains = Gains(0.0, 0.0) if device.renders_force else Gains(100.0, 2000.0)
+    coupling = SpringDamper(0.1, 50.0) if device.kind.inverse else Coupling(100.0, 0.2, 1.0)
+    gains = Gains(0.0, 0.0) if device.kind.inverse else Gains(100.0, 2000.0)
     plant = plant_in_hand(device, hand, delays_of(device), FLOATS)
     return float(hand_margin(plant, Design(device, gains, coupling), pi / 3, 1.0, FLOATS))
 

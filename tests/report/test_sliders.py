@@ -135,7 +135,7 @@ def test_the_hands_are_corners_of_the_box_and_the_worst_of_the_shipped_design(tr
         theta = 2 * np.pi * hz * problem.device.sample_time
         there = loop_in_hand(plant, theta, FLOATS)
         asked = required_in_hand(there, design(point)[0])
-        scale = np.sin(theta / 2) ** 2 if problem.device.renders_force else 1.0
+        scale = np.sin(theta / 2) ** 2 if problem.device.kind.inverse else 1.0
         in_corners = scale * np.max(asked.lost / asked.size, axis=0)
         assert (required >= in_corners - 1e-6 * np.abs(in_corners)).all()
 
@@ -162,7 +162,7 @@ def test_any_passive_hand_of_an_impedance_display_asks_for_what_the_proof_asks(t
 
 def test_what_is_felt_of_an_impedance_display_is_the_figures(tried):
     problem, points, found = tried
-    if not problem.device.renders_force:
+    if not problem.device.kind.inverse:
         return
     for point, seen in zip(points, found, strict=True):
         for line, environment in zip(seen["lines"]["impedance"], (0j, None), strict=True):

@@ -251,9 +251,9 @@ def error_terms(problem: Problem, gains: Gains, coupling: AnyCoupling, omega: Fl
     omega : rad/s, > 0
     """
     device, Z_0 = problem.device, problem.transparency.reference_impedance
-    at, renders_force = device_response(device, omega, FLOATS), device.renders_force
-    of_loop = loop_terms(loop_response(at, gains, FLOATS), at, renders_force=renders_force)
-    return squared_terms(of_loop, coupling_response(coupling, device, omega), Z_0, renders_force=renders_force)
+    at, kind = device_response(device, omega, FLOATS), device.kind
+    of_loop = loop_terms(loop_response(at, gains, FLOATS), at, kind)
+    return squared_terms(of_loop, coupling_response(coupling, device, omega), kind.reference(Z_0))
 
 
 def coupling_response(coupling: AnyCoupling, device: Device, omega: Floats) -> Pair:

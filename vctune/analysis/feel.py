@@ -187,7 +187,7 @@ def _tracking_bandwidth(device: Device, gains: Gains) -> float:
 def _tracking(device: Device, gains: Gains, omega: Floats) -> Floats:
     """Return |G_he|, or of an impedance display |A H/N|."""
     loop = response(device, gains, omega)
-    if device.renders_force:
+    if device.kind.inverse:
         at = device_response(device, omega, FLOATS)
         N = 1.0 if loop.numerator is None else _complex(loop.numerator)
         return np.abs((at.drive.re - 1j * omega * at.drive.lag) / N)

@@ -14,6 +14,7 @@ from typing import Literal
 from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import InputError
+from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR, ROTARY
 from vctune.proof.claims.registry import CLAIMS, Claim
 
@@ -113,9 +114,8 @@ def entries() -> tuple[Entry, ...]:
 
 
 def _claim(claim: Claim) -> Entry:
-    said = f"The certificate's claim “{claim.said_of('admittance')}”."
-    if claim.said_of("impedance") != claim.said_of("admittance"):
-        said = f"{said} For an impedance display: “{claim.said_of('impedance')}”."
+    said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
+    said = f"The certificate's claim {said}."
     proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
     return Entry("claim", (claim.id, claim.label), "\n\n".join([said, claim.explain, proof]), CLAIMS_GUIDE)
 

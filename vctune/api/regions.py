@@ -23,7 +23,6 @@ from vctune.document.text.errors import InputError, Mistake
 from vctune.document.text.output_files import previous, write_together
 from vctune.markup import html_facts
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Problem
 from vctune.running import seconds_left
 from vctune.running import time_limit as limited
@@ -152,7 +151,8 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
     problem : Problem
     x, y : dotted keys; None for the usual one
     """
-    usual = SPRING_KEYS[2:] if problem.device.renders_force else KEYS[:2]
+    kind = problem.device.kind
+    usual = kind.keys[2:] if kind.absent else kind.keys[:2]
     return x or usual[0], y or usual[1]
 
 

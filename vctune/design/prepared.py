@@ -179,7 +179,7 @@ def acting_terms(problem: Problem) -> tuple[TermName, ...]:
     the coupling does.
     """
     objective, device, fixed = problem.transparency, problem.device, set[str]()
-    if device.renders_force and objective.norm == "rms" and objective.weights.coupling > 0:
+    if device.kind.inverse and objective.norm == "rms" and objective.weights.coupling > 0:
         alike = problem.bounds.velocity.fixed
         fixed = {"tracking", "admittance"} if alike else {"tracking"} if device.structure is None else set()
     return tuple(term for term in TERMS if getattr(objective.weights, term) > 0 and term not in fixed)

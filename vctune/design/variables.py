@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass, fields, replace
 from math import exp, expm1, inf, log, log1p
 
-from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.arithmetic import Number
-from vctune.model.numbers.keys import keys_of
 from vctune.model.problem import Problem, Range
-
-NAMES = ("velocity", "position", "damping", "mass", "drag")
-SPRING_NAMES = ("velocity", "position", "damping", "stiffness")
-"""The numbers of a design, of an admittance display and of an impedance display."""
 
 Point = tuple[float, ...]
 """K_v, K_p, b_c, m_c, b_0; of an impedance display K_v, K_p, which is 0, b_c, k_c."""
 
 
-def names_of(device: Device) -> tuple[str, ...]:
-    """Return the names of the numbers of a device's designs."""
-    return SPRING_NAMES if device.renders_force else NAMES
-
-
 def keys_for(problem: Problem) -> tuple[str, ...]:
     """Return the keys of the numbers of a problem's designs, in order."""
-    return keys_of(len(names_of(problem.device)))
+    return problem.device.kind.keys
 
 
 def point(gains: Gains, coupling: AnyCoupling) -> Point:
@@ -47,12 +36,12 @@ def design_of(values: Point) -> tuple[Gains, AnyCoupling]:
 
 def coupling_from(values: Sequence[Number]) -> AnyCoupling:
     """Return a coupling from its numbers: b_c, m_c and b_0, or b_c and k_c."""
-    return Coupling(*values) if len(values) == len(NAMES) - 2 else SpringDamper(*values)
+    return Coupling(*values) if len(values) == len(fields(Coupling)) else SpringDamper(*values)
 
 
 def ranges(problem: Problem) -> tuple[Range, ...]:
     """Return the ranges of a design's numbers in order."""
-    return tuple(getattr(problem.bounds, name) for name in names_of(problem.device))
+    return tuple(getattr(problem.bounds, name) for name in problem.device.kind.names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +90,7 @@ def coordinates(problem: Problem, *, integrator: bool) -> tuple[Coordinate, ...]
     scales |= {"position": 1e-2 * problem.transparency.band.min, "drag": 1e-3}
     scales["position"] *= device.damping + problem.bounds.velocity.max
     found = []
-    for index, (name, bounds) in enumerate(zip(names_of(device), ranges(problem), strict=True)):
+    for index, (name, bounds) in enumerate(zip(device.kind.names, ranges(problem), strict=True)):
         if bounds.fixed or (name == "position" and not integrator):
             continue
         scale = min(scales[name], bounds.max) if bounds.min == 0 else 0.0

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import astuple
 
 from vctune.document.text.toml_writing import quoted
-from vctune.model.device import Display
+from vctune.model.display import DisplayName
 from vctune.model.gains import AnyCoupling, Gains, SpringDamper
 from vctune.model.numbers.keys import keys_of, labelled
 from vctune.model.numbers.units import UNITS, UnitSystem
@@ -74,7 +74,7 @@ def gains_text(gains: Gains, coupling: AnyCoupling, origin: dict[str, str], unit
     origin : keys and texts of the [design] table, beside the display and the units
     units : of the device
     """
-    display: Display = "impedance" if isinstance(coupling, SpringDamper) else "admittance"
+    display: DisplayName = "impedance" if isinstance(coupling, SpringDamper) else "admittance"
     stated = {**origin, "display": display, "units": units}
     written = [
         [

@@ -16,7 +16,7 @@ from vctune.document.schema.problem_schema import GainsDocument, ProblemDocument
 from vctune.document.schema.validation import Contradiction, Fault, examined, refusal, validated
 from vctune.document.text import toml
 from vctune.document.text.digest import problem_digest
-from vctune.model.device import Display
+from vctune.model.display import DisplayName
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import Units, UnitSystem
 from vctune.model.problem import Problem, Transparency
@@ -174,7 +174,7 @@ class GainsFile:
     solved: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def display(self) -> Display:
+    def display(self) -> DisplayName:
         """The display that has such a coupling."""
         return "impedance" if isinstance(self.coupling, SpringDamper) else "admittance"
 

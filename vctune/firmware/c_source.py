@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from dataclasses import asdict, astuple
 from typing import Any
 
-from vctune.document.schema.statement import stated_keys
 from vctune.firmware.c_text import code, comment, literal, operations
 from vctune.firmware.firmware import Firmware, certified
 from vctune.model.numbers.keys import QUANTITIES, SYMBOLS
@@ -102,7 +101,7 @@ def assumptions(made: Firmware) -> list[str]:
     box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
     own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
     built = f"a linear device of {own} with {known or 'ideal parts'}{box}"
-    sampled = "" if made.parts.renders_force else f"; the {units.force_name} is sampled just before"
+    sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
     return [
         f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
         f"sample and is held{sampled}; environments are passive as they run. Of static "
@@ -119,8 +118,8 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
     double = made.precision == "double"
     top = "\n".join(f" * {line}".rstrip() for text in statement(made) for line in comment(text) or [""])
     T, numbers = made.device.sample_time, (*astuple(made.coupling), *astuple(made.gains))
-    keys = [key for key in stated_keys(made.device) if key.startswith("coupling")]
-    keys += [key for key in stated_keys(made.device) if key.startswith("gains")]
+    keys = [key for key in made.device.kind.stated if key.startswith("coupling")]
+    keys += [key for key in made.device.kind.stated if key.startswith("gains")]
     stated = [
         (SYMBOLS[key], number, made.units.of(QUANTITIES[key])) for key, number in zip(keys, numbers, strict=False)
     ]
@@ -148,7 +147,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         "design_sha256": made.design_sha256,
         "proved": certified(made),
         "integrator": made.gains.position > 0,
-        "force": not made.parts.renders_force,
+        "force": not made.parts.spring,
         "units": made.units,
         "system": SYSTEM[made.device.units],
         "limited": limiting(made),
@@ -209,7 +208,7 @@ def state_names(made: Firmware) -> list[str]:
 
 def limiting(made: Firmware) -> tuple[str, ...]:
     """Return the coefficients of a limited force that a firmware has."""
-    return LIMITING[:1] if made.parts.renders_force else LIMITING
+    return LIMITING[:1] if made.parts.spring else LIMITING
 
 
 def used(blocks: dict[str, list[Equation]]) -> set[str]:

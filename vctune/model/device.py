@@ -9,13 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from vctune.model.display import DISPLAYS, Display, DisplayName
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
-Display = Literal["admittance", "impedance"]
-"""What a device makes of what: a velocity of the sensed force, or a force of the measured motion."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +135,7 @@ class Device:
     operator : what is always at the handle; None if nothing need be
     velocity, actuator, force_sensor, structure : what an ideal device has not; None each
     unmodelled : which of the responses that are as good as its own; None for its own
-    display : what it makes of what
+    display : name of its kind (`vctune.model.display`)
     units : whether its handle moves along a line or about an axis (`vctune.model.numbers.units`): mass is then inertia
     """
 
@@ -151,13 +150,13 @@ class Device:
     force_sensor: ForceSensor | None = None
     structure: Structure | None = None
     unmodelled: Unmodelled | None = None
-    display: Display = "admittance"
+    display: DisplayName = "admittance"
     units: UnitSystem = "linear"
 
     @property
-    def renders_force(self) -> bool:
-        """Whether it is an impedance display: motion in, force out."""
-        return self.display == "impedance"
+    def kind(self) -> Display:
+        """What it makes of what."""
+        return DISPLAYS[self.display]
 
     @property
     def coupling_may_drive(self) -> bool:
@@ -166,7 +165,7 @@ class Device:
         Where R is negative too, R and no multiple of it is what stability asks for.
         """
         known = self.velocity
-        return self.renders_force and known is not None and known.filter_hz is not None and known.filter_order > 1
+        return self.kind.inverse and known is not None and known.filter_hz is not None and known.filter_order > 1
 
     @property
     def bare(self) -> Device:

@@ -8,7 +8,7 @@ from typing import Literal
 
 from vctune.model.device import Device
 from vctune.model.experiment import Experiment
-from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.units import UNITS, Units
@@ -140,12 +140,12 @@ class Problem:
     @property
     def passive(self) -> bool:
         """Whether any passive hand is to be met on an admittance display, on the band."""
-        return self.stability.criterion != "hands" and not self.device.renders_force
+        return self.stability.criterion != "hands" and self.device.kind.banded
 
     @property
     def any_hand(self) -> bool:
         """Whether any passive hand is to be met on an impedance display, at every frequency."""
-        return self.stability.criterion != "hands" and self.device.renders_force
+        return self.stability.criterion != "hands" and not self.device.kind.banded
 
     @property
     def hands_met(self) -> Hands | None:
@@ -163,11 +163,9 @@ class Problem:
     @property
     def fixed_design(self) -> tuple[Gains, AnyCoupling]:
         """The gains and the coupling of a problem that fixes all of them."""
-        low = self.bounds
-        gains = Gains(low.velocity.min, low.position.min)
-        if self.device.renders_force:
-            return gains, SpringDamper(low.damping.min, low.stiffness.min)
-        return gains, Coupling(low.damping.min, low.mass.min, low.drag.min)
+        kind = self.device.kind
+        fixed = [getattr(self.bounds, name).min for name in kind.names]
+        return Gains(*fixed[:2]), kind.coupling(*fixed[2:])
 
     def in_units(self, impedance: float, time: float) -> Problem:
         """Return the same problem without experiments, with impedances in `impedance` [N s/m], times in `time` [s].

@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.display import Display
 from vctune.model.loop.affine import Affine, LoopConstants
 from vctune.model.loop.device_response import DeviceResponse
 from vctune.model.loop.impedances import G_hh_abs2, LoopResponse, tracking_abs2
@@ -44,16 +45,16 @@ class LoopTerms(NamedTuple):
     tracking: Number
 
 
-def loop_terms(loop: LoopResponse, at: DeviceResponse, *, renders_force: bool) -> LoopTerms:
+def loop_terms(loop: LoopResponse, at: DeviceResponse, kind: Display) -> LoopTerms:
     """Return the squares of the terms of a loop.
 
     Parameters
     ----------
     loop : at some frequencies
     at : its device there
-    renders_force : whether the device is an impedance display
+    kind : of the device
     """
-    if not renders_force:
+    if not kind.inverse:
         return LoopTerms(G_hh_abs2(loop), tracking_abs2(loop))
     N = loop.numerator or Pair(1, 0)
     missed = Pair(N.re - at.drive.re, N.im + at.omega * at.drive.lag)
@@ -67,15 +68,15 @@ class Quotient(NamedTuple):
     below: Affine
 
 
-def quotient_terms(at: LoopConstants, *, renders_force: bool) -> tuple[Quotient, Quotient]:
+def quotient_terms(at: LoopConstants, kind: Display) -> tuple[Quotient, Quotient]:
     """Return the two terms of `loop_terms` before they are squared, but for a factor of modulus 1.
 
     Parameters
     ----------
     at : the loop's constants at some frequencies
-    renders_force : whether the device is an impedance display, which has no K_p
+    kind : of the device; an impedance display has no K_p
     """
-    if not renders_force:
+    if not kind.inverse:
         return Quotient(at.numerator, at.D), Quotient(at.miss, at.D)
     N, D, drive = (Affine(each.constant, each.velocity, None) for each in (at.numerator, at.D, at.controller))
     assert N.constant is not None and drive.velocity is not None
@@ -83,19 +84,16 @@ def quotient_terms(at: LoopConstants, *, renders_force: bool) -> tuple[Quotient,
     return Quotient(D, N), Quotient(missed, N)
 
 
-def squared_terms(of_loop: LoopTerms, coupling: Pair, Z_0: float, *, renders_force: bool) -> Terms:
+def squared_terms(of_loop: LoopTerms, coupling: Pair, reference: float) -> Terms:
     """Return the squares of the three dimensionless terms at a frequency.
 
     Parameters
     ----------
     of_loop : at some frequencies
-    coupling : Z_c there, N s/m, or of an impedance display 1/Z_c
-    Z_0 : the reference impedance, N s/m
-    renders_force : whether the device is an impedance display
+    coupling : Z_c there, N s/m, or 1/Z_c of an impedance display
+    reference : what it is compared with, `Display.reference`
     """
-    square = Z_0**2
-    if renders_force:
-        return Terms(of_loop.admittance / square, of_loop.tracking, coupling.abs2() * square)
+    square = reference**2
     return Terms(of_loop.admittance * square, of_loop.tracking, coupling.abs2() / square)
 
 

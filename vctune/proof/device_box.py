@@ -126,7 +126,7 @@ def moved_as_one(box: DeviceBox) -> tuple[str, ...]:
 
     A rigid impedance display measures motion alone, and what moves is its own mass and the hand's, or damping, as one.
     """
-    if not box.nominal.renders_force or box.nominal.structure is not None:
+    if box.nominal.kind.senses_force or box.nominal.structure is not None:
         return ()
     return tuple(key for key in ADDED if key in box.uncertain)
 

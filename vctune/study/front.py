@@ -35,7 +35,7 @@ def terms_study(document: dict[str, Any], problem: Problem) -> Study:
     ----------
     document, problem : the problem file, parsed and resolved
     """
-    if problem.device.renders_force:  # K_v costs free motion and stiffens the coupling, which no weight moves else
+    if problem.device.kind.inverse:  # K_v costs free motion and stiffens the coupling, which no weight moves else
         velocity = _list("gains.velocity", _values(problem.bounds.velocity))
         return Study("terms", document, (velocity,), problem.transparency)
     weight = problem.transparency.weights.coupling or 1.0

@@ -110,7 +110,7 @@ def plane_errors(problem: Problem, x: str, y: str) -> list[Mistake]:
     ]
     found += [
         Mistake("no-plane", key, "is free but not an axis; fix it, or name it as x or y")
-        for key in (bounds if problem.device.renders_force else KEYS[:2])
+        for key in (bounds if problem.device.kind.inverse else KEYS[:2])
         if key not in (x, y) and not bounds[key].fixed
     ]
     return found

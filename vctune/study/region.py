@@ -325,5 +325,5 @@ def _asked_in_hands(at: LoopsInHands, device: Device, factor: float, gains: Gain
         hand = worst[np.arange(len(which)), which].astype(np.intp)
         return np.stack((at.theta[which], *(number[hand] for number in astuple(at.hands))))
 
-    met = at.theta if device.renders_force else np.tan(at.theta / 2) * (2 / device.sample_time)
+    met = at.theta if device.kind.inverse else np.tan(at.theta / 2) * (2 / device.sample_time)
     return _Asked(met, needed, place)

@@ -19,7 +19,7 @@ from vctune.document.records.rows_json import DESIGN, NUMBERS
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study
 from vctune.markup import html_table
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
@@ -132,8 +132,8 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
 
 def _columns(study: Study) -> list[str]:
     """Return the numbers that the designs of a study's display have."""
-    renders_force = study.document["device"].get("display") == "impedance"
-    absent = {DESIGN[key] for key in set(DESIGN) - set(SPRING_KEYS[:1] + SPRING_KEYS[2:] if renders_force else KEYS)}
+    kind = DISPLAYS[study.document["device"].get("display") or "admittance"]
+    absent = {DESIGN[key] for key in set(DESIGN) - set(kind.stated)}
     return [name for name in NUMBERS if name not in absent]
 
 

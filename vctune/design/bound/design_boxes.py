@@ -98,7 +98,7 @@ def axes_of(problem: Problem) -> tuple[Axis, Axis, Axis, Axis]:
 def _time_constants(problem: Problem) -> Axis:
     bounds = problem.bounds
     above, below = bounds.mass, bounds.damping
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         above, below = bounds.damping, bounds.stiffness
     low, high = above.min / below.max, above.max / below.min
     return Axis(low, high, SLACK * problem.device.sample_time if low == 0 < high else 0.0)

@@ -89,7 +89,7 @@ def _conditions(
     """Return the demand from what is lost and its size, of each device."""
     lost, size = (joined([coefficients[k] for coefficients in each]) for k in (0, 1))
     offer: Offer
-    if devices[0].renders_force:
+    if devices[0].kind.inverse:
         offer = spring_offer(devices, angles)
     else:
         pairs = zip(devices, angles, strict=True)

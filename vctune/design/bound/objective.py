@@ -73,15 +73,15 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
     devices : the greatest of whose errors is the objective, known exactly
     intervals : into how many, or at how many frequencies, the transparency band is divided
     """
-    wanted, renders_force, omega = problem.transparency, problem.device.renders_force, None
-    weights, Z_0 = wanted.weights, wanted.reference_impedance
-    of_device = weights.admittance / Z_0 if renders_force else weights.admittance * Z_0
-    scales = [of_device**2, weights.tracking**2, *([(weights.coupling * Z_0) ** 2] if renders_force else [])]
+    wanted, kind, omega = problem.transparency, problem.device.kind, None
+    weights, unit = wanted.weights, kind.reference(wanted.reference_impedance)
+    scales = [(weights.admittance * unit) ** 2, weights.tracking**2]
+    scales += [(weights.coupling / unit) ** 2] if kind.inverse else []
     if wanted.norm == "peak":
         omega = np.tile(np.geomspace(wanted.band.min, wanted.band.max, intervals), len(devices))
         every = repeated(devices, intervals)
         terms = _loop_terms(loop_at(every, omega), every)
-        if renders_force:
+        if kind.inverse:
             terms.append(_compliance(every.converted(decimal), Enclosure(omega), ENCLOSURES))
     else:
         each = [_integrated(one, wanted.band, intervals, [scale > 0 for scale in scales]) for one in devices]
@@ -100,7 +100,7 @@ def objective_of(problem: Problem, devices: Sequence[Device], intervals: int) ->
 
 def _loop_terms(at: LoopConstants, device: Device) -> list[Term]:
     crossed = device.velocity is not None
-    return [error_term(term, crossed=crossed) for term in quotient_terms(at, renders_force=device.renders_force)]
+    return [error_term(term, crossed=crossed) for term in quotient_terms(at, device.kind)]
 
 
 def _compliance(device: Device, omega: Number, ops: Arithmetic) -> Term:
@@ -125,7 +125,7 @@ def _integrated(device: Device, band: Band, intervals: int, wanted: list[bool]) 
         return _loop_terms(loop_constants(device_response(exact, x.exp(), BALLS)), device)
 
     terms: list[Callable[[acb], Term]] = [lambda x: of_loop(x)[0], lambda x: of_loop(x)[1]]
-    if device.renders_force:
+    if device.kind.inverse:
         terms.append(lambda x: _compliance(exact, x.exp(), BALLS))
 
     def integral(integrand: Callable[[acb, bool], acb], k: int) -> arb:

@@ -231,7 +231,7 @@ def _common(problem: Problem, structure: NlpStructure, free: tuple[Coordinate, .
 
 def _at_frequencies(structure: NlpStructure, device: Device, omega: Floats) -> dict[str, Any]:
     found = device_numbers(device_response(device, omega, FLOATS))
-    if structure.renders_force:
+    if structure.kind.inverse:
         found |= _firmware_filter(device, omega)
     return {name: np.broadcast_to(found[name], omega.shape) for name in frequency_layout(structure)}
 
@@ -249,7 +249,7 @@ def _firmware_filter(device: Device, omega: Any) -> dict[str, Any]:
 
 def _in_hands(points: Sequence[ConstraintPoint]) -> dict[str, Any]:
     """Return the loop in hands by the names of `LOOP_IN_HAND` or `FORCE_IN_HAND`; dimensionless: theta = omega."""
-    found = [_force_in_hand(at) if at.device.renders_force else _loop_in_hand(at) for at in points]
+    found = [_force_in_hand(at) if at.device.kind.inverse else _loop_in_hand(at) for at in points]
     return {name: np.array([each[name] for each in found]).T for name in found[0]}
 
 

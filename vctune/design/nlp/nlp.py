@@ -164,10 +164,9 @@ def _at_one_frequency(structure: NlpStructure) -> _AtOneFrequency:
 
     gains, coupling = _design(structure, z, common)
     operator = common["operator_damping"] if structure.operator_damping else None
-    at, renders_force = device_of(structure, common | frequency, operator), structure.renders_force
+    at = device_of(structure, common | frequency, operator)
     loop, response = loop_response(at, gains, SYMBOLS), _coupling_response(coupling, frequency)
-    of_loop = loop_terms(loop, at, renders_force=renders_force)
-    squares = squared_terms(of_loop, response, 1.0, renders_force=renders_force)
+    squares = squared_terms(loop_terms(loop, at, structure.kind), response, 1.0)
     weights = dict(zip(TERMS, ca.vertsplit(common["weights"]), strict=True))
     error2 = sum((weights[term] ** 2 * getattr(squares, term) for term in structure.terms), start=ca.SX(0))
     offered = 2 * loop.resistance * response.re

@@ -14,7 +14,6 @@ import numpy as np
 
 from vctune.analysis.extrema import Floats
 from vctune.design.nlp.nlp_structure import DEMANDS, NlpStructure
-from vctune.design.variables import NAMES, SPRING_NAMES
 from vctune.model.loop.device_response import DeviceResponse, DriveResponse, Spring
 from vctune.model.loop.filters import FilterResponse
 from vctune.model.numbers.pair import Pair
@@ -49,7 +48,7 @@ def common_layout(structure: NlpStructure) -> Layout:
     The device's mass and damping, the variables' scales, their values where they are not free, the weights, and,
     where an operator eases the conditions, its damping and the safety factor.
     """
-    numbers = len(SPRING_NAMES if structure.renders_force else NAMES)
+    numbers = len(structure.kind.keys)
     layout = {"mass": 1, "damping": 1, "scales": numbers, "fixed": numbers, "weights": len(TERMS)}
     return layout | ({"operator_damping": 1, "safety_factor": 1} if structure.operator_damping else {})
 
@@ -59,7 +58,7 @@ def frequency_layout(structure: NlpStructure) -> Layout:
     layout = {"omega": 1, "drive_re": 1, "drive_lag": 1}
     layout |= {f"{part}_{field.name}": 1 for part in structure.parts for field in fields(PARTS[part])}
     layout |= {"mass": 1, "damping": 1} if structure.uncertain else {}
-    return layout | (FIRMWARE_FILTER if structure.renders_force else {})
+    return layout | (FIRMWARE_FILTER if structure.kind.inverse else {})
 
 
 def plant_layout(structure: NlpStructure) -> Layout:
@@ -152,7 +151,7 @@ class Table:
 def tables(structure: NlpStructure) -> dict[str, Table]:
     """Return the parts of an NLP's parameters by name, in their order."""
     frequency = frequency_layout(structure)
-    in_hand = FORCE_IN_HAND if structure.renders_force else LOOP_IN_HAND
+    in_hand = FORCE_IN_HAND if structure.kind.inverse else LOOP_IN_HAND
     kinds = (frequency, PULSE_TRANSFER, STABILITY_CUT, frequency, PERTURBED_LOOP, in_hand)
     demands = {
         name: Table(layout, count) for name, layout, count in zip(DEMANDS, kinds, structure.capacities, strict=True)

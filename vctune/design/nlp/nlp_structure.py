@@ -8,6 +8,7 @@ from vctune.design.prepared import Posed
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.variables import Coordinate
 from vctune.model.device import Device, VelocityEstimate
+from vctune.model.display import Display
 from vctune.model.loop.device_response import device_response
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.problem import Norm
@@ -27,7 +28,7 @@ class NlpStructure:
 
     Attributes
     ----------
-    renders_force : whether the device is an impedance display
+    kind : of the device
     free : (index among a design's numbers, whether it may be 0) for each variable
     integrator : whether the law has its K_p/s term
     terms : terms of the error with a positive weight
@@ -43,7 +44,7 @@ class NlpStructure:
     objective_devices : number of devices the greatest of whose errors is the objective, for "rms"
     """
 
-    renders_force: bool
+    kind: Display
     free: tuple[tuple[int, bool], ...]
     integrator: bool
     terms: tuple[TermName, ...]
@@ -96,7 +97,7 @@ def nlp_structure(
     if sensitivity > 0:  # where |S| can bind the stability boundary is near
         stability = max(stability, CAPACITY_STEPS[DEMANDS.index("stability")])
     return NlpStructure(
-        renders_force=problem.device.renders_force,
+        kind=problem.device.kind,
         free=tuple((coordinate.index, coordinate.scale > 0) for coordinate in free),
         integrator=integrator,
         terms=tuple(term for term in TERMS if getattr(weights, term) > 0),

@@ -138,7 +138,7 @@ def axes(posed: Posed, *, integral: bool) -> Axes:
     tau_c = np.array([shortest])
     if longest > shortest:
         tau_c = np.geomspace(shortest, longest, _count("time_constant", shortest, longest))
-    if device.renders_force and bounds.damping.min == 0 < longest:
+    if device.kind.inverse and bounds.damping.min == 0 < longest:
         tau_c = np.append(0.0, tau_c)  # a spring alone
     # below, K_v is hardly a loop and the drag no error: the next point is the least there may be, if not 0 itself
     K_v = _axis(bounds.velocity, COUNTS["velocity"], 1e-5 * loop_impedance)
@@ -278,7 +278,7 @@ def _required(samples: Samples, gains: Gains, bands: list[LoopResponse]) -> tupl
         for theta, needs in at_angles.values():
             half = theta / 2
             slope = np.where(np.cos(half) > 1e-12, np.sin(half) / np.maximum(np.cos(half), 1e-12), inf)
-            places.append((theta if samples.device.renders_force else 2 * slope, np.maximum.reduce(needs)))
+            places.append((theta if samples.device.kind.inverse else 2 * slope, np.maximum.reduce(needs)))
     omega, required = zip(*places, strict=True)
     return np.concatenate(omega), np.concatenate(required, axis=-1)
 
@@ -306,10 +306,8 @@ def _error(problem: Problem, samples: Samples, gains: Gains, damping: Floats, at
     averages, weights = samples.averages, problem.transparency.weights
     counted = samples.everywhere[: samples.objective]
     loops = [there.nodes.response(spread(gains)) for there in counted]
-    terms = [
-        loop_terms(loop, there.nodes.device, renders_force=problem.device.renders_force)
-        for loop, there in zip(loops, counted, strict=True)
-    ]
+    kind = problem.device.kind
+    terms = [loop_terms(loop, there.nodes.device, kind) for loop, there in zip(loops, counted, strict=True)]
     error2 = [weights.admittance**2 * each.admittance + weights.tracking**2 * each.tracking for each in terms]
     u, v = unit_response(problem.device, samples.nodes.omega, at.time_constant[..., None])
     weight = weights.coupling**2

@@ -32,7 +32,7 @@ def unit_response(device: Device, omega: Floats, time_constant: Floats) -> tuple
     omega : rad/s, > 0
     time_constant : s, an array that broadcasts against omega
     """
-    if device.renders_force:
+    if device.kind.inverse:
         theta = omega * device.sample_time
         low_pass = firmware_filter(device, theta, FLOATS)
         unit = spring_damper_admittance(SpringDamper(time_constant, 1.0), device.sample_time, low_pass, theta, FLOATS)
@@ -50,7 +50,7 @@ def scale_per_resistance(device: Device, place: Floats, time_constant: Floats) -
     place : omega, rad/s, or of an impedance display theta, rad
     time_constant : s, an array that broadcasts against the places
     """
-    if device.renders_force:
+    if device.kind.inverse:
         low_pass = firmware_filter(device, place, FLOATS)
         unit = SpringDamper(time_constant, 1.0)
         there = np.asarray(offered_by_spring(unit, device.sample_time, low_pass, place, FLOATS).quotient)
@@ -74,7 +74,7 @@ def scale_limits(problem: Problem, time_constant: Floats) -> tuple[Floats, Float
         the greatest there is no such coupling.
     """
     bounds, tau = problem.bounds, time_constant
-    if not problem.device.renders_force:
+    if not problem.device.kind.inverse:
         return np.maximum(bounds.damping.min, bounds.mass.min / tau), np.minimum(
             bounds.damping.max, bounds.mass.max / tau
         )
@@ -96,7 +96,7 @@ def time_constants(problem: Problem, low: float, high: float) -> tuple[float, fl
     low, high : the band, rad/s
     """
     bounds = problem.bounds
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         above, below = bounds.damping, bounds.stiffness
         shortest = max(above.min / below.max, SLACK)
     else:
@@ -123,7 +123,7 @@ def coupling_of(problem: Problem, scale: float, time_constant: float, drag: floa
         range_ = getattr(bounds, name)
         return float(np.clip(value, range_.min, range_.max))
 
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         return SpringDamper(clipped("damping", time_constant / scale), clipped("stiffness", 1 / scale))
     return Coupling(clipped("damping", scale), clipped("mass", scale * time_constant), float(drag))
 

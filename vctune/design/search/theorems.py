@@ -23,7 +23,7 @@ LEAST_POSITION = 5e-324
 
 def impossible(problem: Problem) -> Infeasibility | None:
     """Return the theorem that excludes every design of the problem, or None."""
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         return _without_damping(problem) or _nothing_returns(problem)
     found = _of_passive_hands(problem) if problem.passive else None
     if found is None and problem.hands_met is not None:

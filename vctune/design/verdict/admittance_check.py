@@ -125,7 +125,7 @@ def _of_axis(checked: Checked, problem: ProblemFile, path: Path, axis: Admittanc
 def _device(problem: ProblemFile, given: AdmittanceFile) -> dict[str, Any]:
     """Return the problem's tables with the file's filter as force sensor and the criterion of hands."""
     bounds, sensor = problem.problem.bounds, problem.problem.device.force_sensor
-    if problem.problem.device.renders_force:
+    if not problem.problem.device.kind.senses_force:
         message = '"impedance", and an admittance_controller makes an admittance display; name a problem of one'
         raise InputError.of(problem.source, "other-kind", message, key="device.display")
     if not (bounds.velocity.fixed and bounds.position.fixed):

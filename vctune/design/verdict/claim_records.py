@@ -42,7 +42,7 @@ def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outc
         also |= GROWING[claim](problem, judgement, outcome)
     return ClaimRecord(
         id=claim,
-        claim=CLAIMS[claim].said_of(problem.device.display),
+        claim=CLAIMS[claim].said_of(problem.device.kind),
         verdict=outcome.verdict.value,
         witness_hz=finite_hertz(outcome.witness),
         **also,

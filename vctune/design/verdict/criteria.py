@@ -33,9 +33,9 @@ def with_alternatives(file: ProblemFile, solved: Solved) -> Solved:
     problem = file.problem
     if problem.stability.criterion != "both" or problem.bounds.fixed or solved.status is not Status.CERTIFIED:
         return solved
-    if problem.device.renders_force and of_one_device(problem) is None:
+    if not problem.device.kind.banded and of_one_device(problem) is None:
         return solved  # a box of devices in a box of hands may take minutes
-    others: tuple[Criterion, ...] = ("hands",) if problem.device.renders_force else ("hands", "passive")
+    others: tuple[Criterion, ...] = ("hands", "passive") if problem.device.kind.banded else ("hands",)
     tables, found = file.document, list[Alternative]()
     try:
         for criterion in others:
@@ -54,7 +54,7 @@ def _under(criterion: Criterion, tables: dict[str, Any], problem: Problem) -> Pr
 
 
 def _alternative(criterion: Criterion, problem: Problem) -> Alternative | None:
-    one = of_one_device(problem) if problem.device.renders_force else problem
+    one = problem if problem.device.kind.banded else of_one_device(problem)
     alone = None if one is None else one.fixed_design if one.bounds.fixed else estimated(one)
     if alone is None:
         return None

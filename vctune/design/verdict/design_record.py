@@ -53,6 +53,7 @@ from vctune.document.records.gains_json import (
 from vctune.document.records.price_json import PriceRecord
 from vctune.document.schema.plausibility import doubts
 from vctune.document.text.codes import Note
+from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
@@ -191,13 +192,13 @@ def warnings(problem: Problem, judgement: Judgement, cures: Sequence[Repair] | N
     """
     found = []
     for key, side in _touched(problem, point(judgement.gains, judgement.coupling)):
-        of_spring = key == "coupling.damping" and problem.device.renders_force and problem.bounds.damping.min == 0
+        of_spring = key == "coupling.damping" and problem.device.kind.inverse and problem.bounds.damping.min == 0
         if not ((key in ("gains.position", "coupling.drag") or of_spring) and side == "lower"):
             said = f"{key} is on its {side} bound; the bound, not the device, limits the design there"
             found.append(Note("warn-bound", said))
     band, demand = problem.stability.band, problem.stability.safety_factor
     # an impedance display's demands have no band; what meets every hand at every frequency needs no wider one
-    edged = problem.hands_met is None and not problem.device.renders_force
+    edged = problem.hands_met is None and problem.device.kind.banded
     if edged and demand <= judgement.min_ratio < demand * 1.001:
         for side, edge in (("lower", band.min), ("upper", band.max)):
             if judgement.worst == edge and 0 < edge < problem.nyquist:
@@ -266,7 +267,7 @@ def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> d
 
 def _display(problem: Problem) -> dict[str, Any]:
     """Return what a record says of the display: nothing of an admittance display."""
-    return {"display": problem.device.display} if problem.device.renders_force else {}
+    return {"display": problem.device.display} if problem.device.kind is not ADMITTANCE else {}
 
 
 def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:

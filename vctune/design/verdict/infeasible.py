@@ -127,12 +127,12 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
     factor, narrower = problem.stability.safety_factor, "stability.band_hz"
     if not problem.passive:
         narrower = "the hands of [operator]"
-    if problem.device.renders_force and ratio < NEXT_TO_NOTHING:
+    if problem.device.kind.inverse and ratio < NEXT_TO_NOTHING:
         return (
             f"no coupling is soft enough {place}: K_v alone makes a loop unstable there, or b_c drives",
             "allow a lower gains.velocity or coupling.damping, or raise device.velocity.filter_hz",
         )
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         return (
             f"Re 1/Z_c is {ratio:.4g} of the required R {place}, short of the safety factor {factor:.4g} "
             f"by a factor of {factor / ratio:.4g}",

@@ -112,7 +112,7 @@ class Judgement:
     @property
     def ratio_name(self) -> str:
         """What is called the least ratio: of the impedances, or of an impedance display of the admittances."""
-        return "least Re 1/Z_c / R" if self.tightest.renders_force else "least Re Z_c / R"
+        return f"least {self.tightest.kind.ratio}"
 
     @property
     def facts(self) -> dict[str, float | str | None]:
@@ -138,9 +138,9 @@ class Judgement:
     @property
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
-        units, display = UNITS[self.tightest.units], self.tightest.display
+        units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
-            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(display)}{CUT * found.cut}"
+            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
             for claim, found in self.certificate.outcomes.items()
             if found.verdict is not Verdict.PROVED
         ]

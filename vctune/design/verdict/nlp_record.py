@@ -36,7 +36,7 @@ def active(solved: Solved) -> list[ActiveRecord]:
         return []
     posed, multipliers = solved.polished.working_set, [float(m) for m in _priced(solved.polished)]
     rate = 1 / (2 * pi * solved.problem.device.sample_time)
-    coupled = "Re 1/Z_c" if solved.problem.device.renders_force else "Re Z_c"
+    coupled = f"Re {solved.problem.device.kind.couples}"
     where: list[tuple[str, ConstraintPoint | None]] = [("Re Z_c >= safety_factor R", at) for at in posed.ratio]
     where += [("|S| <= max_sensitivity", at) for at in posed.sensitivity]
     where += [("stability of the sampled loop", None) for _ in posed.stability]
@@ -87,7 +87,7 @@ def left_out(solved: Solved) -> list[Note]:
     problem = solved.problem
     found = []
     for key, bounds in zip(keys_for(problem), ranges(problem), strict=True):
-        if bounds.fixed and not (key == "gains.position" and problem.device.renders_force):
+        if bounds.fixed and key not in problem.device.kind.absent:
             found.append(Note("left-out-fixed", f"{key}: fixed at {bounds.min:g}"))
     for term in TERMS:
         if getattr(problem.transparency.weights, term) == 0:

@@ -9,7 +9,6 @@ from math import inf, pi
 from typing import Any
 
 from vctune.document.schema.device_contradictions import FASTEST
-from vctune.document.schema.statement import stated_keys
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.document.text.raw import number_at, placed
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS, SYMBOLS
@@ -274,7 +273,7 @@ def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
 def _of_gains(document: dict[str, Any], problem: Problem) -> Iterator[ParameterChange]:
     """Yield other values of what the file fixes and wider bounds of what it bounds; default bounds are wide enough."""
     natural = _natural_sizes(problem)
-    for key in stated_keys(problem.device):
+    for key in problem.device.kind.stated:
         table, name = key.split(".")
         path, bounds, symbol = (table, name), getattr(problem.bounds, name), SYMBOLS[key]
         downwards = key not in ONLY_UPWARDS

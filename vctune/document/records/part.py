@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
-from vctune.model.device import Display
+from vctune.model.display import DisplayName
 from vctune.model.hands import Hands
 from vctune.model.numbers.units import Units
 
@@ -132,7 +132,7 @@ def how_shown(part: type[Part]) -> dict[str, Shown]:
 class DisplayPart(Part):
     """Part of a record whose words depend on the display."""
 
-    display: Display = "admittance"
+    display: DisplayName = "admittance"
 
     @property
     def coupled(self) -> str:

@@ -24,6 +24,7 @@ from vctune.document.schema.problem_schema import (
     UncertaintyTable,
 )
 from vctune.model.device import Actuator, Device, ForceSensor, Structure, VelocityEstimate
+from vctune.model.display import DISPLAYS
 from vctune.model.experiment import Baseline, Environment, Experiment, Friction, Operator, Sensors
 from vctune.model.hands import Hand, Hands, LeastOperator
 from vctune.model.loop.limits import lags
@@ -80,7 +81,7 @@ def _bounds(document: ProblemDocument, device: Device, lag: float, Z_0: float, m
     Z_0, middle : N s/m and rad/s, of the device's own transparency band unless they are stated
     """
     gains, coupling = document.gains, document.coupling
-    if device.renders_force:
+    if device.kind.inverse:
         return Bounds(
             velocity=_range(gains.velocity, 0.0, 0.0),
             damping=_range(coupling.damping, 0.0, 1e6 * Z_0),
@@ -140,14 +141,14 @@ def _stability(table: StabilityTable, device: Device, lag: float, slowest: float
         low, high = table.band_hz
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
     else:
-        band = Band(slowest, 2 * pi * (0.5 / device.sample_time if device.renders_force else 0.05 / lag))
+        band = Band(slowest, 2 * pi * (0.05 / lag if device.kind.banded else 0.5 / device.sample_time))
     return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
 
 
 def device_of(table: DeviceTable) -> Device:
     """Return the device of a table; a part that does nothing is none."""
     velocity, actuator, sensor, structure = table.velocity, table.actuator, table.force_sensor, table.structure
-    own: Literal["measured", "difference"] = "difference" if table.display == "impedance" else "measured"
+    own: Literal["measured", "difference"] = "difference" if DISPLAYS[table.display].differences else "measured"
     estimate = VelocityEstimate(own)
     if velocity is not None:
         estimate = VelocityEstimate(velocity.source or own, velocity.filter_hz, velocity.filter_order)

@@ -10,10 +10,10 @@ from vctune.document.reading import GainsFile, ProblemFile
 from vctune.document.records.gains_json import ProblemRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
-from vctune.model.device import Display
+from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UNITS, UnitSystem
 
-DISPLAYS: Mapping[Display, str] = MappingProxyType(
+DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
     {"admittance": "an admittance display", "impedance": "an impedance display"}
 )
 
@@ -59,14 +59,14 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
     """
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
-    display: Display = "impedance" if device.get("display") == "impedance" else "admittance"
+    display: DisplayName = "impedance" if device.get("display") == "impedance" else "admittance"
     differ = _differences(file, display, record.units, what)
     if differ:
         keys = {"display": "problem.text", "units": "problem.units"}
         raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])
 
 
-def _differences(file: ProblemFile, display: Display, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
+def _differences(file: ProblemFile, display: DisplayName, units: UnitSystem | None, what: str) -> list[tuple[str, str]]:
     """Return what differs, "display" or "units", each with what to say."""
     device, remedy = file.problem.device, f"name the problem of the {what}, or solve this one"
     verb = "are" if what == "gains" else "is"

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from vctune.document.schema.experiment_schema import ExperimentTable
 from vctune.document.schema.fields import Edge, NotNegative, Positive, Share, Table, Text
-from vctune.model.device import Display
+from vctune.model.display import DisplayName
 from vctune.model.numbers.units import UnitSystem
 
 
@@ -88,7 +88,7 @@ class StructureTable(Table):
 class DeviceTable(Table):
     """The mechanism: Z_d = mass s + damping."""
 
-    display: Display = Field(
+    display: DisplayName = Field(
         "admittance",
         description="What it makes of what: a velocity of the sensed force, or a force of the measured motion.",
     )
@@ -286,7 +286,9 @@ class OriginTable(Table):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Text] = Field(init=False)
 
-    display: Display | None = Field(None, description="Display that the gains are for. Default: told from [coupling].")
+    display: DisplayName | None = Field(
+        None, description="Display that the gains are for. Default: told from [coupling]."
+    )
     units: UnitSystem | None = Field(None, description="Units that the gains are in. Default: those of the problem.")
     sha256: Text | None = Field(
         None,

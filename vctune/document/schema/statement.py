@@ -8,9 +8,9 @@ from math import inf, pi
 from typing import Any
 
 from vctune.model.device import Device, ForceSensor, VelocityEstimate
+from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 from vctune.model.problem import Band, Bounds, Problem, Range
 
 
@@ -30,7 +30,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "description": problem.description,
         "device": device,
         **({"operator": operator} if operator else {}),
-        **_bounds(problem.bounds, stated_keys(problem.device)),
+        **_bounds(problem.bounds, problem.device.kind.stated),
         "transparency": {
             "band_hz": _hz(transparency.band),
             "reference_impedance": transparency.reference_impedance,
@@ -38,7 +38,7 @@ def statement(problem: Problem) -> dict[str, Any]:
             "weights": asdict(transparency.weights),
         },
         "stability": {
-            **({} if problem.device.renders_force else {"band_hz": _hz(stability.band)}),
+            **({"band_hz": _hz(stability.band)} if problem.device.kind.banded else {}),
             "safety_factor": stability.safety_factor,
             "max_sensitivity": stability.max_sensitivity,
             "criterion": stability.criterion,
@@ -72,16 +72,11 @@ def table_of(value: Any) -> dict[str, Any]:
         if "filter_hz" not in table:
             del table["filter_order"]  # of a low-pass that is not there
     elif isinstance(value, Device):
-        absent = {"display": not value.renders_force, "units": value.units == "linear"}
+        absent = {"display": value.kind is ADMITTANCE, "units": value.units == "linear"}
         table = {key: entry for key, entry in table.items() if not absent.get(key)}
     elif isinstance(value, ForceSensor) and "bandwidth_hz" not in table:
         del table["order"]
     return table
-
-
-def stated_keys(device: Device) -> tuple[str, ...]:
-    """Return the keys of the variables that a device's problem states: an impedance display has no K_p."""
-    return (SPRING_KEYS[0], *SPRING_KEYS[2:]) if device.renders_force else KEYS
 
 
 def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from hashlib import sha256
 from typing import Any
 
 from vctune.model.device import PARTS
+from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.problem import Problem
 
@@ -19,7 +20,7 @@ def problem_digest(problem: Problem) -> str:
     # what an ideal device has not is not in it: a digest of before there was anything else still holds
     absent = {key for key in (*PARTS, "unmodelled") if stated["device"][key] is None}
     stated["device"] = {key: value for key, value in stated["device"].items() if key not in absent}
-    if not problem.device.renders_force:
+    if problem.device.kind is ADMITTANCE:
         del stated["device"]["display"], stated["bounds"]["stiffness"]
     if problem.device.units == "linear":
         del stated["device"]["units"]

@@ -80,7 +80,7 @@ def loop_in_hand(plant: PlantInHand, theta: Number, ops: Arithmetic) -> AnyLoopI
     def states(older: Vector | None) -> dict[int, EvenOdd]:
         return numerators(equations(plant.rates, plant.step, plant.push, older, at.cos, at.square))
 
-    if plant.renders_force:
+    if plant.meets_position:
         found = states(plant.older)
         position = found[0] * at.late(plant.delays.loop, number)
         return _force_in_hand(plant, found[len(plant.push)], position, at.cos, at.square)

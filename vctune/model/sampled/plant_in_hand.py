@@ -103,7 +103,7 @@ class PlantInHand:
     sample_time, mass : T and m, of the units
     difference : whether the velocity is that of the position
     low_pass, order : a and r of the firmware's low-passes of the velocity; None without
-    renders_force : whether it is an impedance display, whose environment meets the position
+    meets_position : whether the environment meets the position, as an impedance display's does
     """
 
     rates: Matrix
@@ -119,12 +119,12 @@ class PlantInHand:
     difference: bool = False
     low_pass: Number | None = None
     order: int = 0
-    renders_force: bool = False
+    meets_position: bool = False
 
     @property
     def poles(self) -> int:
         """How many poles the loop's F has more than there are delays, by which it turns if none is unstable."""
-        return len(self.push) + (0 if self.renders_force else self.order)
+        return len(self.push) + (0 if self.meets_position else self.order)
 
 
 def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -> PlantInHand:
@@ -185,7 +185,7 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         difference=estimate is not None and estimate.source == "difference",
         low_pass=low_pass,
         order=order,
-        renders_force=device.renders_force,
+        meets_position=not device.kind.senses_force,
     )
 
 

@@ -69,7 +69,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     assert demands.hands is not None
     if box is not None and (parts := moved_as_one(box)):
         return _moved_as_one(design, demands, demands.hands, box, parts)
-    if not design.device.renders_force:
+    if design.device.kind.senses_force:
         if not design.gains.closed:
             return Outcome(Verdict.PROVED, 0)  # nothing is driven
         if design.gains.position == 0 and demands.hands.high.stiffness == 0:
@@ -79,7 +79,7 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     if stable.verdict is not Verdict.PROVED:
         return replace(stable, hand=middle)
     uncertain = box.modelled.uncertain if box is not None else ()
-    limp = not design.device.renders_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
+    limp = design.device.kind.senses_force and design.gains.position == 0 and demands.hands.low.stiffness == 0
     rows = (*HAND, SHARE) if limp else HAND
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:

@@ -133,7 +133,7 @@ def _holds_in_hands(demands: Demands, claims: Claims, cells: Cells) -> Flags:
     hands, proved = demands.hands, np.zeros(len(cells), bool)
     assert hands is not None
     # next to K_p = 0 F and P of an admittance display both vanish at theta = 0 in a hand without stiffness
-    regular = demands.device.renders_force or hands.low.stiffness > 0
+    regular = not demands.device.kind.senses_force or hands.low.stiffness > 0
     hopeful = np.flatnonzero((cells.low[1] > 0) | regular)
     points = cells.subset(hopeful).centres()
     left = hopeful[turns_in_hand(demands, points) == 0]

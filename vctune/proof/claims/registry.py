@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from vctune.model.device import Display
+from vctune.model.display import Display
 
 ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands"]
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
@@ -21,7 +21,7 @@ class Claim:
     Attributes
     ----------
     id : stands in design.json, and is public: once a file has been written with it, it stays
-    sentence : the statement; {coupled} in it is the resistance that the display's coupling must have
+    sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
     quantity : what it limits, by the name that the constraints of a search have (`in_hand`: the ratio in a hand)
     margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
     witness : what names the place where it fails
@@ -37,9 +37,9 @@ class Claim:
     label: str
     explain: str
 
-    def said_of(self, display: Display) -> str:
-        """Return the statement about a display of one kind."""
-        return self.sentence.format(coupled="Re 1/Z_c" if display == "impedance" else "Re Z_c")
+    def said_of(self, kind: Display) -> str:
+        """Return the statement about a kind of display."""
+        return self.sentence.format(couples=kind.couples)
 
 
 CLAIMS: dict[ClaimId, Claim] = {
@@ -123,7 +123,7 @@ CLAIMS: dict[ClaimId, Claim] = {
         Claim(
             id="hands",
             sentence=(
-                "stable in every hand with every passive environment, {coupled} >= safety_factor R up to Nyquist"
+                "stable in every hand with every passive environment, Re {couples} >= safety_factor R up to Nyquist"
             ),
             quantity="in_hand",
             margin="proof.claims.margins_of_claims.hand_margin",

@@ -38,7 +38,7 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """
     filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
     direct = device.actuator is None and device.structure is None and not filtered
-    return direct and not device.renders_force and hands.high.mass > 0
+    return direct and device.kind.senses_force and hands.high.mass > 0
 
 
 def beside_whole_sample(device: Device, hands: Hands) -> tuple[Device, ...]:

@@ -61,14 +61,13 @@ class Design:
 
 def figures(design: Design) -> dict[str, Figure]:
     """Return every figure that the design has, by name, in the order of the page."""
-    renders_force = design.problem.device.renders_force
     with rc_context(STYLE):
         drawn = {
             **({"llewellyn": _llewellyn(design)} if design.problem.passive else {}),
             **_in_hands(design),
             "impedance": _impedance(design),
             "transparency": _transparency(design),
-            **({"nyquist": _nyquist(design)} if design.gains.closed or not renders_force else {}),
+            **({"nyquist": _nyquist(design)} if design.gains.closed or design.problem.device.kind.banded else {}),
         }
         if design.record.optimality is not None:
             drawn["optimality"] = _optimality(design.record.optimality, design.problem)
@@ -170,7 +169,7 @@ def _nyquist(design: Design) -> Figure:
 def _transparency(design: Design) -> Figure:
     problem = design.problem
     cases = {"designed": (transparency(problem, design.gains, design.coupling), "-", 1.8)}
-    if not problem.device.renders_force:
+    if problem.device.kind.banded:
         cases |= {
             "no coupling": (transparency(problem, design.gains, Coupling(1e-18, 1e-18, 0.0)), "--", 1.2),
             "uncontrolled": (transparency(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)), ":", 1.2),
@@ -269,7 +268,7 @@ def _optimality(found: OptimalityRecord, problem: Problem) -> Figure:
 
 def _draw_boxes(axes: Axes, boxes: list[BoxRecord], problem: Problem) -> None:
     units = problem.units
-    row, label = (2, "b_c/k_c, s") if problem.device.renders_force else (1, labelled(KEYS[1], units))
+    row, label = (2, "b_c/k_c, s") if problem.device.kind.inverse else (1, labelled(KEYS[1], units))
     for box in boxes:
         (x, y), (x_end, y_end) = ((edge[0], edge[row]) for edge in (box.low, box.high))
         axes.add_patch(Rectangle((x, y), x_end - x, y_end - y, facecolor=ORANGE, alpha=0.4, edgecolor=ORANGE))

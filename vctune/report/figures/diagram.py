@@ -82,9 +82,9 @@ def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
 
 def _drive(axes: Axes, device: Device, gains: Gains) -> None:
     units = UNITS[device.units]
-    lines = [f"K_v {gains.velocity:.4g} {units.damping}"] if gains.velocity > 0 or not device.renders_force else []
+    lines = [f"K_v {gains.velocity:.4g} {units.damping}"] if gains.velocity > 0 or device.kind.senses_force else []
     lines += [f"K_p {gains.position:.6g} {units.stiffness}"] if gains.position > 0 else []
-    told, law = ("f_c", units.force_name) if device.renders_force else ("v_e", "velocity law")
+    told, law = ("f_c", units.force_name) if not device.kind.senses_force else ("v_e", "velocity law")
     _arrow(axes, (COUPLING + WIDTH / 2, TOP), (LAW - WIDTH / 2, TOP), label=told)
     _box(axes, LAW, TOP, law, lines, colour=BLUE)
     _arrow(axes, (LAW + WIDTH / 2, TOP), (RIGHT - WIDTH / 2, TOP))

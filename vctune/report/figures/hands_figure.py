@@ -159,16 +159,15 @@ def any_hand_figure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> Fi
 
 def _shown_as(device: Device, theta: Floats) -> Floats | float:
     """Return the factor by which what is offered and required is shown: that of an impedance display is over s^2."""
-    return np.sin(theta / 2) ** 2 if device.renders_force else 1.0
+    return np.sin(theta / 2) ** 2 if device.kind.inverse else 1.0
 
 
 def _name(device: Device) -> str:
-    return "Re 1/Z_c" if device.renders_force else "Re Z_c"
+    return f"Re {device.kind.couples}"
 
 
 def _unit(device: Device) -> str:
-    units = UNITS[device.units]
-    return units.mobility if device.renders_force else units.damping
+    return device.kind.coupling_unit(UNITS[device.units])
 
 
 def _positive(required: Floats) -> Floats:

@@ -55,7 +55,7 @@ def region_figure(problem: Problem, region: Region, designs: Sequence[Design]) -
         for kind, fill in FILLS.items():
             _fill(axes, plane, region.squares[:, region.kinds == kind], fill, LABELS[kind])
         _marked(axes, plane, designs, "*", PAPER, "optimum")
-        if set(plane.axes) == {0, 1} and not problem.device.renders_force:
+        if set(plane.axes) == {0, 1} and problem.device.kind.banded:
             _contours(axes, problem, region)
             if problem.passive:
                 _limit(axes, problem, plane)

@@ -65,7 +65,7 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     at = device_response(problem.device.modelled, omega, FLOATS)
     known = loop_constants(at)
     nodes_of = {"hz": _numbers(omega / (2 * pi)), "weight": _numbers(share)}
-    if problem.device.renders_force:
+    if problem.device.kind.inverse:
         return nodes_of | _force_model(problem.device, known, omega)
     turned = None if at.sensor is None else -omega * at.sensor.lag
     return {
@@ -147,7 +147,7 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     theta = np.geomspace(LOWEST, pi, IN_HAND)
     theta = np.unique(np.concatenate([[0.0], theta, [min(each * device.sample_time, pi) for each in worst]]))
     delays = delays_of(device)
-    if device.renders_force:
+    if device.kind.inverse:
         theta = theta[
             theta > 0
         ]  # where F of a hand without stiffness is 0; at the least angle the rest is at its limit

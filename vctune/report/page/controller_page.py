@@ -41,6 +41,6 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
         blocks=blocks,
         diagram=diagram,
         doubt=controller.get("not_proved", ""),
-        renders_force=device.renders_force,
+        senses_force=device.kind.senses_force,
         push=UNITS[device.units].force_name,
     )

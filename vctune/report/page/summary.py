@@ -106,7 +106,7 @@ def _little_use(record: DesignRecord, problem: Problem) -> bool:
 
 def _useless_from(problem: Problem) -> float:
     """Return the error from which on a design is of little use; of an impedance display none is by its error alone."""
-    if problem.device.renders_force:
+    if not problem.device.kind.banded:
         return inf
     return LITTLE_USE * _without_loop(problem)
 
@@ -170,7 +170,7 @@ def _marks(record: DesignRecord, problem: Problem) -> list[Mark]:
     if record.transparency is None or record.transparency.error is None:
         return []
     marks = [_mark("this design", record.transparency.error)]
-    if not problem.device.renders_force:
+    if problem.device.kind.banded:
         marks += [_mark("device without a loop", _without_loop(problem))]
     found = record.optimality
     if found is not None and found.lower_bound is not None and found.terms is None:

@@ -14,6 +14,7 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
 from vctune.model.device import Device
+from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
@@ -82,7 +83,9 @@ def _device(problem: Problem) -> list[Line]:
         )
     estimate = device.velocity
     known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
-    display = [Line("display", "impedance", "", f"motion in, {units.force_name} out")] if device.renders_force else []
+    display = []
+    if device.kind is not ADMITTANCE:
+        display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]
     lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
@@ -95,7 +98,7 @@ def _demands(problem: Problem) -> list[Line]:
     weights = ", ".join(f"{weight:g}" for weight in astuple(wanted.weights))
     lines = [
         Line(
-            "Re 1/Z_c / R" if problem.device.renders_force else "Re Z_c / R",
+            problem.device.kind.ratio,
             f"≥ {stable.safety_factor:g}",
             "",
             "the safety factor",
@@ -323,7 +326,7 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
         ("loop latency", here.loop_latency),
         (f"{units.force_name}-path latency at {WALL_HZ:g} Hz", here.force_latency),
     ]
-    if problem.device.renders_force:  # which moves at once, and whose force path is its loop
+    if not problem.device.kind.senses_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
 

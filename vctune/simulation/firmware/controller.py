@@ -150,7 +150,7 @@ def parts_of(law: Law) -> Parts:
         wall=rendered.wall,
         integral=law.integral > 0,
         limit=law.limit is not None,
-        renders_force=isinstance(law.coupling, SpringDamper),
+        spring=isinstance(law.coupling, SpringDamper),
     )
 
 

@@ -58,7 +58,7 @@ class Parts:
     wall : whether these may be one-sided
     integral : whether the position error is integrated once more
     limit : whether the force is limited, and with it the integral parts of the law
-    renders_force : whether it is an impedance display's: its coupling is a spring and a damper, and it has no law
+    spring : whether its coupling is a spring and a damper, as an impedance display's, and it has no law
     """
 
     quantised: bool = False
@@ -72,7 +72,7 @@ class Parts:
     wall: bool = True
     integral: bool = False
     limit: bool = True
-    renders_force: bool = False
+    spring: bool = False
 
 
 INPUTS = (
@@ -128,13 +128,13 @@ STATE = {
 def remembered(parts: Parts) -> tuple[str, ...]:
     """Return what of `STATE` a firmware needs at its next sample."""
     needed = {
-        "coupling": parts.coupling and not parts.renders_force,
+        "coupling": parts.coupling and not parts.spring,
         "integral": parts.integral,
         "measured": parts.difference,
         "filtered": parts.low_passes > 0,
         "twice_filtered": parts.low_passes > 1,
-        "smoothed": parts.renders_force and parts.low_passes > 0,
-        "twice_smoothed": parts.renders_force and parts.low_passes > 1,
+        "smoothed": parts.spring and parts.low_passes > 0,
+        "twice_smoothed": parts.spring and parts.low_passes > 1,
         "inertia": parts.mass and parts.trapezoid,
     }
     return tuple(name for name in STATE if needed.get(name, True))
@@ -178,7 +178,7 @@ def drive(parts: Parts) -> Iterator[Equation]:
 
     Of an impedance display it is the coupling's force if the tool stood still: f_c = Z_c (y - v_e) = Z_e v_e.
     """
-    if parts.renders_force:
+    if parts.spring:
         yield from _pulled(parts)
         return
     force: Expression = _now("measured_force")
@@ -259,7 +259,7 @@ def law(parts: Parts) -> Iterator[Equation]:
 
     An impedance display has no law: its command is the coupling's force, and what K_v damps.
     """
-    if parts.renders_force:
+    if parts.spring:
         yield from _rendered(parts)
         return
     if parts.coupling:

@@ -42,7 +42,7 @@ class Start:
 def exported_parts(law: Law) -> Parts:
     """Return what the exported firmware of a law consists of: any built-in environment, a limit, no encoder."""
     of = parts_of(law)
-    return replace(Parts(), difference=of.difference, low_passes=of.low_passes, renders_force=of.renders_force)
+    return replace(Parts(), difference=of.difference, low_passes=of.low_passes, spring=of.spring)
 
 
 class SteppedFirmware:

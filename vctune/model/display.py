@@ -1,0 +1,100 @@
+"""Kinds of display: what a device makes of what, and what follows from it (model/README.md, sections 1 and 15).
+
+Every other module asks a device for its kind and reads a fact from it, or looks its name up in a table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from vctune.model.gains import Coupling, SpringDamper
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+from vctune.model.numbers.units import Units
+
+DisplayName = Literal["admittance", "impedance"]
+
+
+@dataclass(frozen=True, slots=True)
+class Display:
+    """A kind of display.
+
+    Attributes
+    ----------
+    name : in a problem file
+    makes : input and output, in words; {force} stands for force or torque
+    keys : of the numbers of a design, in order
+    absent : those of `keys` that are always 0
+    coupling : type of its virtual coupling
+    couples : "Z_c" or "1/Z_c", the response of its coupling that the error and the conditions count
+    senses_force : whether its firmware reads the force of the hand
+    differences : whether its velocity is the difference of positions unless a file says otherwise
+    banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
+    """
+
+    name: DisplayName
+    makes: str
+    keys: tuple[str, ...]
+    absent: tuple[str, ...]
+    coupling: type[Coupling] | type[SpringDamper]
+    couples: str
+    senses_force: bool
+    differences: bool
+    banded: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the numbers of a design, without their tables."""
+        return tuple(key.rpartition(".")[2] for key in self.keys)
+
+    @property
+    def stated(self) -> tuple[str, ...]:
+        """Keys of the numbers that a problem or a gain file states."""
+        return tuple(key for key in self.keys if key not in self.absent)
+
+    @property
+    def inverse(self) -> bool:
+        """Whether the error and the conditions count 1/Z_c."""
+        return self.coupling is SpringDamper
+
+    @property
+    def ratio(self) -> str:
+        """Name of the ratio that the conditions bound from below."""
+        return f"Re {self.couples} / R"
+
+    def reference(self, Z_0: float) -> float:
+        """Return what its coupling's response is compared with: Z_0, N s/m, or 1/Z_0."""
+        return 1 / Z_0 if self.inverse else Z_0
+
+    def coupling_unit(self, units: Units) -> str:
+        """Return the unit of its coupling's response."""
+        return units.mobility if self.inverse else units.damping
+
+
+ADMITTANCE = Display(
+    name="admittance",
+    makes="{force} in, velocity out",
+    keys=KEYS,
+    absent=(),
+    coupling=Coupling,
+    couples="Z_c",
+    senses_force=True,
+    differences=False,
+    banded=True,
+)
+"""A device whose own velocity loop follows what the sensed force asks for."""
+IMPEDANCE = Display(
+    name="impedance",
+    makes="motion in, {force} out",
+    keys=SPRING_KEYS,
+    absent=("gains.position",),
+    coupling=SpringDamper,
+    couples="1/Z_c",
+    senses_force=False,
+    differences=True,
+    banded=False,
+)
+"""A device whose motor pushes by what its measured motion asks for."""
+DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE)})
