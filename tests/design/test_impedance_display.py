@@ -36,13 +36,12 @@ from vctune.model.device import Actuator, Device, Structure, VelocityEstimate
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import HUMAN_HANDS, Uncertainty
+from vctune.model.problem import HUMAN_HANDS, Demands, Uncertainty
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box

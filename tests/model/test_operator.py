@@ -31,8 +31,8 @@ from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.model_poles import prove_model_poles

@@ -27,8 +27,8 @@ from vctune.design.verdict.judge import Status
 from vctune.document.reading import read_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.engine.interval import Verdict
 
 REFUTED, CERTIFIED = 40, 40

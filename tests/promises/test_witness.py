@@ -12,8 +12,8 @@ from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Verdict
 

@@ -19,9 +19,9 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import LeastOperator
 from vctune.model.numbers.pair import Pair
+from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
 from vctune.proof.claims import polynomials
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.conditions import prove_conditions, widest_band
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design, conditions_margin

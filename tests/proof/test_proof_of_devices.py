@@ -15,8 +15,8 @@ from device_scan import exact, peak, sensitivity
 from random_devices import decimal
 from random_loops import drawn
 
+from vctune.model.problem import Demands
 from vctune.proof.certificate import Certificate, certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.boxes import Cells

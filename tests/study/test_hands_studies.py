@@ -32,10 +32,11 @@ from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.loop.limits import lags
 from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.problem import Demands
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands, claims_of
+from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.damping import admissible_damping
 from vctune.proof.claims.many_designs import lower_bound_at, prove
 from vctune.proof.claims.margins_of_claims import Design

@@ -16,7 +16,7 @@ from flint import ctx
 
 from vctune.model.device import Device
 from vctune.model.numbers.frequency import hertz
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
 from vctune.proof.claims.conditions import widest_band
 from vctune.proof.claims.every_device import widest_band_for_all
 from vctune.proof.claims.many_designs import ON_ARRAYS, prove

@@ -9,7 +9,7 @@ from functools import partial
 
 from vctune.model.device import Device
 from vctune.model.gains import Gains
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
 from vctune.proof.claims.conditions import conditions_at, prove_conditions
 from vctune.proof.claims.every_device import (
     NominalProof,

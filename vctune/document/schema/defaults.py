@@ -142,7 +142,7 @@ def _stability(table: StabilityTable, device: Device, lag: float, slowest: float
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
     else:
         band = Band(slowest, 2 * pi * (0.05 / lag if device.kind.banded else 0.5 / device.sample_time))
-    return Stability(band, table.safety_factor, table.max_sensitivity, table.criterion)
+    return Stability(band, **table.model_dump(exclude={"band_hz"}))
 
 
 def device_of(table: DeviceTable) -> Device:

@@ -12,7 +12,8 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
-from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.conditions import EXTENSION_BOXES, LOWEST_EDGE
 from vctune.proof.claims.encirclements import model_curve_end
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, resistance_apart

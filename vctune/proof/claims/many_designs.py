@@ -12,7 +12,8 @@ import numpy as np
 
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hands
-from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
