@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from importlib import import_module
 from typing import get_args
 
+import numpy as np
 import pytest
 from conftest import DEVICE, for_passive_hands
 
-from vctune import solve
+from vctune import problem, solve
 from vctune.api.explaining import explain
 from vctune.design.search.working_set import WorkingSet
 from vctune.design.verdict.claim_records import GROWING
 from vctune.model.display import DISPLAYS
-from vctune.proof.claims.many_designs import ON_ARRAYS
+from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.registry import CLAIMS, ClaimId, Quantity
+from vctune.proof.engine.boxes import Cells
 from vctune.proof.provers import PROVERS
 from vctune.report.page.tables import FOUND
 
@@ -62,3 +65,11 @@ def test_sentences_and_labels_tell_claims_apart():
 def test_a_certificate_is_asked_by_identifier():
     outcomes = solve(tomllib.loads(for_passive_hands(DEVICE))).judgement.certificate.outcomes
     assert list(outcomes) == ["passive", "sensitivity", "stable_model", "stable"]
+
+
+def test_no_cell_is_proved_where_a_claim_is_asked_that_cells_do_not_know(monkeypatch):
+    demands = problem(tomllib.loads(for_passive_hands(DEVICE))).problem.demands
+    design = np.array([[150.0], [6000.0], [160.0], [0.37], [0.0]])
+    assert prove(demands, Cells(design, design)).proved.all()
+    monkeypatch.setitem(CLAIMS, "unmodelled", replace(CLAIMS["unmodelled"], asked=lambda demands, box: True))
+    assert not prove(demands, Cells(design, design)).proved.any()

@@ -21,14 +21,14 @@ from vctune.proof.claims.conditions import widest_band
 from vctune.proof.claims.every_device import widest_band_for_all
 from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.registry import ClaimId, claims_about
+from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
 from vctune.proof.device_box import DELAYS, DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.band_edges import edge_in_hertz
 from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
-from vctune.proof.provers import PROVERS, Question, claims_asked, prove_passive
+from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, aloud, check_time, tell
 
 STABILITY = claims_about("poles", "unmodelled")
@@ -144,7 +144,7 @@ def _certificate(question: Question) -> Certificate:
         asked = claims_asked(demands, box)
         for number, claim in enumerate(asked, 1):
             tell(partial("claim {} of {}".format, number, len(asked)))
-            outcomes[claim] = _in_time(partial(PROVERS[claim].prove, question, outcomes))
+            outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
         missed = demands.factor > 1 and demands.passive and outcomes["passive"].verdict is not Verdict.PROVED
         less = replace(question, demands=replace(demands, factor=1.0))
         without_factor = _in_time(partial(prove_passive, less)) if missed else None

@@ -1,4 +1,4 @@
-"""Which claims a certificate makes of a design, and what proves each: a function by the claim's identifier."""
+"""What proves each claim of a certificate: a function by the claim's identifier."""
 
 from __future__ import annotations
 
@@ -62,20 +62,8 @@ class Question:
 
 
 Outcomes = Mapping[ClaimId, Outcome]
-
-
-@dataclass(frozen=True, slots=True)
-class Prover:
-    """How a claim is proved.
-
-    Attributes
-    ----------
-    asked : whether the demands on a box of devices, if there is one, ask for the claim
-    prove : proves it, given what was found of the claims before it
-    """
-
-    asked: Callable[[Demands, DeviceBox | None], bool]
-    prove: Callable[[Question, Outcomes], Outcome]
+Prover = Callable[[Question, Outcomes], Outcome]
+"""Proves a claim, given what was found of the claims before it."""
 
 
 def prove_passive(question: Question) -> Outcome:
@@ -127,31 +115,16 @@ def _hands(question: Question, _known: Outcomes) -> Outcome:
     return prove_hands(question.design, question.demands, question.box)
 
 
-def _not_known_exactly(_demands: Demands, box: DeviceBox | None) -> bool:
-    return box is not None and box.nominal.unmodelled is not None
-
-
 PROVERS: dict[ClaimId, Prover] = {
-    "passive": Prover(lambda demands, _: demands.passive, lambda question, _: prove_passive(question)),
-    "sensitivity": Prover(lambda _, __: True, _sensitivity),
-    "stable_model": Prover(lambda demands, _: demands.passive, _stable_model),
-    "stable": Prover(lambda _, __: True, _stable),
-    "unmodelled": Prover(_not_known_exactly, _unmodelled),
-    "any_hand": Prover(lambda demands, _: demands.any_hand, _any_hand),
-    "hands": Prover(lambda demands, _: demands.hands is not None, _hands),
+    "passive": lambda question, _: prove_passive(question),
+    "sensitivity": _sensitivity,
+    "stable_model": _stable_model,
+    "stable": _stable,
+    "unmodelled": _unmodelled,
+    "any_hand": _any_hand,
+    "hands": _hands,
 }
-"""By the claim, in the order in which they are proved and shown."""
-
-
-def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
-    """Return the claims of a certificate.
-
-    Parameters
-    ----------
-    demands : what a design has to meet
-    box : of devices; None for one device
-    """
-    return [name for name, prover in PROVERS.items() if prover.asked(demands, box)]
+"""What proves each claim."""
 
 
 def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:

@@ -5,10 +5,15 @@ What records, reports and messages say of a claim hangs on its identifier, so th
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from vctune.model.display import Display
+
+if TYPE_CHECKING:
+    from vctune.model.problem import Demands
+    from vctune.proof.device_box import DeviceBox
 
 ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands"]
 Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
@@ -27,6 +32,7 @@ class Claim:
     witness : what names the place where it fails
     label : heads its row in a report
     explain : what it means to the person who reads it
+    asked : whether the demands, on a box of devices or on one device alone, ask for it
     """
 
     id: ClaimId
@@ -36,6 +42,7 @@ class Claim:
     witness: str
     label: str
     explain: str
+    asked: Callable[[Demands, DeviceBox | None], bool]
 
     def said_of(self, kind: Display) -> str:
         """Return the statement about a kind of display."""
@@ -57,6 +64,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "with every passive environment, as far as the frequency model goes, which knows no aliasing. Outside "
                 "the proved band such a hand can make it oscillate."
             ),
+            asked=lambda demands, _: demands.passive,
         ),
         Claim(
             id="sensitivity",
@@ -69,6 +77,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1, so that no "
                 "smaller change of the loop makes the device unstable when nobody holds it."
             ),
+            asked=lambda _, __: True,
         ),
         Claim(
             id="stable_model",
@@ -81,6 +90,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The model in which `passive` is proved is stable by itself, let go and in the hand of `[operator]`. "
                 "Without this its conditions say nothing."
             ),
+            asked=lambda demands, _: demands.passive,
         ),
         Claim(
             id="stable",
@@ -93,6 +103,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The velocity loop as the computer runs it, sample by sample, is stable when nobody holds the device, "
                 "and in the hand of `[operator]`."
             ),
+            asked=lambda _, __: True,
         ),
         Claim(
             id="unmodelled",
@@ -105,6 +116,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "The small-gain theorem: no response of the mechanism within the radius of `uncertainty.unmodelled` "
                 "around the modelled one makes the velocity loop unstable."
             ),
+            asked=lambda _, box: box is not None and box.nominal.unmodelled is not None,
         ),
         Claim(
             id="any_hand",
@@ -119,6 +131,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "An impedance display is stable in any passive hand with every environment that is passive as it "
                 "runs, in the exact sampled loop, aliasing included."
             ),
+            asked=lambda demands, _: demands.any_hand,
         ),
         Claim(
             id="hands",
@@ -134,6 +147,7 @@ CLAIMS: dict[ClaimId, Claim] = {
                 "with every environment that is passive as it runs, in the exact sampled loop, aliasing included. "
                 "Nothing is proved of a hand outside these ranges."
             ),
+            asked=lambda demands, _: demands.hands is not None,
         ),
     )
 }
@@ -143,3 +157,14 @@ CLAIMS: dict[ClaimId, Claim] = {
 def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
     """Return the identifiers of the claims that limit some quantities."""
     return tuple(claim.id for claim in CLAIMS.values() if claim.quantity in quantities)
+
+
+def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
+    """Return the claims that a certificate makes, in their order.
+
+    Parameters
+    ----------
+    demands : what a design has to meet
+    box : devices that all have to; None for one
+    """
+    return [claim.id for claim in CLAIMS.values() if claim.asked(demands, box)]
