@@ -30,11 +30,11 @@ def identify(
     Writes device.toml, which `vctune solve` takes as it is: the device, how well each number is known, and what no log
     tells. Beside it identification.json and, unless --no-report, report.html with figures.
     """
+    from vctune.api.folders import folder_name
     from vctune.api.identifying import identify as run
     from vctune.api.identifying import write_identification
     from vctune.cli.printing.output import answer
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
 
     with progress_on_stderr("vctune identify", shown=not quiet) as progress:

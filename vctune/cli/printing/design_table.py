@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.document.records.comparison import ComparisonRecord
-from vctune.document.records.design_json import DesignRecord, RepairRecord
-from vctune.document.records.gains_json import SpringRecord
-from vctune.document.records.part import text
-from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
-from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
-from vctune.document.text.errors import printable
-from vctune.model.numbers.units import Units
+from vctune.api.design_files import SpringRecord, text
+from vctune.api.messages import printable
+
+if TYPE_CHECKING:
+    from vctune.document.records.comparison import ComparisonRecord
+    from vctune.document.records.design_json import DesignRecord, RepairRecord
+    from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
+    from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+    from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
 WIDE = 120
@@ -82,7 +83,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
     record : of the simulation
     folder : named at the end
     """
-    from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+    from vctune.api.experiments import HEADINGS, measured_rows
 
     with page(WIDE, folder) as console:
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")

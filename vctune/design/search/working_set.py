@@ -12,6 +12,7 @@ from vctune.analysis.stability import Cut
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.hands import Hand
+from vctune.proof.claims.registry import Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +66,16 @@ class WorkingSet:
     tracked_peaks: list[ConstraintPoint] = field(default_factory=list)
     unmodelled: list[ConstraintPoint] = field(default_factory=list)
     in_hand: list[ConstraintPoint] = field(default_factory=list)
+
+    def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
+        """Return the points at which a claim's quantity is limited; None for poles, which have tangents instead."""
+        known = {
+            "ratio": self.ratio,
+            "in_hand": self.in_hand,
+            "sensitivity": self.sensitivity,
+            "unmodelled": self.unmodelled,
+        }
+        return known.get(quantity)
 
     def sizes(self) -> tuple[int, ...]:
         """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""

@@ -57,7 +57,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
-from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.registry import claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.engine.interval import Verdict, worst_verdict
@@ -275,8 +275,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
-    outcomes = judgement.certificate.outcomes
-    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
+    outcome = judgement.certificate.outcomes["hands"]
     low, high = asdict(hands.low), asdict(hands.high)
     return {
         "hands": HandsRecord(
@@ -296,7 +295,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
     held = judgement.in_any_hand
     if held is None:
         return {}
-    outcome = judgement.certificate.outcomes[Claim.ANY_HAND]
+    outcome = judgement.certificate.outcomes["any_hand"]
     return {
         "any_hand": AnyHandRecord(
             verdict=outcome.verdict.value,
@@ -330,7 +329,7 @@ def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> 
 
 def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
     device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
-    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES) if claim in outcomes]
+    poles = [outcomes[claim].verdict for claim in claims_about("poles") if claim in outcomes]
     margins = loop_margins(device, gains)
     return InnerLoopRecord(
         stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
@@ -340,7 +339,9 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
         gain_margin_db=20 * log10(margins.gain),
         phase_margin_deg=degrees(margins.phase),
         delay_margin_s=margins.delay,
-        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[-1] is Verdict.PROVED else None),
+        nyquist=NyquistRecord(
+            N=unstable_poles(device, gains), P=0, Z=0 if outcomes["stable"].verdict is Verdict.PROVED else None
+        ),
     )
 
 

@@ -27,10 +27,10 @@ from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
 from vctune.model.numbers.keys import keys_of, labelled
 from vctune.model.numbers.units import UNITS, Units
-from vctune.model.problem import Problem
+from vctune.model.problem import Demands, Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import in_time, seconds_left, time_limit, unlimited
 
@@ -147,10 +147,11 @@ class Judgement:
     @property
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
-            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}{CUT * outcome.cut}"
-            for claim, outcome in self.certificate.outcomes.items()
-            if outcome.verdict is not Verdict.PROVED
+            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
+            for claim, found in self.certificate.outcomes.items()
+            if found.verdict is not Verdict.PROVED
         ]
 
     @property

@@ -42,9 +42,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         },
         "stability": {
             **({"band_hz": _hz(stability.band)} if problem.device.kind.banded else {}),
-            "safety_factor": stability.safety_factor,
-            "max_sensitivity": stability.max_sensitivity,
-            "criterion": stability.criterion,
+            **{name: value for name, value in asdict(stability).items() if name != "band" and value is not None},
         },
     }
     if problem.uncertainty is not None:

@@ -13,12 +13,13 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import HAND, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.pair import Pair
+from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
@@ -67,30 +68,6 @@ AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Of what is required in all hands, as rows of boxes (`vctune.proof.claims.envelope`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Demands:
-    """What a design has to meet.
-
-    Attributes
-    ----------
-    device : the device
-    band : rad/s, of Llewellyn's conditions; may be (0, inf)
-    factor : least Re Z_c / R
-    max_sensitivity : greatest |S| of the sampled loop
-    passive : whether any passive hand is to be met on the band
-    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
-    hands : the hands that are to be met at every frequency of the sampled loop; None for none
-    """
-
-    device: Device
-    band: tuple[float, float]
-    factor: float
-    max_sensitivity: float
-    passive: bool = True
-    any_hand: bool = False
-    hands: Hands | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vctune.proof.claims.array_claims import Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.encirclements import by_integrator
 from vctune.proof.claims.many_designs import Places, lower_bound_at
 from vctune.proof.enclosures.array_intervals import Flags, Floats

@@ -19,10 +19,11 @@ from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
+from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
 from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.claims.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin
+from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margin, limp_hands_margin
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s

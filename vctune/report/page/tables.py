@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, astuple, fields
+from collections.abc import Callable
+from dataclasses import asdict, astuple, dataclass, fields
 from math import inf
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
 from vctune.model.problem import Band, Problem
-from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.report.figures.style import time_text
 
 LABELS = {
@@ -47,8 +48,9 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim, its verdict, what was found and what was asked."""
+    """A claim under its label, its verdict, what was found and what was asked."""
 
+    label: str
     claim: str
     verdict: str
     found: str
@@ -136,6 +138,29 @@ def _band(band: Band) -> str:
     return f"{low:.5g} to {'∞' if high == inf else f'{high:.5g}'}"
 
 
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What is known of a design when its claims are shown.
+
+    Attributes
+    ----------
+    proof, loop : the certificate's record and the velocity loop's, None for a servo
+    problem : that the record states
+    gains, coupling : the design
+    """
+
+    proof: CertificateRecord
+    loop: InnerLoopRecord | None
+    problem: Problem
+    gains: Gains
+    coupling: AnyCoupling
+
+    @property
+    def factor(self) -> str:
+        """What is asked of a ratio."""
+        return f"≥ {self.problem.stability.safety_factor:g}"
+
+
 def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     """Return each claim of a design with what was found and what was asked; none without a design.
 
@@ -147,54 +172,70 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
         return []
+    known = Found(proof, loop, problem, *design)
     shown = []
     for claim in proof.claims:
-        found, wanted = _found(claim.claim, proof, loop, problem, design)
-        shown.append(ClaimLine(claim.claim, claim.verdict, found, wanted))
+        found, wanted = FOUND.get(claim.id, _nothing)(known)
+        shown.append(ClaimLine(CLAIMS[claim.id].label, claim.claim, claim.verdict, found, wanted))
     return shown
 
 
-def _found(
-    claim: str,
-    proof: CertificateRecord,
-    loop: InnerLoopRecord | None,
-    problem: Problem,
-    design: tuple[Gains, AnyCoupling],
-) -> tuple[str, str]:
-    """Return what was found of a claim and what was asked."""
-    factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
-    if claim in IN_HANDS and hands is not None:
-        hand = hands.worst_hand.in_words(problem.units)
-        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
-    if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
-        return _least_in_any_hand(proof, problem, design), factor
-    if claim == Claim.SENSITIVITY and loop is not None:
-        return (
-            f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}",
-            f"≤ {problem.stability.max_sensitivity:g}",
-        )
-    if claim == Claim.SAMPLED_POLES and loop is not None:
-        margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
-        left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
-        left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
-        return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
-    if claim == Claim.UNMODELLED:
-        return f"peak {text(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
+def _nothing(_known: Found) -> tuple[str, str]:
     return "", ""
 
 
-def _least_in_any_hand(proof: CertificateRecord, problem: Problem, design: tuple[Gains, AnyCoupling]) -> str:
+def _least_in_hands(known: Found) -> tuple[str, str]:
+    hands = known.proof.hands
+    if hands is None:
+        return "", ""
+    hand = hands.worst_hand.in_words(known.problem.units)
+    return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", known.factor
+
+
+def _peak_sensitivity(known: Found) -> tuple[str, str]:
+    loop = known.loop
+    assert loop is not None, "a claim about it is made"
+    peak = _at(loop.peak_sensitivity, loop.peak_sensitivity_hz)
+    return f"peak {peak}", f"≤ {known.problem.stability.max_sensitivity:g}"
+
+
+def _radius_and_margins(known: Found) -> tuple[str, str]:
+    loop = known.loop
+    assert loop is not None, "a claim about it is made"
+    margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
+    left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
+    left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
+    return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+
+
+def _peak_unmodelled(known: Found) -> tuple[str, str]:
+    return f"peak {text(float(-unmodelled_maxima(known.problem, known.gains).value[0]))}", "< 1"
+
+
+def _least_in_any_hand(known: Found) -> tuple[str, str]:
     """Return the least ratio in any passive hand, of an admittance display on the band.
 
     Where the record has but that in hands, it is that of the nominal device.
     """
+    proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
-        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}"
+        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}", known.factor
     if proof.hands is None or proof.hands.min_ratio != proof.min_ratio:
-        return f"least {_at(proof.min_ratio, proof.worst_hz)}"
-    least = ratio_minima(problem, *design)
-    found = f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}"
-    return found if problem.uncertainty is None else f"{found}, of the nominal device"
+        return f"least {_at(proof.min_ratio, proof.worst_hz)}", known.factor
+    least = ratio_minima(problem, known.gains, known.coupling)
+    which = "" if problem.uncertainty is None else ", of the nominal device"
+    return f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
+
+
+FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
+    "passive": _least_in_any_hand,
+    "sensitivity": _peak_sensitivity,
+    "stable": _radius_and_margins,
+    "unmodelled": _peak_unmodelled,
+    "any_hand": _least_in_any_hand,
+    "hands": _least_in_hands,
+}
+"""Returns what was found of a claim and what was asked, where there is a number to show."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
