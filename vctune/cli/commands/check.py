@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from vctune.cli.printing.progress import Progress
-    from vctune.document.problem_axes import AxesFile
     from vctune.design.verdict.checked import Checked
+    from vctune.document.problem_axes import AxesFile
     from vctune.model.problem import Problem
 
     Said = Callable[[Problem], None]
@@ -55,8 +55,8 @@ def check(
     checked with the device of one PROBLEM whose [gains] are fixed. Rotations need a rotary device, translations a
     linear one: other axes are not looked at, exit code 3, unless --axis selects those that fit.
 
-    With several [[axis]] each is checked: with the numbers that it fixes, with the gains in the folder of `vctune solve`,
-    OUT/NAME, or with the axis of that name of a ROS 2 file.
+    With several [[axis]] each is checked: with the numbers that it fixes, with its gains in the folder OUT/NAME of
+    `vctune solve`, or with the axis of that name of a ROS 2 file.
 
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
     be proved.
@@ -155,7 +155,7 @@ def _axes(path: Path) -> AxesFile | None:
 def _of_axes(
     several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
 ) -> list[Checked]:
-    """Check several axes: the numbers that they fix, the gains in a folder of `vctune solve`, or parameters of ROS 2."""
+    """Check several axes: the numbers that they fix, the gains of `vctune solve`, or the parameters of ROS 2."""
     from vctune.api.axes import check_axes, check_parameters, gains_of_axes
     from vctune.document.ros import is_admittance
     from vctune.document.text.errors import InputError

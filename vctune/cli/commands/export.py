@@ -44,8 +44,8 @@ def export(
 ) -> int:
     """Make firmware of a design.json of `vctune solve`, of PROBLEM with GAINS, or of a PROBLEM whose numbers are fixed.
 
-    ros2 makes the parameter file of an admittance_controller before a servo. Of a PROBLEM with several [[axis]], GAINS is
-    the folder that `vctune solve` made, OUT/NAME.
+    ros2 makes the parameter file of an admittance_controller before a servo. Of a PROBLEM with several [[axis]],
+    GAINS is the folder OUT/NAME that `vctune solve` made.
 
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
     leaves it undecided; nothing is written then, unless --unproved is given.
