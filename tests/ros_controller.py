@@ -56,9 +56,9 @@ class Held:
             self._low_pass(rows, "y", arm.sensor_order, 2 * pi * arm.sensor_hz, self.force)
             self.force = unit[self.at["y"]]
         self.rates = rows
-        self.older = int(floor(arm.delay / arm.T + 1e-9)) + 1  # commands that are still on their way
+        self.older = floor(arm.delay / arm.T + 1e-9) + 1  # commands that are still on their way
         self.late = arm.delay - (self.older - 1) * arm.T
-        self.sensor_older = int(floor(arm.sensor_delay / arm.T + 1e-9))
+        self.sensor_older = floor(arm.sensor_delay / arm.T + 1e-9)
         self.before = arm.sensor_delay - self.sensor_older * arm.T
         self.size = self.n + self.older + self.sensor_older + 1
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from math import sqrt
+from time import process_time
 
 import numpy as np
 import pytest
+from command import run as vctune
+from command import strict
 from ros_controller import Arm, Rule, World, asked, radius
 
 from vctune.design.ros import admittance_check
 from vctune.design.ros.admittance_check import check_admittance
-from vctune.design.ros.admittance_problem import as_problem, document_of_both
+from vctune.design.ros.admittance_problem import as_problem, coupling_of_admittance, document_of_both
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.document.reading import pose, problem_file, read_problem
 from vctune.document.ros import read_admittance
 from vctune.document.text.toml_writing import toml_text
+from vctune.exit_codes import ExitCode
 from vctune.model.hands import Hand
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.servo_in_hand import seen_of_servo
@@ -31,7 +35,8 @@ def problem_text(arm, command="velocity", factor=1.0):
     device["servo"]["command"] = command
     if arm.sensor_hz:
         device["force_sensor"] = {"bandwidth_hz": arm.sensor_hz, "order": arm.sensor_order, "delay": arm.sensor_delay}
-    hands = {name: {"min": 0.0, "max": float(most)} for name, most in zip(("mass", "damping", "stiffness"), STIFFEST)}
+    names = ("mass", "damping", "stiffness")
+    hands = {name: {"min": 0.0, "max": float(most)} for name, most in zip(names, STIFFEST, strict=True)}
     return toml_text({"device": device, "operator": hands, "stability": {"safety_factor": factor}})
 
 
@@ -92,7 +97,7 @@ def random_hands(rng, count):
 
 
 def test_the_step_of_the_controller_is_what_is_proved(tmp_path):
-    """At any frequency, in any hand: with its filter, its spring on the measured position, and whatever is commanded."""
+    """At any frequency, in any hand: its filter, its spring on the measured position, and whatever it commands."""
     rng = np.random.default_rng(0)
     for number in range(30):
         arm = random_arm(rng)
@@ -164,11 +169,121 @@ def held_against_the_steps(folder, seed, hands):
 
 
 def test_verdicts_hold_as_the_controller_steps(tmp_path, unrepaired):
-    done = [held_against_the_steps(tmp_path, seed, 8) for seed in range(6)]
-    assert sum(proved for proved, _ in done) >= 40 and sum(short for _, short in done) >= 5
+    done = [held_against_the_steps(tmp_path, seed, 14) for seed in range(3)]
+    assert sum(proved for proved, _ in done) >= 40 and all(short for _, short in done)
 
 
 @pytest.mark.slow
 def test_verdicts_hold_in_a_thousand_hands(tmp_path, unrepaired):
     done = [held_against_the_steps(tmp_path, seed, 25) for seed in range(100, 150)]
     assert sum(proved for proved, _ in done) >= 1000 and sum(short for _, short in done) >= 40
+
+
+DESIGNED = """[device]
+sample_time = 2e-3
+[device.servo]
+delay = 0.032
+bandwidth_hz = 20.0
+order = 2
+[operator]
+mass = { min = 0.0, max = 0.5 }
+damping = { min = 0.0, max = 30.0 }
+stiffness = { min = 0.0, max = 1000.0 }
+[coupling]
+damping = inf
+mass = 5.0
+drag = 80.0
+"""
+AXES = """[[axis]]
+name = "x"
+[[axis]]
+name = "y"
+coupling.drag = 90.0
+[[axis]]
+name = "z"
+device.servo.stiffness = 40.0
+[[axis]]
+name = "rx"
+device.units = "rotary"
+operator = { mass.max = 0.01, damping.max = 0.5, stiffness.max = 20.0 }
+coupling = { mass = 0.1, drag = 2.0 }
+"""
+ROTATIONS = "".join(AXES[AXES.index('[[axis]]\nname = "rx"') :].replace("rx", name) for name in ("ry", "rz"))
+
+
+@pytest.fixture
+def six(tmp_path):
+    (tmp_path / "six.toml").write_text(DESIGNED + AXES + ROTATIONS)
+    return tmp_path
+
+
+def test_a_design_is_written_as_parameters_that_the_check_accepts(tmp_path):
+    """Of its mass and drag, and as stiff as a file may say that the controller is."""
+    for name, text in (
+        ("plain", DESIGNED),
+        ("sprung", DESIGNED.replace("order = 2", "order = 2\nstiffness = 50.0")),
+        ("filtered", DESIGNED.replace("[operator]", "[device.force_sensor]\nfilter_coefficient = 0.8\n[operator]")),
+        ("series", DESIGNED.replace("inf", "5000.0")),
+    ):
+        (tmp_path / f"{name}.toml").write_text(text)
+        made = vctune("export", f"{name}.toml", "--to", "ros2", cwd=tmp_path)
+        assert made.returncode == ExitCode.OK, made.stderr
+        path = tmp_path / f"results/{name}/firmware/admittance_controller.yaml"
+        given, problem = read_admittance(path), read_problem(tmp_path / f"{name}.toml")
+        assert [axis.axis for axis in given.axes] == ["x", "y", "z"]
+        for axis in given.axes:
+            rendered = coupling_of_admittance(axis, 2e-3, servo=True)
+            assert rendered.mass == pytest.approx(5.0, rel=1e-5) and rendered.drag == pytest.approx(80.0, rel=1e-6)
+            assert rendered.drag >= 80.0 and axis.stiffness == (50.0 if name == "sprung" else 0.0)
+        assert given.filter_coefficient == (0.8 if name == "filtered" else 1.0)
+        comments = [line for line in path.read_text().splitlines() if line.startswith("#")]
+        assert any(problem.sha256 in line for line in comments) and any("Proved: stable" in line for line in comments)
+        (told,) = (line for line in comments if "Least Re Z_c / R" in line)
+        done = vctune("check", f"{name}.toml", path, "--json", cwd=tmp_path)
+        assert done.returncode == ExitCode.OK, done.stdout
+        for found in strict(done.stdout):
+            assert f"{found['certificate']['hands']['min_ratio']:.6g}" in told
+
+
+def test_a_design_that_the_controller_cannot_render_is_not_written(tmp_path):
+    """A damper in a row with the mass may be what keeps a design stable, and the controller has none."""
+    (tmp_path / "series.toml").write_text(DESIGNED.replace("inf", "500.0").replace("80.0", "46.0"))
+    made = vctune("export", "series.toml", "--to", "ros2", cwd=tmp_path)
+    assert made.returncode == ExitCode.FAILED and "write coupling.damping = inf, solve again" in made.stderr
+    assert not (tmp_path / "results/series/firmware").exists()
+    single = vctune("export", "series.toml", "--to", "ros2", "--precision", "single", cwd=tmp_path)
+    assert single.returncode == ExitCode.BAD_INPUT and "computes in double precision" in single.stderr
+    (tmp_path / "wheel.toml").write_text(
+        "[device]\nmass = 1.0\ndamping = 1.0\nsample_time = 1e-3\n[gains]\nvelocity = 100.0\nposition = 3000.0\n"
+        "[coupling]\ndamping = 100.0\nmass = 1.0\ndrag = 1.0\n"
+    )
+    looped = vctune("export", "wheel.toml", "--to", "ros2", "--unproved", cwd=tmp_path)
+    assert looped.returncode == ExitCode.BAD_INPUT and "write [device.servo]" in looped.stderr
+
+
+def test_six_axes_are_checked_exported_and_checked_again(six, monkeypatch):
+    """Those of the same numbers once, all in at most three seconds of processor time."""
+    proofs, prove = [], admittance_check.judge
+    monkeypatch.setattr(admittance_check, "judge", lambda *design: proofs.append(design) or prove(*design))
+    assert vctune("check", "six.toml", cwd=six).stdout.endswith("6 passed\n")
+    made = vctune("export", "six.toml", "--to", "ros2", cwd=six)
+    assert made.returncode == ExitCode.OK, made.stderr
+    path = six / "results/six/firmware/admittance_controller.yaml"
+    given = read_admittance(path)
+    drags = [coupling_of_admittance(axis, 2e-3, servo=True).drag for axis in given.axes]
+    assert drags == pytest.approx([80.0, 90.0, 80.0, 2.0, 2.0, 2.0], rel=1e-5)
+    assert len({axis.joint_damping for axis in given.axes}) == 1, "it is one of the joints"
+    assert [axis.stiffness > 1 for axis in given.axes] == [False, False, True, False, False, False]
+    began = process_time()
+    done = vctune("check", "six.toml", path, cwd=six)
+    assert process_time() - began < 3.0
+    assert done.stdout.endswith("6 passed\n") and len(proofs) == 4, done.stdout
+    chosen = vctune("check", "six.toml", path, "--axis", "rx", cwd=six)
+    assert "rx: proved" in chosen.stdout and "x, " not in chosen.stdout and chosen.stdout.count("proved") == 1
+
+
+def test_an_axis_that_the_problem_does_not_have_is_named(six):
+    (six / "six.toml").write_text(DESIGNED + AXES)
+    (six / "ros.yaml").write_text(parameters([Rule(5.0, 1.0, 0.0, 16.0, 1.0)] * 6))
+    done = vctune("check", "six.toml", "ros.yaml", cwd=six)
+    assert done.returncode == ExitCode.BAD_INPUT and "selects ry, rz, and six.toml has no [[axis]]" in done.stderr

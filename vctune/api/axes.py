@@ -156,7 +156,7 @@ def check_axes(
     done: dict[tuple[object, ...], Checked] = {}
     checks = []
     for axis in axes.axes:
-        given = None if gains is None else gains[axis.name]
+        given = _gains_of(gains, axis)
         key = (
             axis.file.sha256,
             *(() if given is None else (given.kind.name, given.gains, given.coupling, given.sha256)),
@@ -206,6 +206,10 @@ def check_parameters(
         checks = check_admittance(_named(group[0].file, axes.name), path, given, names, progress)
         found |= dict(zip([name for name in selected if name in names], checks, strict=True))
     return [found[name] for name in selected if name in found]
+
+
+def _gains_of(gains: Mapping[str, GainsFile] | None, axis: AxisProblem) -> GainsFile | None:
+    return None if gains is None else gains[axis.name]
 
 
 def _checked(axis: AxisProblem, given: GainsFile | None) -> Checked:
@@ -266,20 +270,24 @@ def export_axes(
     if to == "ros2":
         require_double(precision)
         designs = [
-            RosAxis(axis.name, axis.file, *stated_design(axis.file, gains and gains[axis.name], None)[1])
+            RosAxis(axis.name, axis.file, *stated_design(axis.file, _gains_of(gains, axis), None)[1])
             for axis in axes.axes
         ]
         named = _named(axes.axes[0].file, axes.name)
         made = export_parameters(named, designs, unproved=unproved, progress=progress)
         return [(made, write_export(made, out / folder_name(axes.name)))]
+
+    def stage_of(axis: AxisProblem) -> Progress:
+        return lambda stage: progress(f"{axis.name}: {stage}")
+
     exported = [
         export(
             axis.file,
-            gains and gains[axis.name],
+            _gains_of(gains, axis),
             to=to,
             precision=precision,
             unproved=unproved,
-            progress=lambda stage, axis=axis: progress(f"{axis.name}: {stage}"),
+            progress=stage_of(axis),
         )
         for axis in axes.axes
     ]

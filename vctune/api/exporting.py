@@ -144,7 +144,7 @@ def export_parameters(
     first = doubted[0] if doubted else 0
     if doubted and not unproved:
         raise NotCertifiedError(made[first], RIGID if axes[first].coupling.damping < inf else "")
-    return Exported(named, made[first], ros2_files(axes, made))
+    return Exported(named, made[first], ros2_files(named.problem.name, axes, made))
 
 
 RIGID = (

@@ -126,7 +126,8 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
             line = lines.locate(("axis", index, "name")) or 1
             axes.append(AxisProblem(table["name"], ProblemFile(problem, toml_text(stated), source), line))
     if any(found):
-        raise refusal(_named(found, [table["name"] for table in tables]), text, source)
+        own = set(pose(shared, path.stem)[1]) | set.intersection(*map(set, found))
+        raise refusal(_named(found, [table["name"] for table in tables], own), text, source)
     return AxesFile(str(name), tuple(axes))
 
 
@@ -185,12 +186,11 @@ def _has(tables: Any, path: KeyPath) -> bool:
     return True
 
 
-def _named(found: Sequence[Sequence[Fault]], names: Sequence[str]) -> list[Fault]:
-    """Return the faults of all axes, each once; what stands in the file's own tables and is not wrong in all, named."""
-    everywhere = set.intersection(*map(set, found))
+def _named(found: Sequence[Sequence[Fault]], names: Sequence[str], own: set[Fault]) -> list[Fault]:
+    """Return the faults of all axes, each once; what an axis alone makes wrong of the file's own tables names it."""
     told = []
     for faults, name in zip(found, names, strict=True):
         for fault in faults:
-            own = fault in everywhere or fault.path[:1] == ("axis",)
-            told.append(fault if own else fault._replace(message=f"of axis {name}: {fault.message}"))
+            known = fault in own or fault.path[:1] == ("axis",)
+            told.append(fault if known else fault._replace(message=f"of axis {name}: {fault.message}"))
     return list(dict.fromkeys(told))

@@ -17,6 +17,7 @@ from vctune.document.text.toml_writing import toml_text
 from vctune.firmware.c_source import statement
 from vctune.firmware.firmware import Firmware, firmware
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
+from vctune.version import __version__
 
 PARAMETERS = "admittance_controller.yaml"
 
@@ -68,18 +69,21 @@ def ros2_firmware(axes: Sequence[RosAxis]) -> list[Firmware]:
     return made
 
 
-def ros2_files(axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
+def ros2_files(name: str, axes: Sequence[RosAxis], made: Sequence[Firmware]) -> dict[str, str]:
     """Return the parameter file, with what is proved of it in its comments.
 
     Parameters
     ----------
+    name : of the problem
     axes : the designs
     made : what `ros2_firmware` made of them
     """
     told: dict[str, list[str]] = {}
     for axis, one in zip(axes, made, strict=True):
-        told.setdefault("\n".join([*statement(one), _least(one)]), []).append(axis.axis)
-    comments = [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
+        own = [line for line in statement(one) if line and not line.startswith("Controller of ")]
+        told.setdefault("\n".join([*own, _least(one)]), []).append(axis.axis)
+    comments = [f"Parameters of {name} for an admittance_controller of ROS 2, written by vctune {__version__}.", ""]
+    comments += [line for text, names in told.items() for line in (f"{', '.join(names)}:", *text.split("\n"), "")]
     again = f"vctune check {Path(axes[0].file.source).name} {PARAMETERS} proves it again."
     return {PARAMETERS: admittance_text(_parameters(axes), [*comments, again])}
 
