@@ -10,7 +10,7 @@ from vctune.design.prepared import pose
 from vctune.design.verdict.judge import Judgement
 from vctune.document.records.certificate_json import DeviceRecord, PerturbationRecord
 from vctune.document.records.design_json import UncertaintyRecord
-from vctune.model.device import Device
+from vctune.model.device import INERT, Device
 from vctune.model.problem import Problem
 
 
@@ -28,7 +28,8 @@ def device_record(device: Device, problem: Problem) -> DeviceRecord:
     if device.unmodelled is not None and device.unmodelled.share > 0:
         share, phase = float(device.unmodelled.share), degrees(device.unmodelled.phase)
         found["unmodelled"] = PerturbationRecord(share=share, phase_deg=phase)
-    return DeviceRecord(mass=device.mass, damping=device.damping, delay=device.delay, **found)
+    own = {key: number for key, number in device.numbers().items() if key in INERT}
+    return DeviceRecord(**own, **found)
 
 
 def uncertainty_record(problem: Problem, judgement: Judgement, nominal_error: float | None) -> UncertaintyRecord:

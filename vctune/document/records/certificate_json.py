@@ -29,11 +29,11 @@ class PerturbationRecord(Part):
 
 
 class DeviceRecord(Part):
-    """The numbers of a device that may be uncertain; those of its parts by their keys."""
+    """The numbers of a device that may be uncertain; those of its parts by their keys. A servo has parts alone."""
 
-    mass: Annotated[float, Shown("mass", of="mass")]
-    damping: Annotated[float, Shown("damping", of="damping")]
-    delay: Annotated[float, Shown("delay", of="time")]
+    mass: Annotated[float | None, Shown("mass", of="mass", optional=True)] = None
+    damping: Annotated[float | None, Shown("damping", of="damping", optional=True)] = None
+    delay: Annotated[float | None, Shown("delay", of="time", optional=True)] = None
     parts: dict[str, float] = Field(default_factory=dict)
     unmodelled: PerturbationRecord | None = None
 

@@ -1,0 +1,75 @@
+"""The record of what a servo's latency asks for: the rule drag >= stiffness times latency, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import floor, log10
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from vctune.document.records.certificate_json import HandRecord
+from vctune.document.records.part import Number, Part, Row, Shown, text
+from vctune.model.numbers.units import Units
+
+ROUND = (5.0, 2.0, 1.0)
+"""Leading digits of the latency that is taken away as an example."""
+
+
+class LatencyPartRecord(Part):
+    """A part of the latency: what it is, the key that states it, and the drag that it alone asks for at rest."""
+
+    part: str
+    key: str
+    seconds: float
+    drag: float
+
+
+class ContactRecord(Part):
+    """What contacts ask of the drag before a servo, and the stiffest that its coupling bears.
+
+    `stiffness` is that of the stiffest hand of the box, `factor` the safety factor.
+    """
+
+    stiffness: float
+    factor: float
+    parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]
+    latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
+    rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]
+    drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
+    drag_alone_hz: Number
+    drag_alone_hand: HandRecord
+    stiffest: Annotated[Number, Shown("stiffest contact", of="stiffness")]
+    stiffest_verdict: Literal["proved", "undecided"] | None
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the rows, each with what it is of."""
+        for row in super().rows(units):
+            yield row._replace(unit=f"{row.unit}{self._said_of(units)[row.label]}")
+            if row.label == "least drag at rest" and (example := self.example()) is not None:
+                less, drag = example
+                yield Row(f"with {1e3 * less:g} ms less", text(drag), units.damping)
+
+    def _said_of(self, units: Units) -> dict[str, str]:
+        parts = " + ".join(f"{part.part} {text(1e3 * part.seconds)}" for part in self.parts)
+        contacts = f"contacts up to {text(self.stiffness)} {units.stiffness}"
+        worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
+        none = ", none: the other hands ask for more than this coupling offers"
+        return {
+            "latency L": f" = {parts}",
+            "least drag at rest": f" for {contacts}: {text(self.factor)} K L",
+            "least drag without b_c": f", {worst}",
+            "stiffest contact": none if self.stiffest is None else f", {self.stiffest_verdict} with this coupling",
+        }
+
+    def example(self) -> tuple[float, float] | None:
+        """Return a round part of the latency, a quarter of it at most, and the drag at rest without it.
+
+        Returns None where no contact has a stiffness.
+        """
+        if self.rest_drag == 0:
+            return None
+        most = self.latency_s / 4
+        unit = 10.0 ** floor(log10(most))
+        less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
+        return less, max(self.rest_drag - self.factor * self.stiffness * less, 0.0)
