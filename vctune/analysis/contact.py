@@ -98,9 +98,7 @@ def stiffest_contact(
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None) -> float:
     """Return the least stiffness over the angles at which the demand, straight in it, is what is offered."""
     unit = max(hands.high.stiffness, 1.0)
-    soft, stiff = (
-        Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (0.0, unit)
-    )
+    soft, stiff = (Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (0.0, unit))
     without, with_unit = (demand_of(device, box, radii) for box in (soft, stiff))
 
     def room(theta: Floats) -> Floats:

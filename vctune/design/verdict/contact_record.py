@@ -20,6 +20,7 @@ from vctune.model.servo import latency
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Verdict
+from vctune.running import unlimited
 
 KEYS_OF = {
     "hold": ("hold", "device.sample_time"),
@@ -52,10 +53,10 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
     factor, K = problem.stability.safety_factor, hands.high.stiffness
     slowest = max(devices, key=_latency)
     parts = {name: seconds for name, seconds in asdict(latency(slowest, FLOATS)).items() if seconds > 0}
-    most = greatest_drag(devices, hands, radii)
-    stiffest, verdict = _stiffest(problem, judgement, hands, stiffest_contact(
-        devices, hands, judgement.coupling, factor, radii
-    ))
+    with unlimited():
+        at_rest, most = drag_at_rest(devices, hands, radii), greatest_drag(devices, hands, radii)
+        bears = stiffest_contact(devices, hands, judgement.coupling, factor, radii)
+    stiffest, verdict = _stiffest(problem, judgement, hands, bears)
     return ContactRecord(
         stiffness=K,
         factor=factor,
@@ -64,7 +65,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
             for name, seconds in parts.items()
         ],
         latency_s=_latency(slowest),
-        rest_drag=factor * drag_at_rest(devices, hands, radii),
+        rest_drag=factor * at_rest,
         drag_alone=factor * most.drag,
         drag_alone_hz=finite_hertz(most.omega),
         drag_alone_hand=HandRecord(**asdict(most.hand)),

@@ -44,17 +44,18 @@ class ContactRecord(Part):
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with what it is of."""
+        said = self._said_of(units)
         for row in super().rows(units):
-            yield row._replace(unit=f"{row.unit}{self._said_of(units)[row.label]}")
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{said[row.label]}")
             if row.label == "least drag at rest" and (example := self.example()) is not None:
                 less, drag = example
                 yield Row(f"with {1e3 * less:g} ms less", text(drag), units.damping)
 
     def _said_of(self, units: Units) -> dict[str, str]:
-        parts = " + ".join(f"{part.part} {text(1e3 * part.seconds)}" for part in self.parts)
+        parts = " + ".join(f"{part.part} {text(1e3 * part.seconds, 4)}" for part in self.parts)
         contacts = f"contacts up to {text(self.stiffness)} {units.stiffness}"
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
-        none = ", none: the other hands ask for more than this coupling offers"
+        none = "the hands without stiffness ask for more than this coupling offers"
         return {
             "latency L": f" = {parts}",
             "least drag at rest": f" for {contacts}: {text(self.factor)} K L",

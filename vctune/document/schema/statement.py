@@ -43,7 +43,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         "stability": {
             **({"band_hz": _hz(stability.band)} if problem.device.kind.banded else {}),
             "safety_factor": stability.safety_factor,
-            "max_sensitivity": stability.max_sensitivity,
+            **({"max_sensitivity": stability.max_sensitivity} if problem.device.kind.own_loop else {}),
             "criterion": stability.criterion,
         },
     }
@@ -91,7 +91,7 @@ def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:
     tables: dict[str, Any] = {"gains": {}, "coupling": {}}
     for table, name in (key.split(".") for key in keys):
         tables[table][name] = variable(getattr(bounds, name))
-    return tables
+    return {table: stated for table, stated in tables.items() if stated}
 
 
 def _hz(band: Band) -> list[float]:

@@ -189,6 +189,7 @@ def _transparency(design: Design) -> Figure:
         shade(axes, problem.transparency.band, BLUE, "transparency band")
         axes.set_title(parts[part])
         axes.set_label(part)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
     miss = sensor_miss(problem.device, 2 * pi * cases["designed"][0].hz)
     if miss is not None:
         at["tracking"].semilogy(cases["designed"][0].hz, miss, "-.", linewidth=1.2, color=ORANGE, label="|1 - F_s|")
@@ -197,7 +198,6 @@ def _transparency(design: Design) -> Figure:
         decades(axes)
     for axes in panels[:-1].ravel():
         axes.set_xlabel("")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=2, fontsize=9)
     return figure
 

@@ -93,7 +93,7 @@ def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) ->
     moves = {"linear": "moves as commanded", "rotary": "turns as commanded"}[device.units]
     _box(axes, (left + edge) / 2, low, "arm", [f"{moves}, however the hand pushes"], width=edge - left)
     _box(axes, HAND, low, "hand or\ncontact", [], width=0.76, colour=GREY)
-    axes.text((HAND + 0.38 + left) / 2, low + 0.06, "v_h", ha="center", va="bottom")
+    axes.text((HAND + 0.38 + left) / 2, low - 0.06, "v_h", ha="center", va="top")
 
 
 def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
