@@ -6,7 +6,7 @@ Before a servo what a hand asks is linear in the hand, and convex where its resp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf, pi
 
 import numpy as np

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict, replace
 from math import floor, inf, log10
+from typing import Literal
 
 from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
 from vctune.design.prepared import pose
@@ -15,7 +16,6 @@ from vctune.model.hands import Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
-from vctune.model.sampled.servo_in_hand import Radii
 from vctune.model.servo import latency
 from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
@@ -78,7 +78,9 @@ def _latency(device: Device) -> float:
     return float(latency(device, FLOATS).total)
 
 
-def _stiffest(problem: Problem, judgement: Judgement, hands: Hands, bears: float) -> tuple[float | None, str | None]:
+def _stiffest(
+    problem: Problem, judgement: Judgement, hands: Hands, bears: float
+) -> tuple[float | None, Literal["proved", "undecided"] | None]:
     """Return the stiffest contact in few digits, and whether it is proved; None where there is none.
 
     Parameters

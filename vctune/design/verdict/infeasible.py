@@ -87,7 +87,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
 
 
 def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
-    """Return the numbers of a design by which it is told from others: the gains of its loop, or of a servo the coupling."""
+    """Return the numbers that tell a design from others: the gains of its loop, or where it has none the coupling."""
     units, kind = problem.units, problem.device.kind
     if kind.own_loop:
         return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"

@@ -77,7 +77,7 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
 
 def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) -> None:
     """Draw the way from the hand's force to the motion, which follows the command alone, and back to the hand."""
-    units, low, edge = UNITS[device.units], BOTTOM, LAW + WIDTH / 2
+    low, edge = BOTTOM, LAW + WIDTH / 2
     _firmware(axes, device, COUPLING + 0.95)
     _force_path(axes, device, coupling)
     command = {"velocity": "v_cmd", "position": "x_cmd"}[servo.command]

@@ -61,8 +61,8 @@ READINGS = {
 """Title and reading of each figure, by name."""
 OF_DISPLAY: dict[str, dict[str, str]] = {
     "servo": {
-        "loop": "From the hand's force to the motion of the arm: blue is what is designed, green what makes it late. The "
-        "hand does not move the arm; what it feels is what the coupling makes of its force, late.",
+        "loop": "From the hand's force to the motion of the arm: blue is what is designed, green what makes it late. "
+        "The hand does not move the arm; what it feels is what the coupling makes of its force, late.",
         "hands": "What a hand or a contact returns of a late motion acts as the negative resistance R: it does not "
         "depend on the design, and the coupling's Re Z_c, as the firmware runs it, must lie above it up to the Nyquist "
         "frequency. At rest R is stiffness times latency. Below: how much of Re Z_c the worst damping at the worst "
