@@ -1,4 +1,4 @@
-"""What a servo's latency asks of a coupling, and which contacts that bears, in double precision (README.md, section 4).
+"""What a servo's latency asks of a coupling, and which contacts that bears, in double precision (README.md, section 2).
 
 Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
 """
@@ -90,15 +90,17 @@ def stiffest_contact(
     Returns
     -------
     float
-        Negative where no stiffness is small enough, inf where any is.
+        Less than the least of the box where no stiffness is small enough, inf where any is.
     """
     return min(_stiffest(device, hands, coupling, factor, radii) for device in devices)
 
 
 def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None) -> float:
     """Return the least stiffness over the angles at which the demand, straight in it, is what is offered."""
-    unit = max(hands.high.stiffness, 1.0)
-    soft, stiff = (Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (0.0, unit))
+    least, unit = hands.low.stiffness, max(hands.high.stiffness, 1.0)
+    soft, stiff = (
+        Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (least, least + unit)
+    )
     without, with_unit = (demand_of(device, box, radii) for box in (soft, stiff))
 
     def room(theta: Floats) -> Floats:
@@ -107,7 +109,7 @@ def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float
         slope, left = with_unit.in_each(flat) - base, Z_c / factor - base
         with np.errstate(all="ignore"):
             bears = np.where(slope > 0, left / slope, np.where(left < 0, -inf, inf))
-        return np.asarray(unit * bears.min(axis=0)).reshape(shape)
+        return np.asarray(least + unit * bears.min(axis=0)).reshape(shape)
 
     return min(float(room(np.zeros(1))[0]), float(local_minima(room, _angles(device)).value[0]))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import floor, log10
+from math import floor, isclose, log10
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -49,7 +49,7 @@ class ContactRecord(Part):
             yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{said[row.label]}")
             if row.label == "least drag at rest" and (example := self.example()) is not None:
                 less, drag = example
-                yield Row(f"with {1e3 * less:g} ms less", text(drag), units.damping)
+                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved")
 
     def _said_of(self, units: Units) -> dict[str, str]:
         parts = " + ".join(f"{part.part} {text(1e3 * part.seconds, 4)}" for part in self.parts)
@@ -58,10 +58,20 @@ class ContactRecord(Part):
         none = "the hands without stiffness ask for more than this coupling offers"
         return {
             "latency L": f" = {parts}",
-            "least drag at rest": f" for {contacts}: {text(self.factor)} K L",
+            "least drag at rest": f" for {contacts}: {self.rule}",
             "least drag without b_c": f", {worst}",
             "stiffest contact": none if self.stiffest is None else f", {self.stiffest_verdict} with this coupling",
         }
+
+    @property
+    def rule(self) -> str:
+        """What the least drag at rest is."""
+        of_springs = self.factor * self.stiffness * self.latency_s
+        rule = f"{text(self.factor)} K L"
+        if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
+            return rule
+        less = self.rest_drag < of_springs
+        return f"{rule} {'less what damping every hand has' if less else 'and what is unmodelled'}"
 
     def example(self) -> tuple[float, float] | None:
         """Return a round part of the latency, a quarter of it at most, and the drag at rest without it.

@@ -137,9 +137,8 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
     if (contact := record.contact) is not None and contact.stiffest is not None:
         bears = f"it bears contacts of {text(contact.stiffest, 4)} {problem.units.stiffness}"
         late = (
-            f"at rest contacts up to {text(contact.stiffness, 4)} {problem.units.stiffness} behind "
-            f"{text(1e3 * contact.latency_s, 3)} ms ask for a drag of {text(contact.rest_drag, 3)} "
-            f"{problem.units.damping}"
+            f"the lightest drag for contacts up to {text(contact.stiffness, 4)} {problem.units.stiffness} behind "
+            f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
         )
         return "good", "certified", f"{proved}; {bears}; {late}."
     off = (
