@@ -22,8 +22,8 @@ from vctune.document.text import toml
 from vctune.model.gains import Coupling, Gains
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.sampled.servo_in_hand import demand_of
 from vctune.model.numbers.units import LINEAR
+from vctune.model.sampled.servo_in_hand import demand_of
 from vctune.model.servo import latency
 from vctune.report.page.summary import summary
 from vctune.report.page.tables import asked, assumptions, feel_lines
@@ -62,7 +62,7 @@ def given(text):
 
 def test_the_latency_is_split_into_its_parts(arm):
     record, problem = arm
-    parts = {part.part: part.seconds for part in record.contact.parts}
+    parts = {part.part: part.latency_s for part in record.contact.parts}
     assert parts == pytest.approx({
         "hold": 0.001, "interpolation": 0.001, "delay": 0.032, "lag": 1 / (2 * np.pi * 20.0),
         "force sensor": 0.003 + 1 / (2 * np.pi * 60.0),
@@ -112,14 +112,14 @@ def test_the_stiffest_contact_is_where_the_ratio_is_the_factor(drag):
 def test_the_stiffest_contact_is_proved_and_a_little_more_is_refuted():
     record, problem = given(ARM + HEAVY.format(90.0))
     found = record.contact
-    assert record.status == "certified" and found.stiffest > 1000 and found.stiffest_verdict == "proved"
+    assert record.status == "certified" and found.stiffest_contact > 1000 and found.stiffest_contact_verdict == "proved"
 
     def verdict(stiffness):
         high = replace(problem.hands.high, stiffness=stiffness)
         harder = replace(problem, hands=replace(problem.hands, high=high))
         return judge(harder, *record.design).certificate.verdict.value
 
-    assert verdict(found.stiffest) == "proved" and verdict(1.003 * found.stiffest) == "refuted"
+    assert verdict(found.stiffest_contact) == "proved" and verdict(1.003 * found.stiffest_contact) == "refuted"
 
 
 def test_what_is_too_light_bears_softer_contacts_or_none():
@@ -133,10 +133,10 @@ def test_what_is_too_light_bears_softer_contacts_or_none():
     firm = replace(light, low=Hand(0.0, 0.0, 500.0))
     assert stiffest_contact([device], firm, coupling, 1.05) == pytest.approx(bears, rel=1e-6)
     record, _ = given(ARM.replace("max = 2.0", "max = 0.2").replace("30.0", "10.0") + HEAVY.format(40.0))
-    assert record.status == "violated" and 0.998 * bears < record.contact.stiffest < bears
-    assert record.contact.stiffest_verdict == "proved"
+    assert record.status == "violated" and 0.998 * bears < record.contact.stiffest_contact < bears
+    assert record.contact.stiffest_contact_verdict == "proved"
     record, _ = given(ARM + HEAVY.format(40.0))
-    assert record.contact.stiffest is None
+    assert record.contact.stiffest_contact is None
     assert [row.value for row in record.groups()["contact"]][-1] == "none"
 
 
@@ -145,7 +145,7 @@ def test_the_slowest_servo_of_a_box_counts():
     record, _ = given(text)
     sure, _ = given(ARM + HEAVY.format(120.0))
     assert record.contact.latency_s - sure.contact.latency_s == pytest.approx(0.0032)
-    assert record.contact.stiffest < sure.contact.stiffest
+    assert record.contact.stiffest_contact < sure.contact.stiffest_contact
     assert not re.search("mass|kg", record.uncertainty.min_ratio_device.in_words(record.units))
 
 
@@ -230,7 +230,7 @@ def test_a_check_and_a_comparison_speak_of_no_loop():
     assert passed.result == "passed" and not re.search(OF_A_LOOP, passed.message)
     found = compare(given(text)[0].to_json(), given(text.replace("90.0", "95.0"))[0].to_json())
     assert not any(re.search(OF_A_LOOP, f"{value.label} {value.key}") for value in found.design)
-    assert "contact.stiffest" in {value.key for value in found.design}
+    assert "contact.stiffest_contact" in {value.key for value in found.design}
 
 
 def test_a_servo_of_a_library_is_solved_as_that_of_its_file():

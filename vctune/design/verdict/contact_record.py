@@ -61,7 +61,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
         stiffness=K,
         factor=factor,
         parts=[
-            LatencyPartRecord(part=KEYS_OF[name][0], key=KEYS_OF[name][1], seconds=seconds, drag=factor * K * seconds)
+            LatencyPartRecord(part=KEYS_OF[name][0], key=KEYS_OF[name][1], latency_s=seconds, drag=factor * K * seconds)
             for name, seconds in parts.items()
         ],
         latency_s=_latency(slowest),
@@ -69,8 +69,8 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
         drag_alone=factor * most.drag,
         drag_alone_hz=finite_hertz(most.omega),
         drag_alone_hand=HandRecord(**asdict(most.hand)),
-        stiffest=stiffest,
-        stiffest_verdict=verdict,
+        stiffest_contact=stiffest,
+        stiffest_contact_verdict=verdict,
     )
 
 

@@ -45,7 +45,7 @@ def with_prices(solved: Solved) -> Solved:
     prepared = prepare(solved.problem)
     prices = []
     try:
-        here = _changed(prepared, polished, OfDevice("sample_time"), 1.0)
+        here = _changed(prepared, polished, _OfDevice("sample_time"), 1.0)
         for number in _numbers(solved.problem):
             check_time()
             prices.append(_price(prepared, polished, here, number))
@@ -55,7 +55,7 @@ def with_prices(solved: Solved) -> Solved:
 
 
 @dataclass(frozen=True, slots=True)
-class OfDevice:
+class _OfDevice:
     """A number of the device, by its key in its table."""
 
     name: str
@@ -70,7 +70,7 @@ class OfDevice:
         return float(problem.device.number(self.name))
 
     def changed(self, device: Device, factor: float) -> Device:
-        """Return a device on which it is some times as great."""
+        """Return a device on which it is `factor` times as great."""
         return device.with_numbers({self.name: factor * device.number(self.name)})
 
     def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
@@ -79,7 +79,7 @@ class OfDevice:
 
 
 @dataclass(frozen=True, slots=True)
-class OfHands:
+class _OfHands:
     """An end of what the hands have: the least or the greatest mass, damping or stiffness, or both where they are one.
 
     Attributes
@@ -111,20 +111,20 @@ class OfHands:
         return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
 
 
-def _numbers(problem: Problem) -> list[OfDevice | OfHands]:
+def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
     """Return what has a price: each number of the device and, where no loop of its own is designed, of the hands."""
-    found: list[OfDevice | OfHands] = [OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
+    found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
     if problem.device.kind.own_loop:
         return found
     low, high = problem.hands.low, problem.hands.high
     for part in fields(Hand):
         least, most = getattr(low, part.name), getattr(high, part.name)
         ends = [("", most)] if least == most else [("min", least), ("max", most)]
-        found += [OfHands(part.name, end) for end, value in ends if value > 0]
+        found += [_OfHands(part.name, end) for end, value in ends if value > 0]
     return found
 
 
-def _price(prepared: Prepared, polished: Polished, here: _Changed, number: OfDevice | OfHands) -> Price:
+def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
     """Return the price of a number: of more or less of it, whichever lowers the error."""
     old = number.of(prepared.problem)
     less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
@@ -151,7 +151,7 @@ class _Changed:
     others2: float
 
 
-def _changed(prepared: Prepared, polished: Polished, number: OfDevice | OfHands, factor: float) -> _Changed:
+def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
     """Return what there is where a number of devices or hands is changed, all else the same in SI units."""
 
     def changed(device: Device) -> Device:

@@ -21,7 +21,7 @@ class LatencyPartRecord(Part):
 
     part: str
     key: str
-    seconds: float
+    latency_s: float
     drag: float
 
 
@@ -39,8 +39,8 @@ class ContactRecord(Part):
     drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
     drag_alone_hz: Number
     drag_alone_hand: HandRecord
-    stiffest: Annotated[Number, Shown("stiffest contact", of="stiffness")]
-    stiffest_verdict: Literal["proved", "undecided"] | None
+    stiffest_contact: Annotated[Number, Shown("stiffest contact", of="stiffness")]
+    stiffest_contact_verdict: Literal["proved", "undecided"] | None
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield the rows, each with what it is of."""
@@ -52,15 +52,17 @@ class ContactRecord(Part):
                 yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved")
 
     def _said_of(self, units: Units) -> dict[str, str]:
-        parts = " + ".join(f"{part.part} {text(1e3 * part.seconds, 4)}" for part in self.parts)
+        parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
         contacts = f"contacts up to {text(self.stiffness)} {units.stiffness}"
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
-        none = "the hands without stiffness ask for more than this coupling offers"
+        bears = f", {self.stiffest_contact_verdict} with this coupling"
+        if self.stiffest_contact is None:
+            bears = "the hands without stiffness ask for more than this coupling offers"
         return {
             "latency L": f" = {parts}",
             "least drag at rest": f" for {contacts}: {self.rule}",
             "least drag without b_c": f", {worst}",
-            "stiffest contact": none if self.stiffest is None else f", {self.stiffest_verdict} with this coupling",
+            "stiffest contact": bears,
         }
 
     @property
