@@ -200,6 +200,13 @@ def test_prices_are_those_of_solving_again(arm):
         assert prices[key].change == pytest.approx(worth, abs=2e-4) and worth < -1e-3, key
 
 
+def test_a_jump_has_no_price():
+    """Where a delay passes a whole number of samples the error jumps: what that is worth is no slope."""
+    text = ARM.replace("order = 2", "order = 1").replace("[operator]", "force_sensor = { delay = 2e-3 }\n[operator]")
+    prices = with_prices(solve(posed(text))).prices
+    assert all(-0.05 < price.change <= 0 for price in prices)
+
+
 def test_repairs_name_the_keys_of_a_servo():
     text = SENSED + "[coupling]\ndrag = { min = 0.0, max = 30.0 }\n"
     changes = {change.key: change for change in parameter_changes(toml.parse(text, "x"), posed(text))}

@@ -59,7 +59,7 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
     stiffest, verdict = _stiffest(problem, judgement, hands, bears)
     return ContactRecord(
         stiffness=K,
-        factor=factor,
+        safety_factor=factor,
         parts=[
             LatencyPartRecord(part=KEYS_OF[name][0], key=KEYS_OF[name][1], latency_s=seconds, drag=factor * K * seconds)
             for name, seconds in parts.items()

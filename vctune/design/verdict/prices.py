@@ -27,6 +27,9 @@ PRICES = "the prices of the device's numbers"
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
 is far below. Half and twice give the same four digits."""
+STEEPEST = 50.0
+"""d log error/d log number from which on a change is a jump, as where the delay of a servo passes a whole number of
+samples, and has no slope: of slopes none is above 10. Half and twice tell the same apart."""
 BETTER = 0.01
 """By what share a better number is better: to so much the least error is linear, but for a bend at the optimum."""
 
@@ -133,7 +136,8 @@ def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDe
     def error2(at: _Changed) -> float:
         return optimised * exp(2 * (at.lagrangian - here.lagrangian)) + at.others2
 
-    change, sign = min((error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more)))
+    changes = [(error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more))]
+    change, sign = min((each for each in changes if abs(each[0]) < 2 * STEP * STEEPEST), default=(0.0, -1))
     return Price(number.key, old, old * (1 + sign * BETTER), min(change / 2 * BETTER / STEP, 0.0))
 
 

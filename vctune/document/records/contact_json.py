@@ -28,11 +28,11 @@ class LatencyPartRecord(Part):
 class ContactRecord(Part):
     """What contacts ask of the drag before a servo, and the stiffest that its coupling bears.
 
-    `stiffness` is that of the stiffest hand of the box, `factor` the safety factor.
+    `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem.
     """
 
     stiffness: float
-    factor: float
+    safety_factor: float
     parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]
     latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
     rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]
@@ -68,8 +68,8 @@ class ContactRecord(Part):
     @property
     def rule(self) -> str:
         """What the least drag at rest is."""
-        of_springs = self.factor * self.stiffness * self.latency_s
-        rule = f"{text(self.factor)} K L"
+        of_springs = self.safety_factor * self.stiffness * self.latency_s
+        rule = f"{text(self.safety_factor)} K L"
         if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
             return rule
         less = self.rest_drag < of_springs
@@ -85,4 +85,4 @@ class ContactRecord(Part):
         most = self.latency_s / 4
         unit = 10.0 ** floor(log10(most))
         less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
-        return less, max(self.rest_drag - self.factor * self.stiffness * less, 0.0)
+        return less, max(self.rest_drag - self.safety_factor * self.stiffness * less, 0.0)
