@@ -87,8 +87,10 @@ class WorkingSet:
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
 
-    def on_devices(self, changed: Callable[[Device], Device], time: float) -> WorkingSet:
-        """Return the same hands and frequencies on other devices.
+    def on_devices(
+        self, changed: Callable[[Device], Device], time: float, held: Callable[[Hand], Hand] = lambda hand: hand
+    ) -> WorkingSet:
+        """Return the same frequencies on other devices, in the same hands or in others.
 
         Where the loop is sampled it is the angle omega T that stays, so that what is posed at Nyquist stays there.
 
@@ -96,6 +98,7 @@ class WorkingSet:
         ----------
         changed : what becomes of a device, in the units that the set has
         time : their sample time, of which the new set has its times in units
+        held : what becomes of a hand, in the units that the set has
         """
 
         def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:
@@ -103,7 +106,7 @@ class WorkingSet:
                 ConstraintPoint(
                     point.omega * stretch,
                     changed(point.device).in_units(1.0, time),
-                    point.hand and point.hand.in_units(1.0, time),
+                    point.hand and held(point.hand).in_units(1.0, time),
                 )
                 for point in points
             ]

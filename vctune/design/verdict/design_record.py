@@ -20,6 +20,7 @@ from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.claim_records import claim_records
+from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
@@ -35,6 +36,7 @@ from vctune.document.records.certificate_json import (
     WholeSampleRecord,
     WithoutOperatorRecord,
 )
+from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import (
     AlternativeRecord,
     BoxRecord,
@@ -102,14 +104,20 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
+    contact = _contact(problem, judgement) if judgement is not None else {}
     if out_of_time() and proved:
         solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
     with unlimited():
-        return _recorded(file, solved, proved, ipopt, date)
+        return _recorded(file, solved, proved, ipopt, date, contact)
 
 
 def _recorded(
-    file: ProblemFile, solved: Solved, proved: dict[str, Any], ipopt: str | None, date: str | None
+    file: ProblemFile,
+    solved: Solved,
+    proved: dict[str, Any],
+    ipopt: str | None,
+    date: str | None,
+    contact: dict[str, ContactRecord],
 ) -> DesignRecord:
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
@@ -126,6 +134,7 @@ def _recorded(
         parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if date is not None:
         parts["date"] = date
+    parts |= contact
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -235,6 +244,13 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
         "proved_band_hz": list(proved) if proved else None,
         **_without_operator(problem, judgement.gains, judgement.coupling),
     }
+
+
+@np.errstate(all="ignore")
+def _contact(problem: Problem, judgement: Judgement) -> dict[str, ContactRecord]:
+    """Return what a servo's latency asks for; nothing of any other display."""
+    found = contact_record(problem, judgement)
+    return {} if found is None else {"contact": found}
 
 
 @np.errstate(all="ignore")

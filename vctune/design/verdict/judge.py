@@ -25,7 +25,7 @@ from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.keys import keys_of, labelled
+from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.problem import Demands, Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
@@ -127,12 +127,13 @@ class Judgement:
     def facts(self) -> dict[str, float | str | None]:
         """The design and what is proved of it, by name and unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
+        kind = self.kind
         return {
-            **{labelled(key, units): x for key, x in zip(keys_of(len(values)), values, strict=True)},
+            **{labelled(key, units): x for key, x in zip(kind.keys, values, strict=True) if key in kind.stated},
             "error": self.transparency.error,
             self.ratio_name: self.min_ratio,
             "at, Hz": self.worst_hz,
-            "greatest |S|": self.peak_sensitivity,
+            **({"greatest |S|": self.peak_sensitivity} if kind.own_loop else {}),
             "proved band, Hz": span(self.certificate.proved_band_hz),
         }
 

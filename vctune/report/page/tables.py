@@ -8,16 +8,17 @@ from math import inf
 from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
-from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
+from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, Feel, feel
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
-from vctune.model.device import Device
+from vctune.model.device import Device, Servo
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
 from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.report.figures.style import time_text
@@ -34,6 +35,8 @@ LABELS = {
     "structure.handle_mass": "structure: mass of the handle",
     "structure.frequency_hz": "structure: resonance",
     "structure.damping_ratio": "structure: damping ratio",
+    "servo.delay": "servo: delay",
+    "servo.bandwidth_hz": "servo: bandwidth",
 }
 """What the numbers of a device are called; seconds are shown as what suits them."""
 
@@ -81,21 +84,31 @@ def _device(problem: Problem) -> list[Line]:
         lines.append(
             Line(units.translated(LABELS[key]), value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else "")
         )
-    estimate = device.velocity
-    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
     display = []
     if device.kind is not ADMITTANCE:
         display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]
-    lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
+    lines = [*display, *lines, *(_own_loop(device) if device.servo is None else _servo(device.servo))]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
         lines.append(Line("not modelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
     return lines
 
 
+def _own_loop(device: Device) -> list[Line]:
+    estimate = device.velocity
+    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
+    return [Line("velocity is", known), Line("hold", device.hold)]
+
+
+def _servo(servo: Servo) -> list[Line]:
+    held = {"velocity": "held over a sample", "position": "interpolated over a sample"}[servo.command]
+    return [Line("servo: order", str(servo.order)), Line("command", servo.command, "", held)]
+
+
 def _demands(problem: Problem) -> list[Line]:
     wanted, stable = problem.transparency, problem.stability
-    weights = ", ".join(f"{weight:g}" for weight in astuple(wanted.weights))
+    terms = problem.device.kind.terms
+    weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in terms)
     lines = [
         Line(
             problem.device.kind.ratio,
@@ -103,8 +116,10 @@ def _demands(problem: Problem) -> list[Line]:
             "",
             "the safety factor",
         ),
-        Line("|S| of the sampled loop", f"≤ {stable.max_sensitivity:g}", "", "up to the Nyquist frequency"),
     ]
+    if problem.device.kind.own_loop:
+        limit = f"≤ {stable.max_sensitivity:g}"
+        lines.append(Line("|S| of the sampled loop", limit, "", "up to the Nyquist frequency"))
     if problem.passive:
         lines.append(Line("stability band", _band(stable.band), "Hz", "for any passive hand"))
     return [
@@ -113,7 +128,7 @@ def _demands(problem: Problem) -> list[Line]:
             "transparency band", _band(wanted.band), "Hz", {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
         ),
         Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", problem.units.damping),
-        Line("weights", weights, "", "admittance, tracking, coupling"),
+        Line("weights", weights, "", ", ".join(terms)),
     ]
 
 
@@ -254,9 +269,15 @@ def assumptions(problem: Problem) -> list[str]:
         device.units
     ]
     lines = [
-        f"The device {moves}, {within}: no dry friction, no backlash, no saturated motor.",
+        f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
         f"The loop dynamics are those stated and nothing else: {_stated(device)}. What is not stated is ideal.",
     ]
+    if device.servo is not None:
+        lines.append(
+            "The servo does not yield: however hard the hand pushes, the motion follows the command alone. What the "
+            "force sensor carries in front of it is a part of the hand, of operator.mass; what is behind it does not "
+            "count."
+        )
     if uncertain is not None and uncertain.unmodelled:
         lines.append(
             "But for that, the mechanism's response may be off by the radius above, each frequency for itself"
@@ -287,6 +308,11 @@ def assumptions(problem: Problem) -> list[str]:
 
 
 def _stated(device: Device) -> str:
+    if (servo := device.servo) is not None:
+        low_pass = f"a servo of {servo.bandwidth_hz:.4g} Hz and order {servo.order}"
+        late = f"a {servo.command} command every {' '.join(time_text(device.sample_time, 4))}"
+        stated = [low_pass, f"delay {' '.join(time_text(servo.delay, 4))}", late]
+        return ", ".join(stated + (["force sensor"] if device.force_sensor is not None else []))
     stated = [f"hold “{device.hold}” of {' '.join(time_text(device.sample_time, 4))}"]
     stated += [f"delay {' '.join(time_text(device.delay, 4))}"] if device.delay > 0 else []
     stated += ["velocity estimate"] if device.velocity is not None else []
@@ -303,7 +329,10 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     problem : its device
     gains, coupling : the design
     """
-    here, bare, units = feel(problem.device, gains, coupling), feel(problem.device, *NO_LOOP), problem.units
+    here, units = feel(problem.device, gains, coupling), problem.units
+    if problem.device.servo is not None:
+        return _feel_of_servo(here, units)
+    bare = feel(problem.device, *NO_LOOP)
     lines = [
         FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
         for name, unit, ours, theirs in (
@@ -331,6 +360,20 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     if not problem.device.kind.senses_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
+
+
+def _feel_of_servo(here: Feel, units: Units) -> list[FeelLine]:
+    """Return what a hand feels of a servo, which it does not feel without a coupling: there is no bare device."""
+    late, unit = ("", "") if here.loop_latency is None else time_text(here.loop_latency, 3)
+    free = [
+        (f"apparent {name} in free motion at {hz:g} Hz", _number(of[k]), of_unit)
+        for name, of_unit, of in ((units.mass_name, units.mass, here.mass), ("damping", units.damping, here.damping))
+        for k, hz in enumerate(FREE_HZ)
+    ]
+    steady = f"{units.force_name} for a steady {SPEED:g} {units.speed}", _number(here.force), units.force
+    tracked = "bandwidth of tracking", _number(here.tracking_bandwidth), "Hz"
+    rows = [*free, steady, tracked, ("latency from command to motion", late, unit)]
+    return [FeelLine(label, value, "", of_unit) for label, value, of_unit in rows]
 
 
 def _late(seconds: float) -> tuple[str, str, str]:
