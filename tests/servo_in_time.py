@@ -74,38 +74,47 @@ def rendered(coupling: tuple[float, float, float], environment: Mass, sample_tim
     return cont2discrete(state_space, sample_time, method="bilinear")[:4]
 
 
+class Sampled:
+    """A servo in a hand, sampled; its memory is one vector: states of the mechanics, then the velocities on their way."""
+
+    def __init__(self, servo: Servo, hand: Mass) -> None:
+        A, B, self.C, self.D = mechanics(servo, hand)
+        T, n = servo.sample_time, len(A)
+        late = (Fraction(repr(servo.delay)) + Fraction(repr(servo.sensor_delay))) / Fraction(repr(T))
+        self.whole, self.states = floor(late), n
+        rest = float(late - self.whole) * T
+
+        def held(time: float) -> tuple[np.ndarray, np.ndarray]:
+            both = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * time)
+            return both[:n, :n], both[:n, n]
+
+        self.early, self.late = held(rest), held(T - rest)
+        self.size = n + self.whole + 1
+
+    def force(self, memory: np.ndarray) -> float:
+        """Return what is sensed just before a command acts, N."""
+        return float(self.C @ memory[: self.states] + self.D * memory[-1])
+
+    def wait(self, memory: np.ndarray, velocity: float) -> np.ndarray:
+        """Return the memory one sample later, from a velocity on that is held, m/s."""
+        body, given = memory[: self.states], [velocity, *memory[self.states :]]
+        body = self.early[0] @ body + self.early[1] * given[-1]
+        body = self.late[0] @ body + self.late[1] * given[-2]
+        return np.concatenate([body, given[:-1]])
+
+
 def loop_matrix(servo: Servo, hand: Mass, coupling: tuple[float, float, float], environment: Mass) -> np.ndarray:
-    """Return the matrix of the loop over a sample: mechanics, velocities on their way, coupling and environment."""
-    T = servo.sample_time
-    A, B, C, D = mechanics(servo, hand)
-    late = (Fraction(repr(servo.delay)) + Fraction(repr(servo.sensor_delay))) / Fraction(repr(T))
-    whole, n = floor(late), len(A)
-    rest = float(late - whole) * T
-
-    def held(time: float) -> tuple[np.ndarray, np.ndarray]:
-        both = expm(np.block([[A, B[:, None]], [np.zeros((1, n + 1))]]) * time)
-        return both[:n, :n], both[:n, n]
-
-    (early, by_older), (later, by_newer) = held(rest), held(T - rest)
-    E, F, G, H = (np.atleast_2d(part) for part in rendered(coupling, environment, T))
-    sizes = np.cumsum([0, n, whole + 2, len(E)])
-    at = [slice(*ends) for ends in zip(sizes[:-1], sizes[1:], strict=True)]
-    step = np.zeros((sizes[-1], sizes[-1]))
+    """Return the matrix of the loop over a sample: mechanics, coupling and environment, v_e before."""
+    sampled = Sampled(servo, hand)
+    E, F, G, H = (np.atleast_2d(part) for part in rendered(coupling, environment, servo.sample_time))
+    split = [sampled.size, sampled.size + len(E)]
 
     def after(memory: np.ndarray) -> np.ndarray:
-        body, velocities, virtual = (memory[place] for place in at)
+        body, virtual, (before,) = np.split(memory, split)
+        force = sampled.force(body)
+        desired = float((G @ virtual + H[:, 0] * force)[0])
+        # from one position by the trapezoidal rule to the next
+        held = (desired + before) / 2 if servo.position else desired
+        return np.concatenate([sampled.wait(body, held), E @ virtual + F[:, 0] * force, [desired]])
 
-        # velocities: v_e[k-1], ..., v_e[k-N-2]; what acts is held, or between two positions their mean
-        def acting(series: np.ndarray, age: int) -> float:
-            return float((series[age] + series[age + 1]) / 2 if servo.position else series[age])
-
-        force = C @ body + D * acting(velocities, whole)
-        desired = (G @ virtual + H[:, 0] * force)[0]
-        longer = np.concatenate([[desired], velocities, [0.0]])
-        older, newer = acting(longer, whole + 1), acting(longer, whole)
-        moved = later @ (early @ body + by_older * older) + by_newer * newer
-        return np.concatenate([moved, longer[: whole + 2], E @ virtual + F[:, 0] * force])
-
-    for column, unit in enumerate(np.eye(sizes[-1])):
-        step[:, column] = after(unit)
-    return step
+    return np.array([after(unit) for unit in np.eye(split[-1] + 1)]).T
