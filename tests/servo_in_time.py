@@ -75,7 +75,7 @@ def rendered(coupling: tuple[float, float, float], environment: Mass, sample_tim
 
 
 class Sampled:
-    """A servo in a hand, sampled; its memory is one vector: states of the mechanics, then the velocities on their way."""
+    """A servo in a hand, sampled; its memory is one vector: states of the mechanics, then velocities on their way."""
 
     def __init__(self, servo: Servo, hand: Mass) -> None:
         A, B, self.C, self.D = mechanics(servo, hand)

@@ -1,4 +1,4 @@
-"""`vctune export` of a servo: a force in, a velocity or a position out, and nothing else; what is proved is compiled."""
+"""`vctune export` of a servo: a force in, a velocity or a position out; what is proved is what is compiled."""
 
 from __future__ import annotations
 
@@ -183,8 +183,9 @@ def test_every_file_speaks_of_the_servo(made, command):
     told = export(folder.parent.parent / "servo.toml", to="json").files
     texts = {path.name: path.read_text() for path in folder.iterdir() if path.name != "vectors.csv"} | told
     for name, text in texts.items():
-        text = re.sub("<svg.*</svg>", "", text, flags=re.DOTALL)
-        words = " ".join(text.replace("\n *", " ").replace("\n#", " ").split())
+        words = " ".join(
+            re.sub("<svg.*</svg>", "", text, flags=re.DOTALL).replace("\n *", " ").replace("\n#", " ").split()
+        )
         assert f"Assumed: a servo that follows the commanded {command}," in words, name
         for absent in ("linear device", "1.0 kg", "motor", "VELOCITY_GAIN", "position_gain", "K_v", "K_p", "friction"):
             assert absent not in words.replace("f_c, N", ""), (name, absent)

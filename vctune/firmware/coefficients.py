@@ -6,9 +6,10 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from vctune.firmware.c_source import BUILT_IN, assumptions, inputs_of, limiting, not_proved, state_names
+from vctune.firmware.c_source import BUILT_IN, inputs_of, limiting, state_names
 from vctune.firmware.c_text import plain
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import assumptions, not_proved
 from vctune.model.numbers.units import Units
 from vctune.simulation.firmware import equations
 from vctune.simulation.firmware.equations import COEFFICIENTS, STATE, Quantity

@@ -14,8 +14,9 @@ from uuid import UUID
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from vctune.document.text.errors import InputError, printable
-from vctune.firmware.c_source import c_source, names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_source import c_source, names_and_numbers, rendered_template
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import not_proved, statement
 from vctune.simulation.firmware.equations import COMMANDS
 from vctune.version import __version__
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.firmware.c_source import names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_source import names_and_numbers, rendered_template
 from vctune.firmware.c_text import comment
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0

@@ -21,7 +21,6 @@ from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
 
-
 USUAL_STIFFNESS = 1000.0
 """Of the hand that replays a linear device, N/m."""
 

@@ -53,7 +53,7 @@ def export(
     from vctune.document.text.errors import printable
     from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
-    from vctune.firmware.c_source import statement
+    from vctune.firmware.preamble import statement
 
     given = read_gains(gains) if gains else None
     try:

@@ -94,7 +94,8 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         console.print(table)
         for one in record.experiments:
             if one.difference is not None:
-                console.print(f"{escape(printable(one.name))}: {_apart(one.difference, record.command_unit)}", soft_wrap=True)
+                apart = _apart(one.difference, record.command_unit)
+                console.print(f"{escape(printable(one.name))}: {apart}", soft_wrap=True)
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 console.print(
                     f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",

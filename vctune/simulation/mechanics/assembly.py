@@ -1,10 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
 The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
-whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly (`transition`), and
-with friction exactly but for a force that is held over a step (`assembly_friction`). A device that moves as one mass
-and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded: the hand has no
-part in its rates, and what the hand does to it follows from its motion.
+whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly
+(`transition`), and with friction exactly but for a force that is held over a step (`assembly_friction`). A device that
+moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded:
+the hand has no part in its rates, and what the hand does to it follows from its motion.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from vctune.simulation.mechanics.plant import Transition, exponential_less_one, 
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force, the force of the hand's spring and
-damper if the handle stood still at 0, N, and its three derivatives."""
+"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
+the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,8 +34,8 @@ class Assembly:
 
     Attributes
     ----------
-    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a servo's
-        velocity, sensed and its rate where the device has the part
+    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
+        servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
     units : of states and given, with which all rates are about as large as what they mean for a sample
     position, velocity : rows of the handle's, m, m/s
