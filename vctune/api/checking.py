@@ -60,7 +60,9 @@ def check(
         If problem or design are invalid or for different kinds of device, or there is no design.
     """
     with limited(time_limit):
-        return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
+        file = problem_of(problem)
+        given = None if gains is None else design_of(gains, coupling, file.problem.device.kind)
+        return check_problem(file, given)
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:

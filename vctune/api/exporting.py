@@ -23,8 +23,8 @@ from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.printed_json import ExportRecord
 from vctune.document.text.errors import InputError, Mistake, printable
 from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
-from vctune.firmware.c_source import statement
 from vctune.firmware.firmware import Firmware, certified, firmware
+from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.simulation.firmware.stepped import Precision as Precision

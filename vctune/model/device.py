@@ -15,6 +15,8 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
+Commanded = Literal["force", "velocity", "position"]
+"""What a firmware commands: a motor's force, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +191,11 @@ class Device:
     def kind(self) -> Display:
         """What it makes of what."""
         return DISPLAYS[self.display]
+
+    @property
+    def commanded(self) -> Commanded:
+        """What its firmware commands."""
+        return "force" if self.servo is None else self.servo.command
 
     @property
     def coupling_may_drive(self) -> bool:

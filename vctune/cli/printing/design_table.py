@@ -95,7 +95,8 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         console.print(table)
         for one in record.experiments:
             if one.difference is not None:
-                console.print(f"{escape(printable(one.name))}: {_apart(one.difference, record.units)}", soft_wrap=True)
+                apart = _apart(one.difference, record.command_unit)
+                console.print(f"{escape(printable(one.name))}: {apart}", soft_wrap=True)
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 console.print(
                     f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",
@@ -107,14 +108,14 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
                 )
 
 
-def _apart(difference: DifferenceRecord, units: Units) -> str:
+def _apart(difference: DifferenceRecord, unit: str) -> str:
     own = f"the design's own in {difference.precision} precision on the same measurements"
     if difference.force is None or difference.tolerance is None:
         return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
         return f"the firmware's commands are {own} to the last bit"
-    apart = f"{difference.force:.3g} {units.force} of {own}, farthest at {difference.time_s:.4g} s"
-    allowed = f"the tolerance is {difference.tolerance:.3g} {units.force}"
+    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
+    allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
     if difference.passes:
         return f"the firmware's commands are within {apart}; {allowed}"
     return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"
