@@ -157,7 +157,7 @@ def _spread(values: Floats) -> float:
 
 def _seen(recording: Recording, T: float) -> ServoLog:
     position, logged = recording.channels["position"], recording.values("time")
-    time: Floats = np.arange(position.values.size) * T if logged is None else logged
+    time = np.asarray(np.arange(position.values.size) * T if logged is None else logged, dtype=np.float64)
     command = recording.channels[commanded(recording)].values
     is_position = commanded(recording) == "position_command"
     velocity = interpolating_velocity(time, command) if is_position else command
