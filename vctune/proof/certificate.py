@@ -196,7 +196,7 @@ def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Cer
     if looped:
         poles = partial(_of_every_loop, prove_sampled_poles)
         proofs[Claim.SAMPLED_POLES] = partial(claim, poles, prove_sampled_poles_for_all)
-    if box is not None and box.nominal.unmodelled is not None:
+    if looped and box is not None and box.nominal.unmodelled is not None:
         proofs[Claim.UNMODELLED] = partial(unmodelled, box.nominal.unmodelled.radii)
     if demands.any_hand:
         proofs[Claim.ANY_HAND] = partial(prove_any_hand, design, demands, box)

@@ -19,10 +19,14 @@ TRIED = 24
 """Bandwidths from which the search starts, evenly on a logarithmic axis."""
 SETTLED = 6.0
 """Lags after which it is forgotten how the servo moved before the log."""
+VALLEYS = 14
+"""Bandwidths at which a better fit is looked for."""
 ROUNDS = 3
 """How often noise and numbers are fitted to each other."""
 FINE = 1e-4
 """Relative step of a derivative."""
+WILD = 1.5
+"""How many times the half-width by chi2 a deviation may say."""
 STATED = 2
 """Numbers that are told together: delay and bandwidth."""
 
@@ -151,30 +155,56 @@ class _Task:
         return np.stack(found, axis=1)
 
 
-def fit_servo(seen: ServoLog, order: int) -> ServoFit:
-    """Fit a servo of an order.
+def fit_servos(seen: ServoLog) -> tuple[ServoFit, ServoFit]:
+    """Fit servos of order 1 and of order 2 to the same rows.
 
     Parameters
     ----------
     seen : ServoLog
-    order : 1 or 2
     """
+    found = [_found(seen, order) for order in (1, 2)]
+    first = max(task.first for task, _ in found)
+    fits = [_with_intervals(*_refined(_prepared(seen, task.order, at, task.noise, first), at)) for task, at in found]
+    return fits[0], fits[1]
+
+
+def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
+    """Return the numbers that fit best, with their noise."""
     at = _coarse(seen, order)
     task = _prepared(seen, order, at, Noise(seen.rounding, 0.01 * seen.sample_time))
     for _ in range(ROUNDS):
-        noise = likeliest(
-            task.left(at), task.noise, seen.rounding, seen.sample_time, task.exposed, is_position=seen.is_position
-        )[0]
-        task = replace(task, noise=noise)
-        at = _least(task, at)
-        task = _prepared(seen, order, at, noise)
-    return _with_intervals(task, at)
+        task, at = _refined(task, at)
+        at = _better_elsewhere(task, at)
+        task = _prepared(seen, order, at, task.noise)
+    return task, at
 
 
-def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise) -> _Task:
+def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
+    """Return the task with the noise that is likeliest near some numbers, and the numbers that then fit best."""
+    seen = task.seen
+    noise, _ = likeliest(
+        task.left(at), task.noise, seen.rounding, seen.sample_time, task.exposed, is_position=seen.is_position
+    )
+    task = replace(task, noise=noise)
+    return task, _least(task, at)
+
+
+def _better_elsewhere(task: _Task, at: Floats) -> Floats:
+    """Return numbers of another bandwidth that fit better, if there are any: the least squares have valleys."""
+    best, least = at, float(np.sum(task.white(at) ** 2))
+    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), VALLEYS):
+        tried = _best_latency(task, at, logarithm)
+        found = float(np.sum(task.white(tried) ** 2))
+        if found < least:
+            best, least = tried, found
+    return best
+
+
+def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
     """Return the task near some numbers: which rows are fitted, and how the link's jitter goes into them."""
     lag = modes(float(np.exp(at[1])), order)[0]
-    first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
+    if first is None:
+        first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
     late = min(max(round(float(at[0]) - lag), 0), seen.time.size // 4)
     exposed = exposure(seen.velocity, is_position=seen.is_position, late=late, lag=lag)
     return _Task(seen, order, first, noise, exposed[first:])
@@ -259,16 +289,17 @@ def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[
     delays = [task.numbers(each)[0] / T for each in (*ends, at)]
     delay, bandwidth = task.numbers(at)
     low_delay, high_delay = (side * max(side * each for each in delays) * T for side in (-1, 1))
-    own = factor * float(sigma[0]) * T
+    slow, fast = (task.numbers(each)[1] for each in ends)
     return (
-        Interval(delay, float(sigma[0]) * T, min(low_delay, delay - own), max(high_delay, delay + own)),
-        Interval(
-            bandwidth,
-            float(sigma[1]) * bandwidth,
-            min(task.numbers(ends[0])[1], bandwidth * (1 - factor * float(sigma[1]))),
-            max(task.numbers(ends[1])[1], bandwidth * (1 + factor * float(sigma[1]))),
-        ),
+        _interval(delay, float(sigma[0]) * T, low_delay, high_delay, factor),
+        _interval(bandwidth, float(sigma[1]) * bandwidth, slow, fast, factor),
     )
+
+
+def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
+    """Return an interval; where its deviation is far beyond an end chi2 is no parabola, and the ends are right."""
+    sigma = min(sigma, WILD * min(value - low, high - value) / factor)
+    return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
 
 
 def _end(task: _Task, at: Floats, least: float, most: float, side: int, sigma: float) -> Floats:
@@ -301,7 +332,7 @@ def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
     """Return the latency that is best at another bandwidth, by Gauss and Newton."""
     low, high = (log(each) for each in BANDWIDTHS)
     at = np.array([at[0], min(max(logarithm, low), high)])
-    for _ in range(4):
+    for _ in range(6):
         slope = task.slopes(at, (0,))[:, 0]
         by = float(slope @ task.white(at)) / float(slope @ slope)
         at = at - np.array([by, 0.0])

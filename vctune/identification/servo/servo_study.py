@@ -15,7 +15,7 @@ from vctune.identification.box import Estimate
 from vctune.identification.motion.covariance import joint_factor, robust_covariance
 from vctune.identification.motion.signals import position_noise
 from vctune.identification.servo.servo_bands import Bands, bands
-from vctune.identification.servo.servo_fit import STATED, Interval, ServoFit, ServoLog, fit_servo
+from vctune.identification.servo.servo_fit import STATED, Interval, ServoFit, ServoLog, fit_servos
 from vctune.identification.servo.servo_motion import interpolating_velocity, positions
 from vctune.identification.servo.servo_noise import Noise, whitened
 from vctune.model.numbers.units import Units
@@ -136,7 +136,7 @@ def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
         If no servo explains the motion.
     """
     seen = _seen(recording, sample_time)
-    first, second = (fit_servo(seen, order) for order in (1, 2))
+    first, second = fit_servos(seen)
     fit, other = (first, second) if first.unlikely <= second.unlikely else (second, first)
     told = other.unlikely - fit.unlikely > EVIDENCE * max(fit.inflation, other.inflation)
     study = ServoStudy(

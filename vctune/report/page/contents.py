@@ -74,7 +74,7 @@ IDENTIFICATION_READINGS = {
     ),
     "following": (
         "How the servo follows",
-        "Where it was told to be, where it was, and the fit, at the place where that is furthest off; below, by how much "
+        "Where it was told to be, where it was, and the fit, where that is furthest off; below, by how much "
         "over the whole log. A velocity that arrives early or late leaves the position off for good.",
     ),
     "response": (
