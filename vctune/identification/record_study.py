@@ -187,7 +187,13 @@ def _warned(study: RecordStudy) -> RecordStudy:
     left = study.residual_share
     if left <= POOR:
         return study
-    of = study.recording.units.force_name if study.motion is not None else "motion" if study.servo else "response"
+    of = (
+        study.recording.units.force_name
+        if study.motion is not None
+        else "motion"
+        if study.servo is not None
+        else "response"
+    )
     text = (
         f"{study.recording.name}: the device in the file leaves {left:.1%} of the {of} unexplained: no design for it "
         "is better than that; see the report for when and at which frequencies"

@@ -1,4 +1,4 @@
-"""The response of a servo in bands of frequencies (README, section 5)."""
+"""The response of a servo in bands of frequencies (README, section 9)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Delay and low-pass of a servo, by maximum likelihood over the steps of its position (README, section 4)."""
+"""Delay and low-pass of a servo, by maximum likelihood over the steps of its position (README, section 9)."""
 
 from __future__ import annotations
 
@@ -23,6 +23,8 @@ VALLEYS = 14
 """Bandwidths at which a better fit is looked for."""
 ROUNDS = 3
 """How often noise and numbers are fitted to each other."""
+LEAST_SPAN = 8
+"""Rows over which a way is compared: in one of them the encoder is all that one sees."""
 FINE = 1e-4
 """Relative step of a derivative."""
 WILD = 1.5
@@ -80,7 +82,7 @@ class ServoFit:
     unlikely : -2 log likelihood
     inflation : how many times the residuals' correlation makes a variance what white ones would have
     left : steps of the position that the fit leaves, m
-    left_share : of the position from the first row on, root mean square
+    left_share : of the way in as many rows as the servo is late by, root mean square
     told : whether the bandwidth ends below the highest that is looked at
     """
 
@@ -272,9 +274,16 @@ def _with_intervals(task: _Task, at: Floats) -> ServoFit:
         unlikely=unlikely,
         inflation=inflation,
         left=left,
-        left_share=float(np.std(np.cumsum(left)) / np.std(seen.position[task.first :])),
+        left_share=_share(np.cumsum(left), seen.position[task.first :], max(LEAST_SPAN, ceil(at[0]))),
         told=bandwidth.high < 0.99 * BANDWIDTHS[1] / T,
     )
+
+
+def _share(left: Floats, position: Floats, span: int) -> float:
+    """Return what is left of the way in some rows, root mean square: drift is not counted for the whole of a log."""
+    span = min(span, left.size // 2)
+    of = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
+    return float(np.sqrt(np.mean((left[span:] - left[:-span]) ** 2)) / of)
 
 
 def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
