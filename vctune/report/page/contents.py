@@ -97,10 +97,15 @@ IDENTIFICATION_READINGS = {
         "What was recorded and what mass and friction make of the motion, where the difference is largest; below, the "
         "difference alone over the whole log.",
     ),
+    "following": (
+        "How the servo follows",
+        "Where it was told to be, where it was, and the fit, where that is furthest off; below, by how much "
+        "over the whole log. A velocity that arrives early or late leaves the position off for good.",
+    ),
     "response": (
         "Response",
-        "Measured lines with twice their standard deviation, the fit, and in grey the box times what is "
-        "unmodelled: each line lies inside. Below, how well a line repeats with the periods.",
+        "Measured lines or bands with twice their standard deviation, the fit, and in grey the box times what is "
+        "unmodelled: each lies inside. Where a line repeats, how well it does is below.",
     ),
     "residual-spectrum": (
         "What is left",
