@@ -102,8 +102,8 @@ def axes_file(text: str, path: Path) -> AxesFile | None:
             line = lines.locate(("axis", index, "name")) or 1
             axes.append(AxisProblem(table["name"], ProblemFile(problem, toml_text(stated), source), line))
     if any(found):
-        own = set(pose(shared, path.stem)[1]) | set.intersection(*map(set, found))
-        raise refusal(_named(found, [table["name"] for table in tables], own), text, source)
+        everywhere = set(pose(shared, path.stem)[1]) | set.intersection(*map(set, found))
+        raise refusal(_named(found, [table["name"] for table in tables], everywhere), text, source)
     return AxesFile(str(name), tuple(axes))
 
 
