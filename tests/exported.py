@@ -15,7 +15,7 @@ class Stated:
         self, record, *, mass=0.0, damping=0.0, stiffness=0.0, zero=0.0, wall=False, rule="backward", limit=inf
     ):
         constants = {name: each["value"] for name, each in record["coefficients"].items()}
-        T, gain, lossless = constants["sample_time"], constants["position_gain"], rule == "trapezoid"
+        T, gain, lossless = constants["sample_time"], constants.get("position_gain", 0.0), rule == "trapezoid"
         self.constants = constants | {
             "inertance": (2 * mass if lossless else mass) / T,
             "inertia_carry": float(lossless),

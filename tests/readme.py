@@ -22,7 +22,9 @@ from gallery import gallery
 from vctune.document.records.rows_json import COLUMNS
 from vctune.document.schema.log_schema import LogDocument
 from vctune.document.schema.problem_schema import json_schema, schema_of
+from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR
+from vctune.proof.claims.registry import CLAIMS
 
 ROOT = Path(__file__).parent.parent
 PAGES = [
@@ -103,6 +105,16 @@ def columns() -> str:
     return "\n".join([*rows, "| `reason` | why there is no certified design |"]) + "\n"
 
 
+def claims() -> str:
+    """Return the claims that a certificate makes, as a table."""
+    rows = ["| id | claim | meaning |", "|---|---|---|"]
+    for claim in CLAIMS.values():
+        sentences = dict.fromkeys(map(claim.said_of, DISPLAYS.values()))
+        cells = [f"`{claim.id}`", "; ".join(sentences), claim.explain]
+        rows.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(rows) + "\n"
+
+
 def modules(package: str) -> str:
     """Return the modules of a package, room by room, each with what its docstring says first."""
     top = ROOT / package
@@ -133,6 +145,7 @@ TABLES: dict[str, Callable[[], str]] = {
     "reference": lambda: reference(json_schema()),
     "log": lambda: reference(schema_of(LogDocument, "vctune log")),
     "columns": columns,
+    "claims": claims,
     "gallery": gallery,
 }
 """What makes the table between the comments of this name."""

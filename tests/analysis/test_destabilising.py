@@ -24,7 +24,6 @@ from vctune.model.device import Actuator, Device, ForceSensor, Structure, Veloci
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors
 from vctune.model.hands import Hand
 from vctune.model.numbers.units import LINEAR
-from vctune.proof.certificate import Claim
 from vctune.simulation.mechanics.scene_stability import fastest_mode
 from vctune.simulation.scene import designed_scene
 
@@ -130,8 +129,8 @@ def test_the_record_of_a_refusal_names_it():
     file = problem_file(REFUSED, Path("refused.toml"))
     problem = file.problem
     judgement = judge(problem, *problem.fixed_design)
-    claims = {claim.claim: claim for claim in claim_records(problem, judgement)}
-    claim = claims[Claim.HANDS]
+    claims = {claim.id: claim for claim in claim_records(problem, judgement)}
+    claim = claims["hands"]
     found = claim.environment
     assert claim.verdict == "refuted" and found is not None
     hand = found.hand

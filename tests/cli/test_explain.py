@@ -28,11 +28,14 @@ from vctune.design.verdict.design_record import record_of
 from vctune.design.verdict.repair import CUT_SHORT
 from vctune.document.records.design_file import read_design
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.json_schemas import SCHEMAS
+from vctune.document.records.part import Part, how_shown
 from vctune.document.records.simulation_json import SimulationRecord
 from vctune.document.text.codes import ENDING, Code
 from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.report.figures.experiment_figures import HEADINGS
+from vctune.study.region import Kind
 
 GUIDES = {str(path.relative_to(ROOT)): path.read_text() for path in sorted((ROOT / "vctune").rglob("README.md"))}
 CODES = get_args(Code)
@@ -223,7 +226,7 @@ def test_every_label_of_the_table_of_a_design_is_explained():
 
 PLAIN = {
     "asked", "at, Hz", "better", "change", "date", "found", "from", "in the problem file", "instead of", "is",
-    "limited by", "now", "number", "standard deviation", "structure", "to", "unit", "value",
+    "limited by", "ms", "now", "number", "standard deviation", "stated by", "structure", "to", "unit", "value",
     "casadi", "ipopt", "numpy", "python-flint", "vctune",
 }  # fmt: skip
 """Headings that say what they are, and libraries."""
@@ -261,6 +264,72 @@ def test_every_number_of_a_document_is_explained(kind):
     assert len(keys) > 15
     for key in keys - NAMED:
         assert explain(key).entries, key
+
+
+LISTED = {
+    "a",
+    "b",
+    "name",
+    "reason",
+    "status",
+    "schema",
+    "description",
+}
+"""Keys of any document that say what they are."""
+
+
+WITHIN = ("design", "simulation", "check")
+"""Documents of parts of parts, whose numbers are explained (above)."""
+FILES = ("problem", "gains", "study", "log")
+"""What vctune reads, whose keys have entries of their own."""
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SCHEMAS if kind not in (*WITHIN, *FILES)])
+def test_every_key_of_a_document_is_explained(kind):
+    schema = SCHEMAS[kind]()
+    for key in {key for part in (schema, *schema["$defs"].values()) for key in part.get("properties", {})} - LISTED:
+        assert explain(key).entries, key
+
+
+def parts_of(part=Part):
+    return [part, *(inner for each in part.__subclasses__() for inner in parts_of(each))]
+
+
+def test_every_label_of_a_record_is_explained():
+    labels = {shown.label for part in parts_of() for shown in how_shown(part).values()} - {""}
+    labels = {label for label in labels if "{" not in label}  # names of a display, which the tables above have
+    assert {"mass felt at 1 Hz", "lower edge of the transparency band", "peak |S|"} <= labels
+    for label in labels:
+        assert explain(label).entries, label
+
+
+def test_every_label_that_a_command_prints_is_explained(tmp_path):
+    """What stands before numbers and words in what sweep, compare, region and identify print to people."""
+    gains = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.37\n"
+    for name, mass in (("one", "0.4"), ("two", "0.5")):
+        (tmp_path / f"{name}.toml").write_text(for_passive_hands(DEVICE.replace("0.4", mass)) + gains)
+    axes = '"device.mass" = [0.4, 0.5]\n"device.sample_time" = [1e-3, 2e-3]\n'
+    (tmp_path / "study.toml").write_text(f'problem = "one.toml"\n[axes]\n{axes}')
+    swept = run("sweep", "study.toml", "--executor", "serial", cwd=tmp_path).stdout.splitlines()[1:]
+    labels = {line.split()[0] for line in swept if not line.startswith((" ", "written"))}
+    assert {"best", "over"} <= labels
+    compared = run("compare", "one.toml", "two.toml", cwd=tmp_path).stdout.splitlines()
+    begins = compared[0].index("A") and compared[1].index("file")
+    cells = {(line[:begins].strip(), re.split("  +", line[begins:])[0]) for line in compared[1:]}
+    labels |= {each for pair in cells for each in pair if "." not in each}
+    assert {"differs", "status", "proved band", "delay margin", "velocity loop"} <= labels
+    labels |= {kind.name.lower() for kind in Kind} | headings("identification_table")
+    for label in labels - PLAIN - {""}:
+        assert explain(label).entries, label
+
+
+def headings(module):
+    """Return what a module of the terminal writes above the columns of its tables."""
+    tree = ast.parse((ROOT / f"vctune/cli/printing/{module}.py").read_text())
+    loops = [
+        node.iter for node in ast.walk(tree) if isinstance(node, ast.For) and ast.unparse(node.target) == "heading"
+    ]
+    return {heading for loop in loops for heading in ast.literal_eval(loop)}
 
 
 @pytest.mark.parametrize(

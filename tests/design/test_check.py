@@ -15,7 +15,7 @@ from conftest import DEVICE, FIXED, ROOT, for_passive_hands
 
 from vctune.design.solve import solve
 from vctune.design.verdict.checked import CheckVerdict
-from vctune.design.verdict.gains_check import check
+from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.gains_file import gains_text
 from vctune.document.reading import parse_problem
@@ -117,14 +117,13 @@ def test_rounding_attack(tmp_path, count):
         problem, gains = tmp_path / f"p{k}.toml", tmp_path / f"g{k}.toml"
         problem.write_text(for_passive_hands(text))
         gains.write_text(gains_text(judgement.kind, judgement.gains, judgement.coupling, {}))
-        assert check([problem, gains])[0].result is CheckVerdict.PASSED
+        assert check_files([problem, gains])[0].result is CheckVerdict.PASSED
 
 
 def test_a_check_imports_no_optimiser():
     code = (
-        "import sys; from pathlib import Path; from vctune.design.verdict.checked import CheckVerdict;"
-        "from vctune.design.verdict.gains_check import check;"
-        f"check([Path({str(ROOT / 'problems/fixed-gains.toml')!r})]);"
+        "import sys\nfrom vctune.cli.main import main\n"
+        f"assert main(['check', {str(ROOT / 'problems/fixed-gains.toml')!r}], standalone_mode=False) == 0\n"
         "sys.exit('casadi' in sys.modules or 'matplotlib' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

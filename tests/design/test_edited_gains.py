@@ -14,7 +14,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.checked import Checked, CheckVerdict
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import check
+from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.repair import with_repairs
 from vctune.document.gains_file import design_numbers
@@ -59,7 +59,7 @@ def edited(folder, changes: dict[str, float], *, known: bool = True) -> Checked:
         at = toml.Lines("\n".join(lines)).locate(tuple(key.split("."))) - 1
         lines[at] = f"{key.split('.')[1]} = {value!r}"
     (folder / "mine.toml").write_text("\n".join(lines) + "\n")
-    return check([folder / "problem.toml", folder / "mine.toml"])[0]
+    return check_files([folder / "problem.toml", folder / "mine.toml"])[0]
 
 
 def line_of(folder, key: str) -> int:
@@ -87,7 +87,7 @@ def test_a_lowered_coupling_and_a_lowered_gain_are_named_first(wheel, numbers_on
         assert first.new == numbers[key]
         pasted = (wheel / "mine.toml").read_text().partition("[design]")[0]
         (tmp_path / "pasted.toml").write_text((wheel / "problem.toml").read_text() + pasted)
-        assert check([tmp_path / "pasted.toml"])[0].finding.repairs[0] == first
+        assert check_files([tmp_path / "pasted.toml"])[0].finding.repairs[0] == first
 
 
 def test_numbers_that_pass_only_together_are_all_named(wheel, numbers_only, monkeypatch):
@@ -143,7 +143,7 @@ def test_a_number_that_the_file_does_not_state_is_annotated_at_its_table(tmp_pat
     text = f'[device]\nmass = 0.5\ndamping = 2.0\nsample_time = 1e-3\nhold = "lag"\n{text}'
     text += '[stability]\ncriterion = "passive"\nband_hz = [0.0, 10.0]\nsafety_factor = 1.0\n'
     (tmp_path / "problem.toml").write_text(text)
-    checked = check([tmp_path / "problem.toml"])[0]
+    checked = check_files([tmp_path / "problem.toml"])[0]
     assert (checked.finding.repairs[0].key, checked.line) == ("coupling.drag", 9)
 
 
@@ -154,7 +154,7 @@ def test_solving_given_gains_says_the_same_as_checking_them(tmp_path):
     (tmp_path / "problem.toml").write_text(text)
     file = problem_file(text, tmp_path / "problem.toml")
     repairs = with_repairs(file, solve(file.problem)).repairs
-    assert repairs == check([tmp_path / "problem.toml"])[0].finding.repairs and repairs[0].key == "gains.velocity"
+    assert repairs == check_files([tmp_path / "problem.toml"])[0].finding.repairs and repairs[0].key == "gains.velocity"
 
 
 def random_device(rng: np.random.Generator, display: str, criterion: str) -> str:

@@ -28,7 +28,7 @@ from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.claim_records import claim_records
 from vctune.design.verdict.criteria import with_alternatives
 from vctune.design.verdict.design_record import record_of
-from vctune.design.verdict.gains_check import check
+from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import read_problem
@@ -38,13 +38,12 @@ from vctune.model.display import IMPEDANCE
 from vctune.model.gains import Gains, SpringDamper
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.model.problem import HUMAN_HANDS, Uncertainty
+from vctune.model.problem import HUMAN_HANDS, Demands, Uncertainty
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, offered, required_in_hand
 from vctune.model.sampled.impedance_display import firmware_filter
 from vctune.model.sampled.plant_in_hand import delays_of, plant_in_hand
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.device_box import device_box
@@ -531,7 +530,7 @@ def test_a_gains_file_without_gains_is_checked(tmp_path):
     (tmp_path / "arm.toml").write_text(device + "[stability]\nsafety_factor = 1.0\n")
     for name, stiffness in (("soft", 1199.0), ("stiff", 1201.0)):
         (tmp_path / f"{name}.toml").write_text(f"[coupling]\ndamping = 0.2\nstiffness = {stiffness}\n")
-    passed, failed = check([tmp_path / "arm.toml", tmp_path / "soft.toml", tmp_path / "stiff.toml"])
+    passed, failed = check_files([tmp_path / "arm.toml", tmp_path / "soft.toml", tmp_path / "stiff.toml"])
     assert passed.verdict is CheckVerdict.PASSED
     assert "in any passive hand up to Nyquist" in passed.message
     assert failed.verdict is CheckVerdict.FAILED

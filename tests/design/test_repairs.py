@@ -25,7 +25,7 @@ from vctune.design.solve import solve
 from vctune.design.verdict import repair as repairing
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import design_record
-from vctune.design.verdict.gains_check import check
+from vctune.design.verdict.gains_check import check_files
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.parameter_changes import ParameterChange, parameter_changes
 from vctune.design.verdict.repair import find_repairs, with_repairs
@@ -217,8 +217,8 @@ def test_a_check_names_the_best_change_of_a_gain_and_what_else_would_do(tmp_path
     (tmp_path / "problem.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "poor.toml").write_text(FIXED.format(80.0))
     (tmp_path / "pasted.toml").write_text(for_passive_hands(REFUTED["b_c"]))
-    apart = check([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
-    pasted = check([tmp_path / "pasted.toml"])[0]
+    apart = check_files([tmp_path / "problem.toml", tmp_path / "poor.toml"])[0]
+    pasted = check_files([tmp_path / "pasted.toml"])[0]
     assert apart.message == pasted.message
     velocity = re.search(r"gains\.velocity = (\S+) instead of 150 would pass; so would ", apart.message)
     assert velocity is not None
@@ -234,7 +234,7 @@ def test_nothing_found_is_said(tmp_path, monkeypatch):
     document = tomllib.loads(text)
     assert find_repairs(document, parameter_changes(document, parsed(text))) == []
     monkeypatch.setattr(repairing, "solved_numbers", lambda *design: {})  # takes seconds, and differs in every number
-    assert check([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
+    assert check_files([tmp_path / "poor.toml"])[0].message.endswith("no change of one number passes")
 
 
 @pytest.mark.slow
@@ -469,7 +469,7 @@ def test_an_idle_design_says_which_demand_made_it_so_and_what_cures_it(tmp_path)
     design = Gains(**record["gains"]), Coupling(**record["coupling"])
     (tmp_path / "idle.toml").write_text(for_passive_hands(IDLE))
     (tmp_path / "gains.toml").write_text(gains_text(ADMITTANCE, *design, {}))
-    checked = check([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
+    checked = check_files([tmp_path / "idle.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED and said in checked.warnings
     shown = page(design_of(record, "x"), file.problem, {}, {})
     assert shown.count("the velocity loop hardly moves the handle") == 1
@@ -480,7 +480,7 @@ def test_idle_gains_of_a_problem_that_has_better_ones_say_so(tmp_path):
     weak = "[gains]\nvelocity = 0.5\nposition = 0.0\n[coupling]\ndamping = 100.0\nmass = 1.0\n"
     (tmp_path / "device.toml").write_text(for_passive_hands(DEVICE))
     (tmp_path / "gains.toml").write_text(weak)
-    checked = check([tmp_path / "device.toml", tmp_path / "gains.toml"])[0]
+    checked = check_files([tmp_path / "device.toml", tmp_path / "gains.toml"])[0]
     assert checked.verdict is CheckVerdict.PASSED
     assert ENDING.search(checked.warnings[-1])[1] == "warn-solve-instead"
     assert checked.finding.record()["repairs"] is None

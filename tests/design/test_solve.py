@@ -29,7 +29,6 @@ from vctune.design.verdict.design_record import design_record, warnings
 from vctune.design.verdict.judge import Status, judge
 from vctune.design.verdict.nlp_record import left_out
 from vctune.document.reading import ProblemFile, parse_problem, read_problem
-from vctune.proof.certificate import Claim
 from vctune.proof.claims.sampled_poles import spectral_radius as proved_radius
 from vctune.proof.engine.interval import Verdict
 
@@ -240,7 +239,7 @@ def test_the_safety_factor_is_a_demand_of_fixed_gains():
         certificate = solved.judgement.certificate
         assert (solved.status, certificate.proved_ratio) == (status, ratio)
         assert solved.judgement.min_ratio == pytest.approx(1.02986, rel=1e-5)
-        assert (certificate.outcomes[Claim.CONDITIONS].verdict is Verdict.PROVED) == (status is Status.CERTIFIED)
+        assert (certificate.outcomes["passive"].verdict is Verdict.PROVED) == (status is Status.CERTIFIED)
     assert solved.reason.startswith("absolutely stable, but the least Re Z_c / R, 1.02986 at 0.5 Hz, is below")
 
 

@@ -6,6 +6,9 @@ The clock counts how often it is asked, so that a limit of n ends the same work 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from contextvars import ContextVar
 from itertools import count
 from time import perf_counter, process_time
 
@@ -15,6 +18,7 @@ from command import process, run
 import vctune
 from vctune import running
 from vctune.design.solve import solve
+from vctune.design.verdict import judge
 from vctune.document.reading import read_problem
 from vctune.exit_codes import ExitCode
 
@@ -23,6 +27,17 @@ PASSIVE = DEVICE + '[stability]\ncriterion = "passive"\n'
 GAINS = "[gains]\nvelocity = 150.0\nposition = 6000.0\n[coupling]\ndamping = 160.0\nmass = 0.37\n"
 STUDY = 'problem = "device.toml"\n[axes]\n"device.damping" = [1.0, 2.0, 4.0]\n'
 ENOUGH = 10**9
+IN_PROCESSOR_SECONDS = """
+import sys, time
+from vctune import running
+running.perf_counter = time.process_time
+running.process_began()
+from vctune.cli.main import execute
+code = execute()
+print(time.process_time(), file=sys.stderr)
+sys.exit(code)
+"""
+"""Runs a command whose limit is in seconds of the processor, and says how many it took."""
 BUSY = 3.0
 """What starting an interpreter and writing may take longer on a busy machine, s."""
 
@@ -138,10 +153,17 @@ def test_a_region_that_had_no_time_to_be_proved_again_is_not_lost(folder, ticks)
 def test_a_bound_ends_in_time(folder, ticks):
     run("solve", "device.toml", cwd=folder)
     command = ("bound", "device.toml", "results/device/design.json", "--gap", 0.02)
-    for limit in (2, 500):
+    verdicts = []
+    whole = asked(folder, *command)
+    run("solve", "device.toml", cwd=folder)
+    for limit in (2, 500, whole - 12):
         ticks()
-        assert run(*command, "--time-limit", limit, cwd=folder).returncode == ExitCode.UNDECIDED
-    assert solved(folder)["optimality"]["verdict"] == "open"
+        done = run(*command, "--time-limit", limit, cwd=folder)
+        assert done.returncode == ExitCode.UNDECIDED
+        found = solved(folder)["optimality"]
+        verdicts.append(found and found["verdict"])
+        assert ("the search had no time" in done.stderr) == (found is None)
+    assert verdicts == [None, None, "open"], "neither the proof of the design nor the relaxation was complete, then was"
 
 
 def test_a_point_of_a_sweep_that_takes_too_long_is_undecided_and_tried_again_with_more_time(folder, ticks):
@@ -158,6 +180,57 @@ def test_a_point_of_a_sweep_that_takes_too_long_is_undecided_and_tried_again_wit
     assert run(*command, cwd=folder).returncode == ExitCode.OK
     last = [json.loads(line) for line in (folder / "results/study/rows.jsonl").read_text().splitlines()][-3:]
     assert {row["status"] for row in last} == {"certified"}
+
+
+def test_a_region_without_time_for_its_picture_says_so(folder, ticks):
+    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", ENOUGH, cwd=folder)
+    assert (folder / "results/device/region.svg").exists() and "picture" not in done.stderr
+    ticks()
+    done = run("region", "device.toml", "--resolution", 0.125, "--time-limit", 3, cwd=folder)
+    assert done.returncode == ExitCode.UNDECIDED and "there was no time for the picture" in done.stderr
+    assert not (folder / "results/device/region.svg").exists(), "it is of the earlier region"
+    assert (folder / "results/device/region.previous.svg").exists()
+
+
+def test_of_a_box_of_devices_only_the_first_is_looked_at_without_time(monkeypatch, folder):
+    """What is stated of hands is then of the devices that were, and the check says that it was cut."""
+    uncertain = DEVICE + "delay = 3e-4\n[uncertainty]\nmass = 0.1\ndelay = 0.2\n" + GAINS
+    (folder / "uncertain.toml").write_text(uncertain)
+    seen, look = [], judge.least_ratios_in_hands
+    monkeypatch.setattr(judge, "least_ratios_in_hands", lambda device, *of: seen.append(device) or look(device, *of))
+    done = run("check", "uncertain.toml", "--time-limit", 0, cwd=folder)
+    assert done.returncode == ExitCode.UNDECIDED and "[time-limit]" in done.stdout and len(seen) == 1
+    problem = read_problem(folder / "uncertain.toml").problem
+    assert seen[0] == judge.pose(problem).hand_cases[0].device and len(judge.pose(problem).hand_cases) > 1
+    assert judge.judge(problem, *problem.fixed_design).cut is False and len(seen) > 1
+
+
+def test_the_limit_of_a_command_counts_from_the_start_of_its_process(monkeypatch):
+    """Ten seconds of the interpreter and the imports leave two of twelve."""
+    monkeypatch.setattr(running, "perf_counter", lambda: 100.0)
+    monkeypatch.setattr(running, "process_time", lambda: 10.0)
+    monkeypatch.setattr(running, "_BEGAN", ContextVar("began", default=None))
+    with running.time_limit_of_command(12.0):
+        assert running.seconds_left() == 12.0, "where nobody knows when the process began"
+    running.process_began()
+    with running.time_limit_of_command(12.0):
+        assert running.seconds_left() == 2.0
+    with running.time_limit_of_command(5.0):
+        assert running.out_of_time()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [1.0, 2.0, 5.0])
+@pytest.mark.parametrize("command", ["solve", "check", "bound", "region"])
+def test_short_limits_are_kept(tmp_path, command, seconds):
+    """In seconds of the processor, of which other work takes none: start, imports, proof, estimates and picture."""
+    numbers = "[device]\nmass = 0.216\ndamping = 0.091\nsample_time = 0.386e-3\ndelay = 1e-3\n"
+    uncertain = "" if command == "region" else "[uncertainty]\nmass = 0.3\ndamping = 0.9\ndelay = 0.9\n"
+    (tmp_path / "unc.toml").write_text(numbers + uncertain + GAINS * (command == "check"))
+    line = [sys.executable, "-c", IN_PROCESSOR_SECONDS, command, "unc.toml", "--time-limit", str(seconds)]
+    done = subprocess.run(line, check=False, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode in (ExitCode.UNDECIDED, ExitCode.FAILED), done.stderr
+    assert float(done.stderr.split()[-1]) < 1.2 * seconds
 
 
 def test_functions_take_the_limit_too():
@@ -183,10 +256,32 @@ def test_work_tells_how_far_it_is(folder):
         (DEVICE.replace("0.4", "110.0") + "[operator]\nstiffness = { min = 0.0, max = 6e11 }\n", "warn-stiffness"),
     ],
 )
-def test_a_mistake_of_units_is_named_before_the_work(folder, ticks, text, code):
+def test_a_mistake_of_units_is_named_before_the_work(folder, monkeypatch, text, code):
+    """By every command, before anything is proved or solved."""
     (folder / "doubtful.toml").write_text(text)
-    done = run("solve", "doubtful.toml", "--time-limit", 1, cwd=folder)
-    assert done.returncode == ExitCode.UNDECIDED and f"[{code}]" in done.stderr.splitlines()[0]
+    (folder / "given.toml").write_text(text + GAINS)
+    (folder / "of-doubtful.toml").write_text(STUDY.replace("device.toml", "doubtful.toml"))
+    for place, work in (("design.verdict.gains_check", "judge_all"), ("api.solving", "find"), ("api.studies", "run")):
+        monkeypatch.setattr(f"vctune.{place}.{work}", _too_early)
+    for command in (("solve", "doubtful.toml"), ("check", "given.toml"), ("sweep", "of-doubtful.toml")):
+        done = run(*command, cwd=folder)
+        assert done.returncode == ExitCode.INTERNAL, "the work was begun"
+        assert f"[{code}]" in done.stderr.splitlines()[0], command
+
+
+def test_a_sweep_into_a_mistake_of_units_is_named(folder):
+    """The problem is sound; one of its points is doubtful, which is said once."""
+    (folder / "study.toml").write_text(STUDY.replace('"device.damping" = [1.0, 2.0, 4.0]', HANDS_AXES))
+    (folder / "device.toml").write_text(DEVICE)
+    done = run("sweep", "study.toml", "--time-limit", 1e-9, "--executor", "serial", cwd=folder)
+    assert done.stderr.count("[warn-stiffness]") == 1 and "2e+06" in done.stderr.splitlines()[0]
+
+
+HANDS_AXES = '"operator.stiffness.max" = [3e3, 2e6]\n"device.damping" = [1.0, 2.0]'
+
+
+def _too_early(*args, **kwargs):
+    raise AssertionError("the work is not to begin")
 
 
 @pytest.mark.slow

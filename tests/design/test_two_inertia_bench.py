@@ -24,7 +24,6 @@ from vctune.design.solve import solve
 from vctune.design.verdict.checked import CheckVerdict
 from vctune.design.verdict.design_record import warnings
 from vctune.design.verdict.judge import Status
-from vctune.proof.certificate import Claim
 
 MOTOR, LOAD = 0.004832, 0.004800
 STIFFNESS, RESONANCE = 552.6, 76.24
@@ -71,7 +70,7 @@ def test_a_design_for_one_rigid_mass_is_refuted_on_two(rigid, damping_ratio):
     checked = check(posed, rigid.gains, rigid.coupling)
     assert checked.result is CheckVerdict.FAILED
     assert "refuted at" in checked.message
-    outcome = checked.finding.judgement.certificate.outcomes[Claim.CONDITIONS]
+    outcome = checked.finding.judgement.certificate.outcomes["passive"]
     real = real_of(posed.device)
     there, resistance = exact(real, rigid.gains, rigid.coupling, outcome.witness)
     assert there < posed.stability.safety_factor or resistance < 0

@@ -575,7 +575,7 @@ def test_a_limit_that_does_not_act_changes_nothing():
             control(law, state, seen, FLOATS) for law, state in zip((free, limited), states, strict=True)
         )
         assert (states[0], one) == (states[1], other)
-        assert abs(one.force) < 30.0
+        assert abs(one.given) < 30.0
         beyond += abs(6000.0 * (states[0].reference - position)) > 30.0
     assert beyond > 10
 
@@ -592,10 +592,10 @@ def test_behind_a_limit_the_position_error_stays_within_reach():
     for _ in range(500):  # the hand pushes with 20 N against a handle that is stuck
         state, command = control(law, state, Measurement(0.0, 0.0, 20.0), FLOATS)
         assert abs(state.reference) <= limit / gains.position * (1 + 1e-12)
-    assert command.force == limit
+    assert command.given == limit
     for _ in range(8000):
         state, command = control(law, state, Measurement(0.0, 0.0, 0.0), FLOATS)
-    assert abs(command.force) <= limit
+    assert abs(command.given) <= limit
     assert abs(state.desired) < 1e-3
 
 

@@ -31,8 +31,8 @@ from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import FLOATS
-from vctune.proof.certificate import Claim, certify
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
+from vctune.proof.certificate import certify
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.model_poles import prove_model_poles
@@ -130,7 +130,7 @@ def test_verdicts_of_both_provers_agree_with_a_dense_scan(seed):
     if 0 < worst < inf:  # scale the coupling next to its limit
         virtual = Coupling(virtual.damping * worst * clear, virtual.mass * worst * clear, 0.0)
     certificate = certify(Design(device, gains, virtual), Demands(device, band, 1.0, 100.0))
-    conditions = certificate.outcomes[Claim.CONDITIONS].verdict
+    conditions = certificate.outcomes["passive"].verdict
     if worst == inf or (worst > 0 and clear < 1 - 1e-6):
         assert conditions is Verdict.REFUTED
     elif clear > 1 + 1e-4:
@@ -147,7 +147,7 @@ def test_a_loop_that_a_heavy_hand_makes_unstable_is_refused():
     heavy = replace(device, operator=LeastOperator(1.0, 0.0))
     case = [prove_model_poles(loop, gains).verdict for loop in heavy.loops]
     assert case == [Verdict.PROVED, Verdict.REFUTED]
-    for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES):
+    for claim in ("stable_model", "stable"):
         design = Design(heavy, gains, Coupling(10.0, 1.0, 0.0))
         assert certify(design, Demands(heavy, (600.0, 700.0), 1.0, 100.0)).outcomes[claim].verdict is Verdict.REFUTED
 
@@ -192,7 +192,7 @@ def test_certified_means_stable_with_every_passive_operator_that_contains_the_le
     # what the criterion without an operator refuses, a hand without it can make unstable
     refused = judge(replace(problem, device=device.bare), judgement.gains, judgement.coupling).certificate
     assert refused.verdict is Verdict.REFUTED
-    omega = refused.outcomes[Claim.CONDITIONS].witness or 1e-3
+    omega = refused.outcomes["passive"].witness or 1e-3
     s = 1j * omega
     Z_d, C = impedances(case, s)
     q, Z_c = C / (Z_d + C), coupling_impedance(case, s)

@@ -27,8 +27,8 @@ from vctune.design.verdict.judge import Status
 from vctune.document.reading import read_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.certificate import Claim, certify
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
+from vctune.proof.certificate import certify
 from vctune.proof.engine.interval import Verdict
 
 REFUTED, CERTIFIED = 40, 40
@@ -125,7 +125,7 @@ def test_refuted_means_a_lossless_pair_that_makes_the_loop_grow(share):
     for number in range(REFUTED):
         found = design_of(number, share)
         design, band = found.design, found.band
-        outcome = certify(design, Demands(design.device, band, 1.0, 100.0)).outcomes[Claim.CONDITIONS]
+        outcome = certify(design, Demands(design.device, band, 1.0, 100.0)).outcomes["passive"]
         assert outcome.verdict is Verdict.REFUTED, (number, design)
         handle, omega = Handle(real_of(design.device), design.gains, design.coupling), outcome.witness
         s = DIGITS.i * DIGITS.number(omega)
@@ -145,7 +145,7 @@ def test_certified_means_no_environment_turns_the_handle_s_resistance_negative()
         found = design_of(number, 1.05)
         design, band = found.design, found.band
         certificate = certify(design, Demands(design.device, band, 1.0, 100.0))
-        assert certificate.outcomes[Claim.CONDITIONS].verdict is Verdict.PROVED, (number, design)
+        assert certificate.outcomes["passive"].verdict is Verdict.PROVED, (number, design)
         rng = np.random.default_rng(number)
         real = real_of(design.device)
         handle, exactly = (Handle(real, design.gains, design.coupling, num) for num in (DOUBLES, DIGITS))

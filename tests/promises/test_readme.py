@@ -61,6 +61,20 @@ def test_every_folder_has_a_page():
             assert (folder / "README.md").exists(), folder
 
 
+MOST_FILES = 6
+"""That a recipe touches."""
+
+
+def test_recipes_touch_few_files_that_are_there():
+    guide = (ROOT / ".github/CONTRIBUTING.md").read_text()
+    recipes = re.findall(r"^### (.*?)\n(.*?)(?=^### |\Z)", guide, re.MULTILINE | re.DOTALL)
+    for name, text in recipes:
+        files = re.findall(r"^\| (.*?) \|", text, re.MULTILINE)[2:]
+        assert len(files) <= MOST_FILES, name
+        for path in re.findall(r"`([\w/.]+)`", " ".join(files)):
+            assert (ROOT / path).exists(), path
+
+
 def test_rooms_can_be_held_in_ones_head():
     for folder in {path.parent for path in (ROOT / "vctune").rglob("*.py")}:
         assert len(list(folder.glob("[!_]*.py"))) <= MOST_MODULES, folder

@@ -26,8 +26,8 @@ FLOORS = [
     "study",
     "firmware",
     "report",
-    "api",
     "bench",
+    "api",
     "cli",
 ]
 """A room imports only from itself and from what stands before it."""
@@ -66,6 +66,30 @@ def test_the_library_knows_no_command():
     import vctune
 
     assert not any(home.startswith("cli.") for home in vctune._HOME.values())
+
+
+def named(tree):
+    """Yield what a module imports to run, without what only its types need."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        yield from named(node)
+
+
+def test_commands_call_the_library_alone():
+    """What a command does anybody can: it takes public names, functions of api, and what knows nothing of devices."""
+    import vctune
+
+    public = {f"vctune.{name}" for name in vctune.__all__}
+    below = ("vctune.cli.", "vctune.api.", "vctune.running.", "vctune.interrupt.", "vctune.exit_codes.")
+    for path in (PACKAGE / "cli").rglob("*.py"):
+        for name in named(ast.parse(path.read_text())):
+            allowed = name in public or name == "vctune.version.__version__" or name.startswith(below)
+            assert allowed or not name.startswith("vctune"), f"{path} imports {name}"
 
 
 def test_the_proof_knows_no_optimiser_and_no_estimate():

@@ -12,8 +12,8 @@ from vctune.design.solve import solve
 from vctune.document.reading import parse_problem
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.certificate import Claim, certify
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
+from vctune.proof.certificate import certify
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.engine.interval import Verdict
 
@@ -131,7 +131,7 @@ def test_refuted_means_a_passive_pair_that_puts_a_pole_at_the_witness(hold):
     """The worst lossless environment turns Re Y negative; the operator -1/Y is passive and closes the loop there."""
     device, gains, virtual = Device(0.5, 2.0, 1e-3, 0.0, hold), Gains(40.0, 4000.0), Coupling(25000.0, 5.0, 0.0)
     certificate = certify(Design(device, gains, virtual), Demands(device, (60.0, 1000.0), 1.0, 2.0))
-    outcome = certificate.outcomes[Claim.CONDITIONS]
+    outcome = certificate.outcomes["passive"]
     assert outcome.verdict is Verdict.REFUTED
     case, omega = case_of(device, gains, virtual), outcome.witness
     s = 1j * omega

@@ -18,8 +18,8 @@ from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains
 from vctune.model.numbers.arithmetic import FLOATS, SERIES_BELOW
 from vctune.model.numbers.keys import KEYS
+from vctune.model.problem import Demands
 from vctune.proof.certificate import certify
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.many_designs import prove
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.enclosures.array_intervals import SWELL, Enclosure, between, decimal, raised

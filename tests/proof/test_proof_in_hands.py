@@ -26,7 +26,7 @@ from sampled_device_oracle import Hand as Held
 
 from vctune.analysis.destabilising import destabilising
 from vctune.model.hands import Hands
-from vctune.proof.claims.array_claims import Demands
+from vctune.model.problem import Demands
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.engine.box_tests import positive
 from vctune.proof.engine.boxes import band_of, over_band

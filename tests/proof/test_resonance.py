@@ -15,8 +15,8 @@ from random_hands import exact_need
 from vctune.model.device import Device
 from vctune.model.gains import Coupling, Gains, SpringDamper
 from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.problem import Demands
 from vctune.proof.claims import every_hand as in_hands
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.every_hand import prove_hands
 from vctune.proof.claims.margins_of_claims import Design
 from vctune.proof.claims.resonant_hands import AROUND, DEVICE_MASS, ROWS, Resonance, resonance

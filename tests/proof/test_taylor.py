@@ -15,8 +15,9 @@ from random_hands import in_hands
 
 from vctune.model.hands import HAND
 from vctune.model.numbers.keys import KEYS
+from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import delays_of
-from vctune.proof.claims.array_claims import Demands, hands_margin
+from vctune.proof.claims.array_claims import hands_margin
 from vctune.proof.enclosures.array_intervals import Enclosure, between, decimal
 from vctune.proof.enclosures.box_minimum import least_over_boxes
 from vctune.proof.enclosures.taylor import Taylor, variables

@@ -21,7 +21,6 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.certificate import Claim
 from vctune.proof.engine.interval import Verdict
 
 FACTOR, BAND = 1.05, (0.5, 100.0)
@@ -109,7 +108,7 @@ def test_a_design_for_the_device_alone_is_refuted_by_a_response(name):
     given, _ = designed(name)
     alone = solve(replace(given, uncertainty=None)).judgement
     assert alone.status is Status.CERTIFIED
-    found = judge(given, alone.gains, alone.coupling).certificate.outcomes[Claim.CONDITIONS]
+    found = judge(given, alone.gains, alone.coupling).certificate.outcomes["passive"]
     assert found.verdict is Verdict.REFUTED
     hz, off = found.witness_hz, found.device.unmodelled
     delta = off.share * radius(hz) * np.exp(1j * off.phase)
@@ -133,7 +132,7 @@ def test_a_loop_that_a_response_may_make_unstable_is_refuted():
     """|1 - S| is nearly 1 at low frequency: a radius above 1 there admits a response without any loop gain."""
     text = DEVICES["ideal"][0] + DEMANDS + "[uncertainty]\nunmodelled = [[1.0, 0.01], [200.0, 3.0]]\n"
     given, (_, judgement) = parse_problem(text, "x", "x"), designed("ideal")
-    outcome = judge(given, judgement.gains, judgement.coupling).certificate.outcomes[Claim.UNMODELLED]
+    outcome = judge(given, judgement.gains, judgement.coupling).certificate.outcomes["unmodelled"]
     assert outcome.verdict is Verdict.REFUTED
     gains = LawNumbers(judgement.gains.velocity, judgement.gains.position)
     S = complex(sensitivity(DEVICES["ideal"][1], gains, outcome.witness_hz, DOUBLES))
@@ -151,8 +150,8 @@ def test_a_design_without_a_loop_is_passive_only_if_its_response_is(name):
     judgement = judge(given, *idle)
     assert judgement.status in (Status.UNDECIDED, Status.VIOLATED)
     outcomes = judgement.certificate.outcomes
-    assert outcomes[Claim.UNMODELLED].verdict is Verdict.PROVED, "there is no loop to make unstable"
-    assert outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
+    assert outcomes["unmodelled"].verdict is Verdict.PROVED, "there is no loop to make unstable"
+    assert outcomes["passive"].verdict is not Verdict.PROVED
     assert judgement.certificate.proved_band is None
     P_hh = mechanism(DEVICES[name][1], 2j * pi * BAND[1], DOUBLES)[0]
     assert (P_hh * (1 - 1j * radius(BAND[1]))).real < 0 < P_hh.real

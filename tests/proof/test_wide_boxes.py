@@ -20,7 +20,6 @@ from vctune.design.solve import solve
 from vctune.design.verdict.judge import Status, judge
 from vctune.document.reading import parse_problem
 from vctune.model.gains import Coupling, Gains
-from vctune.proof.certificate import Claim
 from vctune.proof.device_box import device_box
 from vctune.proof.enclosures.array_intervals import Enclosure
 from vctune.proof.enclosures.jets import ENCLOSURES
@@ -121,7 +120,7 @@ def test_where_every_phase_occurs_a_device_refutes_what_fails():
     found = solve(given).judgement
     assert found.status is Status.CERTIFIED
     lighter = Coupling(found.coupling.damping * 0.999, found.coupling.mass * 0.999, 0.0)
-    outcome = judge(given, found.gains, lighter).certificate.outcomes[Claim.CONDITIONS]
+    outcome = judge(given, found.gains, lighter).certificate.outcomes["passive"]
     box = device_box(given.device, given.uncertainty)
     assert outcome.verdict is Verdict.REFUTED
     assert box.low.delay < outcome.device.delay < box.high.delay

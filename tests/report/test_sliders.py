@@ -46,6 +46,15 @@ CASES |= {
     + "structure = { handle_mass = 0.05, frequency_hz = 150.0, damping_ratio = 0.05 }\n"
     + SPRING.format(0.3) + "[stability]\ncriterion = 'hands'\n[operator]\ndamping = 0.5\n",
 }  # fmt: skip
+CASES["servo"] = """[device]
+sample_time = 2e-3
+servo = { delay = 0.03, bandwidth_hz = 20.0, order = 2, command = "position" }
+force_sensor = { bandwidth_hz = 80.0, delay = 1e-3 }
+[coupling]
+damping = 300.0
+mass = 2.5
+drag = 50.0
+"""
 TRIED = 20
 
 
@@ -61,7 +70,7 @@ def paths(tmp_path_factory):
     return cache(lambda name: made(recorded(CASES[name]), tmp_path_factory.mktemp("report")))
 
 
-@pytest.fixture(scope="module", params=mostly_slow(CASES, ["impedance, any hand"]))
+@pytest.fixture(scope="module", params=mostly_slow(CASES, ["impedance, any hand", "servo"]))
 def tried(request, browser, paths):
     """The problem, the shipped numbers and tried ones, and what the page makes of them."""
     page = opened(browser, paths(request.param))
@@ -73,7 +82,9 @@ def tried(request, browser, paths):
     return parse_problem(CASES[request.param], "x", "x"), points, found
 
 
-def design(point):
+def design(problem, point):
+    if len(point) == 3 and not problem.device.kind.inverse:
+        return Gains(0.0, 0.0), Coupling(*point)
     if len(point) == 3:
         return Gains(point[0], 0.0), SpringDamper(*point[1:])
     return Gains(*point[:2]), Coupling(*point[2:])
@@ -82,7 +93,7 @@ def design(point):
 def test_the_error_is_that_of_the_design(tried):
     problem, points, found = tried
     for point, seen in zip(points, found, strict=True):
-        there = transparency_error(problem, *design(point))
+        there = transparency_error(problem, *design(problem, point))
         error = there.error
         assert seen["given_way"] == pytest.approx(
             there.coupling, rel=1e-5 if problem.transparency.norm == "rms" else 1e-2
@@ -101,7 +112,7 @@ def test_the_ratio_is_that_of_the_frequency_model(tried):
     for point, seen in zip(points, found, strict=True):
         (hz, ratio), = seen["lines"]["ratio"]  # fmt: skip
         hz = np.array(hz)
-        there = stability_ratio(problem.device, *design(point), 2 * np.pi * hz)
+        there = stability_ratio(problem.device, *design(problem, point), 2 * np.pi * hz)
         shown = np.array([np.nan if each is None else each for each in ratio])
         some = np.isfinite(shown) & (there > 0)
         assert some.any() and shown[some] == pytest.approx(there[some], rel=1e-6)
@@ -112,8 +123,11 @@ def test_the_ratio_is_that_of_the_frequency_model(tried):
 
 def test_the_sampled_loop_is_the_exact_one(tried):
     problem, points, found = tried
+    if not problem.device.kind.own_loop:
+        assert not any(seen["peak"] or seen["unstable"] or "nyquist" in seen["lines"] for seen in found)
+        return
     for number, (point, seen) in enumerate(zip(points, found, strict=True)):
-        gains = design(point)[0]
+        gains = design(problem, point)[0]
         assert seen["unstable"] == unstable_poles(problem.device, gains)
         peak = -float(sensitivity_maxima(problem, gains).value[0])
         assert seen["peak"] <= peak * (1 + 1e-9)
@@ -128,13 +142,13 @@ def test_the_hands_are_corners_of_the_box_and_the_worst_of_the_shipped_design(tr
     ends = zip(astuple(problem.hands_met.low), astuple(problem.hands_met.high), strict=True)
     corners = Hand(*(each[:, None] for each in np.array(list(product(*ends))).T))
     plant = plant_in_hand(problem.device, corners, delays_of(problem.device), FLOATS)
-    worst = least_ratios_in_hands(problem.device, problem.hands_met, *design(points[0]))[0]
+    worst = least_ratios_in_hands(problem.device, problem.hands_met, *design(problem, points[0]))[0]
     assert found[0]["hand_ratio"] == pytest.approx(worst.ratio, rel=1e-6)
     for point, seen in zip(points, found, strict=True):
         hz, required = (np.array(each, dtype=float)[1:] for each in seen["lines"]["in_hand"][1])
         theta = 2 * np.pi * hz * problem.device.sample_time
         there = loop_in_hand(plant, theta, FLOATS)
-        asked = required_in_hand(there, design(point)[0])
+        asked = required_in_hand(there, design(problem, point)[0])
         scale = np.sin(theta / 2) ** 2 if problem.device.kind.inverse else 1.0
         in_corners = scale * np.max(asked.lost / asked.size, axis=0)
         assert (required >= in_corners - 1e-6 * np.abs(in_corners)).all()
@@ -147,7 +161,7 @@ def test_any_passive_hand_of_an_impedance_display_asks_for_what_the_proof_asks(t
     device, below = problem.device, 0
     delays = delays_of(device)
     for number, (point, seen) in enumerate(zip(points, found, strict=True)):
-        gains, coupling = design(point)
+        gains, coupling = design(problem, point)
         least = least_ratios_in_any_hand(device, gains, coupling)[0].ratio
         assert least * (1 - 1e-9) <= seen["hand_ratio"] <= least * (1 + 1e-6 if number == 0 else 1.1)
         (hz, given), (_, required) = (np.array(line, dtype=float) for line in seen["lines"]["in_hand"])
@@ -160,15 +174,16 @@ def test_any_passive_hand_of_an_impedance_display_asks_for_what_the_proof_asks(t
     assert 0 < below < len(points)
 
 
-def test_what_is_felt_of_an_impedance_display_is_the_figures(tried):
+def test_what_is_felt_is_the_figures(tried):
     problem, points, found = tried
-    if not problem.device.kind.inverse:
-        return
+    environments = {"admittance": (), "impedance": (0j, None), "servo": (0j,)}[problem.device.display]
     for point, seen in zip(points, found, strict=True):
-        for line, environment in zip(seen["lines"]["impedance"], (0j, None), strict=True):
+        for line, environment in zip(seen["lines"]["impedance"], environments, strict=bool(environments)):
             hz, felt = np.array(line)
             omega = 2 * np.pi * hz
-            there = felt_impedance(problem.device, *design(point), omega, None if environment is None else 0j * omega)
+            there = felt_impedance(
+                problem.device, *design(problem, point), omega, None if environment is None else 0j * omega
+            )
             assert felt == pytest.approx(np.abs(there), rel=1e-9)
 
 

@@ -458,7 +458,7 @@ def test_the_firmware_sees_the_motor_and_the_hand_the_handle():
         felt = traces.force[k - 2] if k >= 2 else 0.0
         seen = Measurement(traces.motor_position[k], traces.motor_velocity[k], felt)
         state, command = control(scene.law, state, seen, FLOATS)
-        assert command.force == pytest.approx(motor, rel=1e-9, abs=1e-9)
+        assert command.given == pytest.approx(motor, rel=1e-9, abs=1e-9)
     bend = traces.position - traces.motor_position
     assert 1e-5 < np.abs(bend).max() < 1e-3
     given = trapezoid(traces.motor * traces.motor_velocity, traces.time)

@@ -102,7 +102,7 @@ def test_the_firmware_in_floats_is_the_compiled_one(order):
     for k, motor in enumerate(traces.motor):
         seen = Measurement(traces.position[k], traces.velocity[k], traces.force[k])
         state, command = control(scene.law, state, seen, FLOATS)
-        assert command.force == pytest.approx(motor, rel=1e-9, abs=1e-9)
+        assert command.given == pytest.approx(motor, rel=1e-9, abs=1e-9)
         assert command.environment == pytest.approx(traces.environment_force[k], rel=1e-9, abs=1e-9)
     assert np.abs(traces.motor).max() == 2.0
     assert traces.environment_force.max() > 1

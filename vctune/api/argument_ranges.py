@@ -1,8 +1,18 @@
-"""What can be asked for, of the functions and of the commands; imports nothing."""
+"""What can be asked for, of the functions and of the commands; imports nothing heavy."""
 
 from __future__ import annotations
 
+from typing import Literal
+
+from vctune.document.ros import AXES as AXES
+from vctune.document.text.toml import STDIN as STDIN
+from vctune.model.numbers.keys import KEYS, SPRING_KEYS
+
+Format = Literal["c", "fmu", "json", "ros2"]
+"""What an export can be."""
 GAPS = (1e-4, 10.0)
 """Least and greatest gap: below, rounding shows; above, a bound says nothing."""
 RESOLUTIONS = (1 / 2048, 1 / 8)
 """Least and greatest side of a region's smallest cell, as a share of the plane's."""
+VARIABLES = (*KEYS, *SPRING_KEYS[3:])
+"""The design variables, by their keys."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
+from vctune.api.argument_ranges import Format
 from vctune.api.design_files import write_record
 from vctune.api.exporting import (
     Exported,
-    Format,
     export,
     export_parameters,
     require_double,

@@ -1,21 +1,33 @@
-"""`vctune check`, as a function."""
+"""`vctune check`, as a function: it imports no optimiser for what needs none."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Sequence
 from math import inf
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from vctune.design.verdict.checked import Checked
+from vctune.design.verdict.checked import Checked as Checked
+from vctune.design.verdict.checked import CheckVerdict as CheckVerdict
+from vctune.design.verdict.gains_check import check_files as check_files
 from vctune.design.verdict.gains_check import check_problem
 from vctune.document.building import DesignSource, ProblemSource
 from vctune.document.building import design as design_of
 from vctune.document.building import problem as problem_of
+from vctune.document.reading import ProblemFile, read_problem
+from vctune.document.records.printed_json import NamedRecord, RefusalRecord
+from vctune.document.ros import is_admittance as is_admittance
+from vctune.document.ros import read_admittance
+from vctune.document.text.errors import InputError, printable
 from vctune.document.text.output_files import make_folder, write_together
 from vctune.model.gains import Coupling
 from vctune.running import time_limit as limited
-from vctune.study.region_check import Recheck
-from vctune.study.region_check import check_region as prove_again
+
+if TYPE_CHECKING:
+    from vctune.design.search.optimum import Progress
+    from vctune.model.problem import Problem
+    from vctune.study.region_check import Recheck
 
 LOST = ("lost.json", "lost.svg")
 
@@ -48,7 +60,9 @@ def check(
         If problem or design are invalid or for different kinds of device, or there is no design.
     """
     with limited(time_limit):
-        return check_problem(problem_of(problem), None if gains is None else design_of(gains, coupling))
+        file = problem_of(problem)
+        given = None if gains is None else design_of(gains, coupling, file.problem.device.kind)
+        return check_problem(file, given)
 
 
 def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
@@ -69,7 +83,74 @@ def check_region(problem: ProblemSource, baseline: str | Path) -> Checked:
     InputError
         If problem or baseline are none, or the problem no longer has such a region.
     """
-    return prove_again(problem_of(problem), Path(baseline))[0]
+    return recheck(problem_of(problem), Path(baseline))[0]
+
+
+def recheck(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
+    """Prove a region again, as `check_region` does; return the check, and what became of cells and gain sets.
+
+    Parameters
+    ----------
+    file : the problem
+    baseline : path of a region.json
+    progress : told the stage of the work
+    """
+    from vctune.study.region_check import recheck_region
+
+    return recheck_region(file, baseline, progress)
+
+
+def check_parameter_files(
+    problems: Sequence[Path],
+    files: Sequence[Path],
+    axes: Sequence[str] = (),
+    progress: Progress = lambda stage: None,
+    begun: Callable[[Problem], None] = lambda problem: None,
+) -> list[Checked]:
+    """Check parameter files of ROS 2 against one problem.
+
+    Parameters
+    ----------
+    problems : path of the problem file of the device; one
+    files : paths of the parameter files
+    axes : names of the axes to check; empty for all that are selected
+    progress : told the stage of the work
+    begun : told the problem before the work begins
+
+    Returns
+    -------
+    list of Checked
+        One for each axis.
+
+    Raises
+    ------
+    InputError
+        If there are several problems, a file is damaged, or the problem is no device for them.
+    """
+    from vctune.design.ros.admittance_check import check_admittance
+
+    if len(problems) != 1:
+        message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
+        raise InputError.of(str(files[0]), "ambiguous-files", message)
+    problem = read_problem(problems[0])
+    begun(problem.problem)
+    return [
+        one for path in files for one in check_admittance(problem, path, read_admittance(path), tuple(axes), progress)
+    ]
+
+
+def check_object(checked: Checked) -> dict[str, Any]:
+    """Return a check as an object: that of design.json, or what became of a region, or why there is neither."""
+    if checked.finding is not None:
+        return checked.finding.record()
+    return RefusalRecord(
+        problem=NamedRecord(name=printable(checked.name)),
+        source=printable(str(checked.source)),
+        line=checked.line,
+        status=None,
+        reason=checked.message,
+        warnings=[],
+    ).to_json()
 
 
 def write_lost(checked: Checked, again: Recheck, folder: Path) -> None:

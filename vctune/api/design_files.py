@@ -16,6 +16,9 @@ from vctune.document.gains_file import gains_text, numbers_text
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_file import design_of, read_design
 from vctune.document.records.design_json import DesignRecord
+from vctune.document.records.gains_json import SpringRecord as SpringRecord
+from vctune.document.records.part import text as text
+from vctune.document.records.printed_json import ReportRecord as ReportRecord
 from vctune.document.records.simulation_json import simulation_beside
 from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
@@ -42,12 +45,30 @@ def write_design(problem: ProblemSource, solved: Solved, folder: str | Path) -> 
     InputError
         If the folder cannot be written, or holds the design of another problem or file; what is there stays.
     """
-    from vctune.design.nlp.nlp import ipopt_version
-
     file, folder = problem_of(problem), Path(folder)
     claim_folder(file, folder)
-    write_record(folder, file, record_of(file, solved, ipopt_version(), today()))
+    write_solved(folder, file, solved)
     return folder / DESIGN_FILE
+
+
+def write_solved(folder: Path, file: ProblemFile, solved: Solved) -> tuple[DesignRecord, dict[Path, Path]]:
+    """Write gains.toml and design.json in a folder that is there, and remove the report of an earlier design.
+
+    Parameters
+    ----------
+    folder : one that is there
+    file : the problem
+    solved : what came of it
+
+    Returns
+    -------
+    record : of the design, as it is written
+    renamed : files of an earlier design that were renamed, and to what
+    """
+    from vctune.design.nlp.nlp import ipopt_version
+
+    record = record_of(file, solved, ipopt_version(), today())
+    return record, write_record(folder, file, record)
 
 
 def write_report(design: str | Path | Mapping[str, Any] | DesignRecord, folder: str | Path | None = None) -> Path:

@@ -6,6 +6,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
+from vctune.document.records.printed_json import ExampleRecord as ExampleRecord
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, write_together
 

@@ -11,18 +11,23 @@ from typing import Any
 import numpy as np
 
 from vctune.api.folders import DESIGN_FILE
+from vctune.design.result import Solved
 from vctune.design.search.optimum import Progress
-from vctune.document.building import DesignSource, ProblemSource, design_for
+from vctune.document.building import DesignSource, ProblemSource
+from vctune.document.building import design_for as design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_file import read_design
-from vctune.document.records.simulation_json import FILE, SimulationRecord, simulation_of
+from vctune.document.records.simulation_json import FILE, SimulationRecord
+from vctune.document.records.simulation_json import simulation_of as simulation_of
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import Content, write_together
 from vctune.markup import html_table
 from vctune.model.experiment import Experiment
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.firmware.library import CompiledController
+from vctune.report.figures.experiment_figures import HEADINGS as HEADINGS
+from vctune.report.figures.experiment_figures import measured_rows as measured_rows
+from vctune.simulation.firmware.library import CompiledController as CompiledController
 from vctune.simulation.simulation_record import simulation_record, trace_arrays
 from vctune.simulation.two_runs import Simulated
 from vctune.simulation.two_runs import simulate as run
@@ -67,8 +72,6 @@ class Simulation:
         return simulation_record(self.file, self.gains, self.coupling, list(self.experiments), self.controller)
 
     def _repr_html_(self) -> str:
-        from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
-
         return html_table(self.file.problem.name, measured_rows(self._measured()), HEADINGS)
 
 
@@ -142,6 +145,20 @@ def chosen_experiments(file: ProblemFile, name: str | None) -> tuple[Experiment,
             file.source, "no-experiment", f"none is called {name!r}; there are: {known}", key="experiment"
         )
     return chosen
+
+
+def solve_to_simulate(file: ProblemFile, progress: Progress) -> Solved:
+    """Return what solving finds, with prices; where there is no design, no repairs are looked for.
+
+    Parameters
+    ----------
+    file : the problem
+    progress : told the stage of the work
+    """
+    from vctune.design.solve import solve
+    from vctune.design.verdict.prices import with_prices
+
+    return with_prices(solve(file.problem, progress))
 
 
 def write_simulation(simulation: Simulation, folder: Path) -> dict[str, Any]:

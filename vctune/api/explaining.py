@@ -1,4 +1,4 @@
-"""`vctune explain`, as a function: what stands in the folders' guides about a code, a key or a word."""
+"""`vctune explain`, as a function: what the guides say of a code, a key or a word, and what a claim is."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from typing import Literal
 from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
 from vctune.document.schema.number_units import unit_of
 from vctune.document.text.errors import InputError
+from vctune.model.display import DISPLAYS
 from vctune.model.numbers.units import LINEAR, ROTARY
+from vctune.proof.claims.registry import CLAIMS, Claim
 
 GUIDE = "README.md"
 CODE = re.compile(r"^### `([a-z-]+)`\n(.*?)(?=^#|\Z)", re.MULTILINE | re.DOTALL)
@@ -23,10 +25,17 @@ KEYS = re.compile(r"<!-- (?:reference|log|columns) -->\n(.*?)<!-- /", re.DOTALL)
 KEY = re.compile(r"^\| \*{0,2}`\[{0,2}([\w.]+)\]{0,2}`\*{0,2} \| (.*) \|$", re.MULTILINE)
 GLOSSARY = re.compile(r"^## Glossary\n(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 TABLE = re.compile(r"^\|(.*)\|\n\|[-|]*\|\n((?:^\|.*\|\n?)+)", re.MULTILINE)
-LABEL_ENDS = (r"(,| at) ([\d.]+ Hz|at rest)$", r": .*$", r" [A-Za-z](_\w+)?$", r"_(hz|db|deg|s|per_s)$")
+LABEL_ENDS = (
+    r"(, at|,| at) ([\d.]+ Hz|at rest)$",
+    r", if .*$",
+    r": .*$",
+    r" [A-Za-z](_\w+)?$",
+    r"_(hz|db|deg|s|per_s)$",
+)
 """What a label of a table, or a key of JSON, adds to a word: a frequency, a number of a part, a symbol, a unit."""
 TURNING = (("inertia", "mass"), ("torque", "force"))
 """Words for a rotary device, and those for a linear one."""
+CLAIMS_GUIDE = "vctune/proof/README.md"
 CELLS = re.compile(r"(?<!\\)\|")
 
 
@@ -36,30 +45,31 @@ class Entry:
 
     Attributes
     ----------
-    kind : "code", "key" or "term"
+    kind : "code", "key", "term" or "claim"
     names : under which it is found
     text : in Markdown
     guide : where it stands
     """
 
-    kind: Literal["code", "key", "term"]
+    kind: Literal["code", "key", "term", "claim"]
     names: tuple[str, ...]
     text: str
     guide: str
 
 
 def explain(name: str) -> ExplanationRecord:
-    """Return what the guides say of a code, a key of a file, or a word of the glossary.
+    """Return what the guides say of a code, a key of a file, a word of the glossary or a claim.
 
     Parameters
     ----------
     name : a code as it stands in brackets behind what was said; a key with its tables or the last part of it; a word or
-        a symbol
+        a symbol; a claim's identifier or label
 
     Returns
     -------
     ExplanationRecord
-        `entries`, each with its `kind`, "code", "key" or "term", its `name`, its `text` in Markdown, and its `guide`.
+        `entries`, each with its `kind`, "code", "key", "term" or "claim", its `name`, its `text` in Markdown, and its
+        `guide`.
 
     Raises
     ------
@@ -74,9 +84,15 @@ def explain(name: str) -> ExplanationRecord:
         known = {_plain(each).lower(): each for name in names for each in (name, name.rpartition(".")[2])}
         meant = [known[near] for near in get_close_matches(asked.lower(), known, n=3, cutoff=0.6)]
         hint = f"did you mean {' or '.join(meant)}?" if meant else "`vctune explain` lists what there is"
-        raise InputError.of(name, "unknown-name", f"is no code, key or word of the glossary; {hint}")
+        raise InputError.of(name, "unknown-name", f"is no code, key, claim or word of the glossary; {hint}")
     records = [EntryRecord(kind=entry.kind, name=entry.names[0], text=entry.text, guide=entry.guide) for entry in found]
     return ExplanationRecord(name=name, entries=records)
+
+
+def contents() -> ExplanationRecord:
+    """Return what can be explained, by name, without its text."""
+    listed = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
+    return ExplanationRecord(name=None, entries=listed)
 
 
 def _alike(asked: str) -> Iterator[str]:
@@ -99,7 +115,15 @@ def _called(asked: str, compared: Callable[[str], str] = str) -> list[Entry]:
 @cache
 def entries() -> tuple[Entry, ...]:
     """Return all that can be explained, in the order of the guides."""
-    return tuple(entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
+    told = (entry for guide, text in _guides(files("vctune"), "vctune") for entry in _entries(guide, text))
+    return (*told, *map(_claim, CLAIMS.values()))
+
+
+def _claim(claim: Claim) -> Entry:
+    said = "; ".join(f"“{sentence}”" for sentence in dict.fromkeys(map(claim.said_of, DISPLAYS.values())))
+    said = f"The certificate's claim {said}."
+    proof = f"Proved by `vctune.{claim.margin}`. Its witness is {claim.witness}."
+    return Entry("claim", (claim.id, claim.label), "\n\n".join([said, claim.explain, proof]), CLAIMS_GUIDE)
 
 
 def _guides(folder: Traversable, place: str) -> Iterator[tuple[str, str]]:

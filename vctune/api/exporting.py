@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
+from vctune.api.argument_ranges import Format
 from vctune.api.design_files import known_record
 from vctune.api.folders import claim_folder
 from vctune.design.ros.admittance_design import axes_of
@@ -17,15 +18,19 @@ from vctune.design.verdict.judge import Status
 from vctune.document.building import DesignSource, ProblemSource, design_for
 from vctune.document.building import problem as problem_of
 from vctune.document.reading import ProblemFile, parse_problem
+from vctune.document.reading import read_gains as read_gains
 from vctune.document.records.design_json import DesignRecord
-from vctune.document.text.errors import InputError, Mistake
+from vctune.document.records.printed_json import ExportRecord
+from vctune.document.text.errors import InputError, Mistake, printable
 from vctune.document.text.output_files import Content, folder_name, make_folder, write_together
 from vctune.firmware.firmware import Firmware, certified, firmware
+from vctune.firmware.preamble import statement
 from vctune.firmware.ros2 import RosAxis, ros2_files, ros2_firmware
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.simulation.firmware.stepped import Precision
+from vctune.simulation.firmware.stepped import Precision as Precision
 
-Format = Literal["c", "fmu", "json", "ros2"]
+Files = Mapping[str, Content]
+"""Contents by name."""
 FOLDER = "firmware"
 """Of what is exported, in that of the design."""
 
@@ -43,7 +48,7 @@ class Exported:
 
     file: ProblemFile
     firmware: Firmware
-    files: Mapping[str, Content]
+    files: Files
 
 
 def export(
@@ -93,7 +98,7 @@ def export(
     made = firmware(file, *design, precision)
     if not certified(made) and not unproved:
         raise NotCertifiedError(made)
-    return Exported(file, made, _files(file, made, to, progress))
+    return Exported(file, made, FILES[to](file, made, progress))
 
 
 def require_double(precision: Precision) -> None:
@@ -183,6 +188,24 @@ def write_export(exported: Exported, folder: str | Path) -> Path:
     return place
 
 
+def export_record(exported: Exported, place: Path) -> ExportRecord:
+    """Return what was exported, as an object.
+
+    Parameters
+    ----------
+    exported : the files
+    place : folder that they are in
+    """
+    made = exported.firmware
+    return ExportRecord(
+        name=made.name,
+        status=made.record.status,
+        statement=[printable(line) for line in statement(made) if line],
+        folder=str(place),
+        files=list(exported.files),
+    )
+
+
 def stated_design(
     source: ProblemSource | DesignRecord, gains: DesignSource | None, coupling: AnyCoupling | None
 ) -> tuple[ProblemFile, tuple[Gains, AnyCoupling]]:
@@ -225,21 +248,33 @@ def stated_design(
     return file, record.design
 
 
-def _files(file: ProblemFile, made: Firmware, to: Format, progress: Progress) -> Mapping[str, Content]:
-    if to == "json":
-        from vctune.firmware.coefficients import controller_record
-        from vctune.report.page.controller_page import controller_page
-
-        record = controller_record(made)
-        page = controller_page(record, made.device, made.gains, made.coupling)
-        return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
-    if to == "fmu":
-        from vctune.firmware.fmu import fmu
-
-        return {f"{folder_name(made.name)}.fmu": fmu(made)}
+def _c_files(file: ProblemFile, made: Firmware, progress: Progress) -> Files:
     from vctune.firmware.c_source import c_source
     from vctune.firmware.replay import replay_files
     from vctune.firmware.vectors import replays
 
     sources = c_source(made)
     return {**sources, **replay_files(made, replays(file, made, progress))}
+
+
+def _fmu_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+    from vctune.firmware.fmu import fmu
+
+    return {f"{folder_name(made.name)}.fmu": fmu(made)}
+
+
+def _json_files(_file: ProblemFile, made: Firmware, _progress: Progress) -> Files:
+    from vctune.firmware.coefficients import controller_record
+    from vctune.report.page.controller_page import controller_page
+
+    record = controller_record(made)
+    page = controller_page(record, made.device, made.gains, made.coupling)
+    return {"controller.json": json.dumps(record, indent=1, allow_nan=False) + "\n", "controller.html": page}
+
+
+FILES: dict[Format, Callable[[ProblemFile, Firmware, Progress], Files]] = {
+    "c": _c_files,
+    "fmu": _fmu_files,
+    "json": _json_files,
+}
+"""Makes the files of each format."""

@@ -11,7 +11,9 @@ from vctune.document.reading import ProblemFile
 from vctune.document.records.design_file import read_design
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.errors import InputError
-from vctune.document.text.output_files import folder_name, make_folder, write_together
+from vctune.document.text.output_files import folder_name as folder_name
+from vctune.document.text.output_files import make_folder as make_folder
+from vctune.document.text.output_files import write_together
 
 DESIGN_FILE, GAINS_FILE = "design.json", "gains.toml"
 OWNER_FILE = "problem-file.txt"

@@ -59,6 +59,7 @@ def identify(
     logs: str | Path | Sequence[str | Path],
     config: str | Path | None = None,
     *,
+    servo: bool = False,
     excitation: bool = False,
     progress: Callable[[str], None] = lambda stage: None,
 ) -> Identification:
@@ -68,6 +69,7 @@ def identify(
     ----------
     logs : CSV files, plain or .gz, all of the same device
     config : the log.toml that says what their columns are; None if the headers say it
+    servo : whether they are of a servo, its command and its position
     excitation : whether to suggest a multisine for what is still uncertain
     progress : told the stage of the work
 
@@ -83,7 +85,10 @@ def identify(
     paths = [Path(logs)] if isinstance(logs, str | Path) else [Path(path) for path in logs]
     if not paths:
         raise InputError.of("logs", "bad-option", "there is none; name at least one CSV file")
-    known = read_log_map(None if config is None else Path(config))
+    if servo and excitation:
+        message = "suggests a force, which no servo takes; record a sweep of its command up to a tenth of its rate"
+        raise InputError.of("--excitation", "bad-option", message)
+    known = read_log_map(None if config is None else Path(config), servo=servo)
     recordings = [read_log(path, known) for path in paths]
     require_scipy()
     from vctune.identification.excitation import excitation as suggested

@@ -14,7 +14,8 @@ from vctune.api.bounding import require_free
 from vctune.document.building import ProblemSource
 from vctune.document.building import problem as problem_of
 from vctune.document.records.rows_json import FrontRecord, SweepRecord
-from vctune.document.study_file import Study, build_study, read_study
+from vctune.document.study_file import Study, build_study
+from vctune.document.study_file import read_study as read_study
 from vctune.document.text.codes import has_code
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import make_folder, write_together

@@ -6,6 +6,7 @@ from contextlib import suppress
 
 import click
 
+from vctune.api.messages import InputError, coded
 from vctune.cli.commands.bench import bench
 from vctune.cli.commands.bound import bound
 from vctune.cli.commands.check import check
@@ -21,8 +22,6 @@ from vctune.cli.commands.schema import schema
 from vctune.cli.commands.simulate import simulate
 from vctune.cli.commands.solve import solve
 from vctune.cli.commands.sweep import sweep
-from vctune.document.text.codes import coded
-from vctune.document.text.errors import InputError
 from vctune.exit_codes import ExitCode
 from vctune.interrupt import RECEIVED
 
@@ -35,11 +34,10 @@ EPILOG = (
 def _print_version(context: click.Context, parameter: click.Parameter, wanted: bool) -> None:
     if not wanted:
         return
+    from vctune.api.messages import versions
     from vctune.cli.printing.output import emit
-    from vctune.design.nlp.nlp import ipopt_version
-    from vctune.design.verdict.design_record import versions
 
-    emit("\n".join(f"{name} {number}" for name, number in versions(ipopt_version()).items()))
+    emit("\n".join(f"{name} {number}" for name, number in versions().items()))
     context.exit()
 
 

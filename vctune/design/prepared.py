@@ -8,9 +8,8 @@ from vctune.analysis.demands import sampled_span, transparency_error
 from vctune.design.variables import Point
 from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Gains
-from vctune.model.problem import Problem
+from vctune.model.problem import Demands, Problem
 from vctune.model.transparency import TERMS, TermName, Terms
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.whole_samples import beside_whole_sample, next_to_whole_samples, reaching_whole_sample
 from vctune.proof.device_box import DELAYS, DeviceBox, device_box, in_longer_hands, moved_as_one
 
@@ -143,20 +142,10 @@ def _posed(problem: Problem) -> Posed:
     problem = replace(problem, device=box.nominal) if box is not None else problem
     cases = (problem,) if box is None else tuple(with_device(problem, device) for device in box.devices())
     worst = problem.uncertainty is not None and problem.uncertainty.objective == "worst"
-    band, stability = problem.stability.band, problem.stability
-    demands = Demands(
-        device=problem.device.modelled,
-        band=(band.min, band.max),
-        factor=stability.safety_factor,
-        max_sensitivity=stability.max_sensitivity,
-        passive=problem.passive,
-        any_hand=problem.any_hand,
-        hands=problem.hands_met,
-    )
     held = cases if problem.hands_met is not None or problem.any_hand else ()
     if held and box is not None:
         held += tuple(with_device(problem, device) for device in next_to_whole_samples(box.modelled))
-    return Posed(problem, cases, held, cases if worst else (problem,), box, demands, sampled_span(problem))
+    return Posed(problem, cases, held, cases if worst else (problem,), box, problem.demands, sampled_span(problem))
 
 
 def compared(posed: Posed) -> Posed:

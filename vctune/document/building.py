@@ -9,17 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from vctune.document.reading import GainsFile, ProblemFile, pose, read_gains, read_problem
+from vctune.document.reading import GAINS_DOCUMENTS, GainsFile, ProblemFile, pose, read_gains, read_problem
 from vctune.document.schema.device_contradictions import impossible_parts
-from vctune.document.schema.kinds import require_gains_of
-from vctune.document.schema.problem_schema import DeviceTable, GainsDocument, SpringGainsDocument
+from vctune.document.schema.kinds import DISPLAYS, require_gains_of
+from vctune.document.schema.problem_schema import DeviceTable
 from vctune.document.schema.statement import statement, table_of
 from vctune.document.schema.validation import examined, refusal, shown
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 from vctune.model import device as devices
-from vctune.model.display import ADMITTANCE, IMPEDANCE
-from vctune.model.gains import AnyCoupling, Gains, SpringDamper
+from vctune.model.display import ADMITTANCE, Display
+from vctune.model.display import DISPLAYS as KINDS
+from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.problem import Problem
 
 ProblemSource = str | Path | Mapping[str, Any] | Problem | ProblemFile
@@ -89,13 +90,14 @@ def problem(source: ProblemSource) -> ProblemFile:
     return ProblemFile(posed, toml_text(document))
 
 
-def design(gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
+def design(gains: DesignSource, coupling: AnyCoupling | None = None, kind: Display = ADMITTANCE) -> GainsFile:
     """Return a design, read or built.
 
     Parameters
     ----------
     gains : a gains file or its path, or the gains of a coupling
     coupling : None with a file
+    kind : of the device that a coupling is for, if it is the coupling of such a device
 
     Raises
     ------
@@ -109,14 +111,20 @@ def design(gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFil
     if not (isinstance(gains, Gains) and isinstance(coupling, AnyCoupling)):
         message = "is no design; give the path of a gains file, or Gains(...) and Coupling(...) or SpringDamper(...)"
         raise InputError.of("design", "bad-option", message)
-    raw, spring = {"gains": plain(gains), "coupling": plain(coupling)}, isinstance(coupling, SpringDamper)
-    if spring and raw["gains"].pop("position"):
-        raise InputError.of("design", "contradiction", "gains.position: an impedance display has none; leave it at 0")
-    _, faults = examined(SpringGainsDocument if spring else GainsDocument, raw, lambda _raw: [])
+    if not isinstance(coupling, kind.coupling):
+        kind = next(each for each in KINDS.values() if isinstance(coupling, each.coupling))
+    stated = {"gains": plain(gains), "coupling": plain(coupling)}
+    for key in kind.absent:
+        table, _, name = key.partition(".")
+        if stated[table].pop(name):
+            message = f"{key}: {DISPLAYS[kind.name]} has none; leave it at 0"
+            raise InputError.of("design", "contradiction", message)
+    raw = {table: numbers for table, numbers in stated.items() if numbers}
+    _, faults = examined(GAINS_DOCUMENTS[kind.name], raw, lambda _raw: [])
     if faults:
         raise refusal(faults, None, "design")
-    gains, coupling = Gains(**{"position": 0.0, **raw["gains"]}), type(coupling)(**raw["coupling"])
-    return GainsFile(IMPEDANCE if spring else ADMITTANCE, gains, coupling, None, None, toml_text(raw))
+    gains = Gains(**{"velocity": 0.0, "position": 0.0, **raw.get("gains", {})})
+    return GainsFile(kind, gains, type(coupling)(**raw["coupling"]), None, None, toml_text(raw))
 
 
 def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | None = None) -> GainsFile:
@@ -132,7 +140,7 @@ def design_for(file: ProblemFile, gains: DesignSource, coupling: AnyCoupling | N
     InputError
         As `design`, and if the design is for another kind of device than the problem's.
     """
-    given = design(gains, coupling)
+    given = design(gains, coupling, file.problem.device.kind)
     require_gains_of(file, given)
     return given
 

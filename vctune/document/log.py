@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from vctune.document.log_table import read_table
-from vctune.document.recording import ROLES, Channel, Floats, Recording
+from vctune.document.recording import ROLES, SERVO_COMMANDS, SERVO_ROLES, Channel, Floats, Recording
 from vctune.document.schema.log_schema import UNITS, ColumnTable, LogDocument
 from vctune.document.schema.validation import Contradiction, shown, validated
 from vctune.document.text import toml
@@ -17,10 +18,13 @@ KINDS = {
     "time": ("s", "ms", "us"),
     "position": ("m", "mm", "um", "rad", "mrad", "deg"),
     "command": ("N", "mN", "kN", "Nm", "mNm"),
+    "velocity_command": ("m/s", "mm/s", "rad/s", "deg/s"),
 }
-KIND_OF = {"force": "command", "hand": "command", "handle": "position", "reference": "position"}
+KIND_OF = {
+    "force": "command", "hand": "command", "handle": "position", "reference": "position", "position_command": "position"
+}  # fmt: skip
 """Roles that have the units of another."""
-ANGLES = ("rad", "mrad", "deg", "Nm", "mNm")
+ANGLES = ("rad", "mrad", "deg", "Nm", "mNm", "rad/s", "deg/s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,15 +36,27 @@ class LogMap:
     document : as written, checked
     source : path of the file; "log.toml" where there is none
     text : of the file, "" where there is none
+    servo : whether the logs are of a servo and its command
     """
 
     document: LogDocument
     source: str = "log.toml"
     text: str = ""
+    servo: bool = False
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """What a column can be."""
+        return SERVO_ROLES if self.servo else ROLES
 
 
-def read_log_map(path: Path | None) -> LogMap:
+def read_log_map(path: Path | None, *, servo: bool = False) -> LogMap:
     """Read a log.toml; None for the map of a log whose headers say everything.
+
+    Parameters
+    ----------
+    path : of the file
+    servo : whether the logs are of a servo and its command
 
     Raises
     ------
@@ -48,9 +64,9 @@ def read_log_map(path: Path | None) -> LogMap:
         Listing every mistake, each with line, dotted key, value and remedy.
     """
     if path is None:
-        return LogMap(LogDocument.model_validate({}))
+        return LogMap(LogDocument.model_validate({}), servo=servo)
     text = toml.read_text(path)
-    return LogMap(validated(LogDocument, text, str(path), _contradictions), str(path), text)
+    return LogMap(validated(LogDocument, text, str(path), _contradictions), str(path), text, servo)
 
 
 def read_log(path: Path, known: LogMap) -> Recording:
@@ -91,7 +107,9 @@ def read_log(path: Path, known: LogMap) -> Recording:
 
 def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnTable]:
     """Return the column of each role that the log has."""
-    stated = {role: _table(entry) for role in ROLES if (entry := getattr(known.document.columns, role)) is not None}
+    stated = {
+        role: _table(entry) for role in known.roles if (entry := getattr(known.document.columns, role)) is not None
+    }
     faults = [
         Mistake(
             "log-columns",
@@ -104,9 +122,17 @@ def _columns(path: Path, headers: list[str], known: LogMap) -> dict[str, ColumnT
     if faults:
         raise InputError(known.source, faults)
     taken = {table.column for table in stated.values()}
-    found = {role: table for role in ROLES if (table := stated.get(role) or _usual(role, headers, taken)) is not None}
+    looked_for = [role for role in known.roles if role in stated or role not in _stood_for(stated)]
+    found = {
+        role: table for role in looked_for if (table := stated.get(role) or _usual(role, headers, taken)) is not None
+    }
     _check_needed(path, headers, found, known)
     return found
+
+
+def _stood_for(stated: Mapping[str, ColumnTable]) -> tuple[str, ...]:
+    """Return the roles that need not be looked for: a servo is sent one command."""
+    return SERVO_COMMANDS if set(SERVO_COMMANDS) & set(stated) else ()
 
 
 def _table(entry: str | ColumnTable) -> ColumnTable:
@@ -115,21 +141,40 @@ def _table(entry: str | ColumnTable) -> ColumnTable:
 
 def _usual(role: str, headers: list[str], taken: set[str]) -> ColumnTable | None:
     """Return the column whose header is a role and a unit, if the map gives it no role of its own."""
-    ends = [f"{role}_{unit}" for unit in KINDS[KIND_OF.get(role, role)]]
+    ends = [f"{role}_{_in_header(unit)}" for unit in KINDS[KIND_OF.get(role, role)]]
     return next((ColumnTable(column=header) for header in headers if header in ends and header not in taken), None)
+
+
+def _in_header(unit: str) -> str:
+    return unit.replace("/", "_")
 
 
 def _check_needed(path: Path, headers: list[str], found: dict[str, ColumnTable], known: LogMap) -> None:
     missing = []
     if "position" not in found:
         missing.append(("columns.position", "without a position nothing can be identified; name its column"))
-    if not {"command", "force", "hand"} & set(found):
+    if known.servo:
+        missing += _servo_s_command(found)
+    elif not {"command", "force", "hand"} & set(found):
         missing.append(("columns.command", "without a force nothing can be identified; name the column of the command"))
     if "time" not in found and known.document.sample_time is None:
         missing.append(("sample_time", "there is no column time; name it in [columns], or write sample_time"))
     if missing:
         here = f"{path} has the columns {', '.join(headers)}"
         raise InputError(known.source, [Mistake("log-columns", key, f"{message} ({here})") for key, message in missing])
+
+
+def _servo_s_command(found: Mapping[str, ColumnTable]) -> list[tuple[str, str]]:
+    """Return what is wrong with the command of a servo."""
+    sent = [role for role in SERVO_COMMANDS if role in found]
+    if len(sent) == 1:
+        return []
+    if sent:
+        both = " and ".join(found[role].column for role in sent)
+        return [
+            ("columns", f"a servo is sent a velocity or a position, and {both} are there; name the one that is sent")
+        ]
+    return [("columns.velocity_command", "without a command nothing can be identified; name its column")]
 
 
 def _channel(values: Floats, stated: ColumnTable, known: LogMap, role: str) -> Channel:
@@ -144,7 +189,8 @@ def _unit(stated: ColumnTable, known: LogMap, role: str) -> str:
     fitting = KINDS[KIND_OF.get(role, role)]
     if role != "time":
         fitting = tuple(unit for unit in fitting if (unit in ANGLES) == known.document.rotary)
-    unit = stated.unit or stated.column.rpartition("_")[2]
+    ends = [unit for unit in fitting if stated.column.endswith(f"_{_in_header(unit)}")]
+    unit: str = stated.unit or (ends or [stated.column.rpartition("_")[2]])[0]
     if unit in fitting:
         return unit
     said = f"its unit {unit} is none" if stated.unit else "its header does not end with a unit"

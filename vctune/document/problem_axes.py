@@ -1,4 +1,4 @@
-"""Several axes that do not couple: each is a problem of the file's tables, which those of its [[axis]] override."""
+"""Several axes that do not couple: each is a problem, of the file's tables and its [[axis]], which overrides them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vctune.document.reading import ProblemFile, pose
+from vctune.document.reading import ProblemFile, pose, problem_file
 from vctune.document.schema.validation import Fault, KeyPath, refusal, shown
 from vctune.document.text import toml
+from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
 
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,31}")
@@ -66,7 +67,30 @@ def read_axes(path: str | Path) -> AxesFile | None:
     InputError
         Listing every mistake, each with line, dotted key, value and remedy.
     """
-    return axes_file(toml.read_text(Path(path)), Path(path))
+    if not Path(path).is_file() or Path(path).suffix != ".toml":
+        return None
+    text = toml.read_text(Path(path))
+    try:
+        toml.parse(text, str(path))
+    except InputError:
+        return None
+    return axes_file(text, Path(path))
+
+
+def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
+    """Read a problem file with one axis or with several; - is standard input.
+
+    Parameters
+    ----------
+    path : of a TOML file
+
+    Raises
+    ------
+    InputError
+        Listing every mistake, each with line, dotted key, value and remedy.
+    """
+    text = toml.read_text(Path(path))
+    return axes_file(text, Path(path)) or problem_file(text, Path(path))
 
 
 def axes_file(text: str, path: Path) -> AxesFile | None:

@@ -13,7 +13,10 @@ from vctune.model.numbers.units import UNITS, Units
 
 Floats = NDArray[np.float64]
 ROLES = ("time", "position", "command", "force", "hand", "handle", "reference")
-"""What a column can be."""
+"""What a column of a device's log can be."""
+SERVO_COMMANDS = ("velocity_command", "position_command")
+SERVO_ROLES = ("time", "position", *SERVO_COMMANDS, "force", "hand")
+"""What a column of a servo's log can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +48,7 @@ class Recording:
     source : path of its file
     sha256 : of the file
     first_line : line of the file on which its first sample stands
-    channels : by role, one of `ROLES`
+    channels : by role, one of `ROLES` or `SERVO_ROLES`
     ignored : headers of columns that nothing was made of
     rotary : whether positions are angles
     """

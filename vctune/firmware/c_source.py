@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, astuple
+from dataclasses import astuple
 from typing import Any
 
 from vctune.firmware.c_text import code, comment, literal, operations
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import statement
 from vctune.model.numbers.keys import QUANTITIES, SYMBOLS
 from vctune.model.numbers.units import Units
 from vctune.simulation.firmware import equations
-from vctune.simulation.firmware.equations import COEFFICIENTS, INPUTS, STATE, Equation, Quantity
+from vctune.simulation.firmware.equations import COEFFICIENTS, COMMANDS, INPUTS, STATE, Equation, Parts, Quantity
 from vctune.simulation.firmware.expression import Symbol
-from vctune.version import __version__
 
 BUILT_IN = ("inertance", "inertia_carry", "stiffness", "zero", "slope", "least_contact")
 """Coefficients of a built-in environment."""
 LIMITING = ("limit", "position_reach")
-"""Coefficients of a limited force; an impedance display has nothing that winds up, and no reach."""
+"""Coefficients of a limited force; an impedance display has no reach, since nothing winds up, and a servo neither."""
 SYSTEM = {
     "linear": "SI units; of a rotary device kg m^2, N m and rad in place of\n * kg, N and m.",
     "rotary": "SI units of a rotary device: kg m2, N m and rad; its\n * force is a torque, its mass an inertia.",
@@ -61,58 +61,6 @@ def rendered_template(name: str, given: dict[str, Any]) -> str:
     return templates.get_template(f"{name}.j2").render(given)
 
 
-def statement(made: Firmware) -> list[str]:
-    """Return what is said at the top of every file: what it is, of which design, and what is proved.
-
-    Parameters
-    ----------
-    made : the design as firmware
-    """
-    doubt = [] if certified(made) else [not_proved(made), ""]
-    proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
-    single = "Proved again with the constants below, rounded to single precision, and with their sample time."
-    return [
-        *doubt,
-        f"Controller of {made.name}, written by vctune {__version__}; {made.precision} precision.",
-        f"problem sha256 {made.problem_sha256}",
-        f"design sha256 {made.design_sha256}",
-        "",
-        proved,
-        *([single] if certified(made) and made.precision == "single" else []),
-        *assumptions(made),
-    ]
-
-
-def not_proved(made: Firmware) -> str:
-    """Return what is said first of a design that is not certified."""
-    return f"NOT PROVED. {made.record.status}: {made.doubt}"
-
-
-def assumptions(made: Firmware) -> list[str]:
-    """Return what the certificate takes for granted, in words."""
-    device, units = made.device, made.units
-    parts = [
-        (device.velocity, "velocity estimate"),
-        (device.actuator, "actuator"),
-        (device.force_sensor, f"{units.force_name} sensor"),
-        (device.structure, "structure"),
-    ]
-    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
-    box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
-    own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
-    built = f"a linear device of {own} with {known or 'ideal parts'}{box}"
-    sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
-    return [
-        f"Assumed: {built}; a step every {device.sample_time!r} s; the command acts {device.delay!r} s after the "
-        f"sample and is held{sampled}; environments are passive as they run. Of static "
-        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
-    ]
-
-
-def _numbers(part: Any) -> str:
-    return ", ".join(f"{name} {number}" for name, number in asdict(part).items() if number is not None)
-
-
 def names_and_numbers(made: Firmware) -> dict[str, Any]:
     """Return what the templates need of a design, its equations apart."""
     double = made.precision == "double"
@@ -124,6 +72,7 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         (SYMBOLS[key], number, made.units.of(QUANTITIES[key])) for key, number in zip(keys, numbers, strict=False)
     ]
     stated.append(("T", T, "s"))
+    command, reads = COMMANDS[made.parts.command], reads_of(made)
     design = [
         (name.upper(), made.coefficients[name], COEFFICIENTS[name].symbol, COEFFICIENTS[name].unit(made.units))
         for name in GAINS
@@ -153,7 +102,12 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
         "limited": limiting(made),
         "difference": made.parts.difference,
         "start_head": _start_head(made),
-        "measured_velocity": not made.parts.difference,
+        "reads": reads,
+        "reads_in_words": _listed([made.units.force_name if name == "force" else name for name in reads]),
+        "columns": {_short(one): column for column, one in enumerate(INPUTS)},
+        "command": made.parts.command,
+        "command_unit": command.unit(made.units),
+        "law_told": made.units.translated(_law_told(made)),
         "design": [
             *(f"/* {name} = {number!r} {unit} */" for name, number, unit in stated),
             *_defined(made, design),
@@ -165,9 +119,23 @@ def names_and_numbers(made: Firmware) -> dict[str, Any]:
 def _start_head(made: Firmware) -> str:
     """Return the head of vctune_start; only a difference needs to know where the motor was."""
     first = "vctune_real position, " if made.parts.difference else ""
+    last = ", vctune_real limit" if limiting(made) else ""
     indent = " " * len("vctune_state vctune_start(")
     rest = f"{indent}vctune_environment_function render, void *environment)"
-    return f"vctune_state vctune_start({first}vctune_real reference, vctune_real limit,\n{rest}"
+    return f"vctune_state vctune_start({first}vctune_real reference{last},\n{rest}"
+
+
+def _law_told(made: Firmware) -> str:
+    """Return what the last equations of a step are."""
+    if not made.parts.limit:
+        return f"The coupling, and the {made.parts.command} that the servo is to follow."
+    return "The force against the coupling." if made.parts.spring else "The law on the velocity error."
+
+
+def _listed(words: list[str]) -> str:
+    """Return words as "a, b and c"."""
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _defined(made: Firmware, constants: list[tuple[str, float, str, str]]) -> list[str]:
@@ -175,13 +143,12 @@ def _defined(made: Firmware, constants: list[tuple[str, float, str, str]]) -> li
         (f"#define VCTUNE_{name} ({literal(number, made.precision)})", told, unit)
         for name, number, told, unit in constants
     ]
-    width = max(len(row[0]) for row in rows)
+    width = max((len(row[0]) for row in rows), default=0)
     return [f"{text:<{width}} /* {told}, {unit} */" for text, told, unit in rows]
 
 
 def _code(made: Firmware) -> dict[str, Any]:
-    parts, step = made.parts, ("estimate", "drive", "law")
-    blocks = {name: list(getattr(equations, name)(parts)) for name in (*step, "environment")}
+    blocks, step = _blocks(made.parts), ("estimate", "drive", "law")
     kept = [name for name in state_names(made) if name != "desired"]
     names = _names(made, blocks)
     counted = operations(equation for block in blocks.values() for equation in block)
@@ -191,7 +158,7 @@ def _code(made: Firmware) -> dict[str, Any]:
         "counted": ", ".join(
             f"{counted[kind]} {kind}" for kind in ("additions", "multiplications", "divisions", "comparisons")
         ),
-        "measurement": _fields({_short(one): one for one in INPUTS if one.name in used(blocks)}, made.units),
+        "measurement": _fields({_short(one): one for one in inputs_of(made)}, made.units),
         "built_in": _fields({name: (COEFFICIENTS | STATE)[name] for name in (*BUILT_IN, "inertia")}, made.units),
         "state": _fields(
             {name: (STATE | COEFFICIENTS)[name] for name in (*state_names(made), *limiting(made))}, made.units
@@ -208,10 +175,27 @@ def state_names(made: Firmware) -> list[str]:
 
 def limiting(made: Firmware) -> tuple[str, ...]:
     """Return the coefficients of a limited force that a firmware has."""
+    if not made.parts.limit:
+        return ()
     return LIMITING[:1] if made.parts.spring else LIMITING
 
 
-def used(blocks: dict[str, list[Equation]]) -> set[str]:
+def inputs_of(made: Firmware) -> list[Quantity]:
+    """Return what a firmware reads."""
+    known = _used(_blocks(made.parts))
+    return [one for one in INPUTS if one.name in known]
+
+
+def reads_of(made: Firmware) -> list[str]:
+    """Return what a firmware reads, by the names of the fields of its measurement."""
+    return [_short(one) for one in inputs_of(made)]
+
+
+def _blocks(parts: Parts) -> dict[str, list[Equation]]:
+    return {name: list(getattr(equations, name)(parts)) for name in ("estimate", "drive", "law", "environment")}
+
+
+def _used(blocks: dict[str, list[Equation]]) -> set[str]:
     """Return the names that occur on the right-hand sides of equations."""
     found, terms = set(), [equation.right for block in blocks.values() for equation in block]
     while terms:

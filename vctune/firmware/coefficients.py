@@ -6,12 +6,13 @@ from dataclasses import asdict
 from math import isfinite
 from typing import Any
 
-from vctune.firmware.c_source import BUILT_IN, assumptions, limiting, not_proved, state_names
+from vctune.firmware.c_source import BUILT_IN, inputs_of, limiting, state_names
 from vctune.firmware.c_text import plain
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import assumptions, not_proved
 from vctune.model.numbers.units import Units
 from vctune.simulation.firmware import equations
-from vctune.simulation.firmware.equations import COEFFICIENTS, INPUTS, STATE, Quantity
+from vctune.simulation.firmware.equations import COEFFICIENTS, STATE, Quantity
 from vctune.version import __version__
 
 SCHEMA = "vctune/controller/1"
@@ -61,9 +62,9 @@ def controller_record(made: Firmware) -> dict[str, Any]:
         "proved": made.record.promise,
         "assumed": assumptions(made),
         "precision": made.precision,
-        "gains": {"velocity": made.gains.velocity, "position": made.gains.position},
+        **({"gains": asdict(made.gains)} if made.device.kind.own_loop else {}),
         "coupling": asdict(made.coupling),
-        "inputs": {one.name: _told(one, units) for one in INPUTS},
+        "inputs": {one.name: _told(one, units) for one in inputs_of(made)},
         "coefficients": coefficients,
         "settings": settings,
         "state": {name: _told(STATE[name], units) for name in (*state_names(made), "inertia")},

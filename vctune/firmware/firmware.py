@@ -13,7 +13,7 @@ from vctune.design.verdict.judge import Judgement, Status, judge_all
 from vctune.document.reading import ProblemFile
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.text.digest import digest
-from vctune.model.device import Device
+from vctune.model.device import Commanded, Device
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
@@ -36,7 +36,7 @@ class Firmware:
     record : of the design as it is exported: in single precision that of the rounded constants
     device : what the certificate is about
     gains, coupling : the decimals of the design
-    parts : what the firmware consists of, with every built-in environment and a limit
+    parts : what the firmware consists of, with every built-in environment, and a limit where it commands a force
     precision : of its numbers
     coefficients : of the controller by their names in `vctune.simulation.firmware.equations`, as the firmware has them
     problem_sha256, design_sha256 : digests of the problem, and of problem, gains and coupling
@@ -84,7 +84,7 @@ def firmware(file: ProblemFile, gains: Gains, coupling: AnyCoupling, precision: 
     """
     device = file.problem.device
     law = designed_law(device, gains, coupling, NOTHING)
-    coefficients = controller_coefficients(coefficients_of(law))
+    coefficients = controller_coefficients(coefficients_of(law), law.command)
     problem, design = file.problem, (gains, coupling)
     if precision == "single":
         coefficients = {name: float(np.float32(number)) for name, number in coefficients.items()}
@@ -116,13 +116,21 @@ def judged(problem: Problem, design: tuple[Gains, AnyCoupling]) -> Judgement:
     return judge_all(problem, [design])[0]
 
 
-def controller_coefficients(coefficients: dict[str, float]) -> dict[str, float]:
-    """Return the coefficients that a firmware has as constants: not those of environment and limit."""
+def controller_coefficients(coefficients: dict[str, float], command: Commanded) -> dict[str, float]:
+    """Return the coefficients that a firmware has as constants: not those of environment and limit.
+
+    Parameters
+    ----------
+    coefficients : of a whole firmware, by their names
+    command : what it commands
+    """
     of_law: tuple[str, ...] = ("velocity_gain", "position_gain")
-    of_coupling = ("coupling_step", "coupling_decay")
+    of_coupling: tuple[str, ...] = ("coupling_step", "coupling_decay")
     if "coupling_stiffness" in coefficients:
         of_law, of_coupling = ("velocity_gain",), ("coupling_stiffness", "coupling_damping")
     constant = ("sample_time", "half_sample_time", *of_law, *of_coupling, "resistance", "smoothing")
+    if command != "force":
+        constant = ("sample_time", "half_sample_time", *of_coupling, "resistance")
     return {name: coefficients[name] for name in constant}
 
 
@@ -142,7 +150,7 @@ def rounded(problem: Problem, coefficients: dict[str, float]) -> tuple[Problem, 
         estimate = replace(estimate, filter_hz=-log(1 - coefficients["smoothing"]) / (2 * pi * T))
     if stability.band.max <= pi / device.sample_time:
         stability = replace(stability, band=replace(stability.band, max=min(stability.band.max, pi / T)))
-    gains = Gains(coefficients["velocity_gain"], coefficients.get("position_gain", 0.0))
+    gains = Gains(coefficients.get("velocity_gain", 0.0), coefficients.get("position_gain", 0.0))
     again = replace(problem, device=replace(device, sample_time=T, velocity=estimate), stability=stability)
     return again, (gains, coupling_of(coefficients, T))
 

@@ -14,19 +14,23 @@ from uuid import UUID
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from vctune.document.text.errors import InputError, printable
-from vctune.firmware.c_source import c_source, names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_source import c_source, names_and_numbers, rendered_template
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import not_proved, statement
+from vctune.simulation.firmware.equations import COMMANDS
 from vctune.version import __version__
 
 COMPILERS = ("cc", "gcc", "clang")
 OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """When every file of the archive was made, so that the same design makes the same bytes."""
+ABSENT_OF_SERVO = ("position", "velocity", "limit", "start_position")
+"""Variables of the motor's motion and force."""
 REALS = (
     ("position", "position", "input", "position of the motor"),
     ("velocity", "speed", "input", "velocity of the motor"),
     ("force", "force", "input", "sensed force of the hand"),
-    ("command", "force", "output", "force that the motor is commanded"),
+    ("command", "", "output", ""),
     ("environment_force", "force", "output", "force of the environment"),
     ("limit", "force", "parameter", "greatest force; 0 for none"),
     ("environment_mass", "mass", "parameter", "mass of the environment"),
@@ -113,6 +117,14 @@ def fmu(made: Firmware) -> bytes:
     return archive.getvalue()
 
 
+def _reals(made: Firmware) -> list[tuple[str, str, str, str]]:
+    """Return the variables of a controller: name, quantity, causality and meaning."""
+    given, servo = COMMANDS[made.parts.command], made.parts.command != "force"
+    known = [one for one in REALS if not (servo and one[0] in ABSENT_OF_SERVO)]
+    command = ("command", given.of, "output", given.meaning)
+    return [command if one[0] == "command" else one for one in known]
+
+
 def _guid(made: Firmware) -> str:
     """Return an identifier that follows from design, precision and version."""
     known = f"{made.design_sha256} {made.precision} {__version__}"
@@ -131,7 +143,7 @@ def _given(made: Firmware) -> dict[str, Any]:
     ]
     return {
         **names_and_numbers(made),
-        "reals": [name.upper() for name, *_ in REALS],
+        "reals": [name.upper() for name, *_ in _reals(made)],
         "guid": _guid(made),
         "absent": absent,
     }
@@ -148,7 +160,7 @@ def _described(made: Firmware) -> dict[str, Any]:
             "meaning": units.translated(meaning),
             "type": f'<Real unit="{_dotted(units.of(quantity))}" start="0"/>',
         }
-        for reference, (name, quantity, causality, meaning) in enumerate(REALS)
+        for reference, (name, quantity, causality, meaning) in enumerate(_reals(made))
     ]
     outputs = [number for number, one in enumerate(variables, 1) if one["causality"] == "output"]
     variables += [

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from vctune.firmware.c_source import names_and_numbers, not_proved, rendered_template, statement
+from vctune.firmware.c_source import names_and_numbers, rendered_template
 from vctune.firmware.c_text import comment
 from vctune.firmware.firmware import Firmware, certified
+from vctune.firmware.preamble import not_proved, statement
 from vctune.firmware.vectors import Replay, experiment_line, greatest_difference, vectors_text
 
 ALLOWED_ULP = 0
@@ -23,7 +24,7 @@ def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
     """
     given: dict[str, Any] = {
         **names_and_numbers(made),
-        "experiments": [experiment_line(one, difference=made.parts.difference) for one in simulated],
+        "experiments": [experiment_line(one, made.parts) for one in simulated],
         "ulp": ALLOWED_ULP,
         "hash_top": commented(statement(made)),
     }
@@ -32,7 +33,7 @@ def replay_files(made: Firmware, simulated: list[Replay]) -> dict[str, str]:
         given |= {"measured": f"{measured:.3g}", "allowed": f"{2 * measured:.3g}"}
     written = {name: rendered_template(name, given) for name in ("replay.c", "vctune_bridge.c", "Makefile")}
     doubt = "" if certified(made) else commented([not_proved(made)]) + "\n"
-    return {"vectors.csv": doubt + vectors_text(simulated, made.units), **written}
+    return {"vectors.csv": doubt + vectors_text(simulated, made.units, made.parts.command), **written}
 
 
 def commented(texts: list[str]) -> str:

@@ -14,8 +14,8 @@ from vctune.document.ros_writing import admittance_text
 from vctune.document.text.digest import digest
 from vctune.document.text.errors import InputError
 from vctune.document.text.toml_writing import toml_text
-from vctune.firmware.c_source import statement
 from vctune.firmware.firmware import Firmware, firmware
+from vctune.firmware.preamble import statement
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.version import __version__
 

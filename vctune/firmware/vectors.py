@@ -9,15 +9,20 @@ import numpy as np
 
 from vctune.document.reading import ProblemFile
 from vctune.firmware.firmware import Firmware
-from vctune.model.device import Device
+from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Experiment, Operator, Sensors, usual_share
 from vctune.model.numbers.units import Units
+from vctune.model.problem import Problem
 from vctune.simulation.firmware.controller import encoded
+from vctune.simulation.firmware.equations import COMMANDS, Parts
 from vctune.simulation.firmware.operations import FLOATS
 from vctune.simulation.firmware.stepped import Start, SteppedFirmware
 from vctune.simulation.mechanics.intended_motion import Floats
 from vctune.simulation.run import run
 from vctune.simulation.scene import designed_scene, equilibrium
+
+USUAL_STIFFNESS = 1000.0
+"""Of the hand that replays a linear device, N/m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +34,7 @@ class Replay:
     experiment : its description
     position, reference : of the motor, and x_e, where it starts, m
     measured : position [m], velocity [m/s] and force [N] at each sample, shape (n, 3)
-    command : u, N
+    command : u, N; of a servo m/s or m
     """
 
     experiment: Experiment
@@ -53,20 +58,25 @@ def replays(file: ProblemFile, made: Firmware, progress: Callable[[str], None] =
     list of Replay
         One for each experiment, sample by sample.
     """
-    experiments = file.problem.experiments or usual(made.device)
+    experiments = file.problem.experiments or usual(file.problem)
     return [_replay(made, experiment, progress) for experiment in experiments]
 
 
-def usual(device: Device) -> tuple[Experiment, ...]:
-    """Return what is replayed where a problem has no experiment of its own: a spring, and a wall that saturates."""
-    share = usual_share(device.mass, device.units)
-    hand = Operator("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, 1000.0 * share)
+def usual(problem: Problem) -> tuple[Experiment, ...]:
+    """Return what is replayed where a problem has no experiment of its own: a spring, and a wall that saturates.
+
+    A servo has no mass to say how large what it meets is, and no force that could saturate: its hands do.
+    """
+    device, stiffest = problem.device, problem.hands.high.stiffness
+    share = usual_share(device.mass, device.units) if device.kind.own_loop else stiffest / USUAL_STIFFNESS or 1.0
+    hand = Operator("reciprocate", 0.0, 0.01, 0.01, 1, 0.0, 2.0 * share, USUAL_STIFFNESS * share)
+    limit = 3.0 * share if device.commanded == "force" else None
     spring = Environment(0.0, 0.0, 200.0 * share, 0.0, False, "backward")
     wall = Environment(0.1 * share, 5.0 * share, 20000.0 * share, 0.005, True, "backward")
     known = Sensors(0.0, 0.0, 0)
     return (
         Experiment("spring", spring, hand, None, known, None, None),
-        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, known, 3.0 * share, None),
+        Experiment("wall", wall, replace(hand, mass=0.1 * share), None, known, limit, None),
     )
 
 
@@ -81,19 +91,20 @@ def _replay(made: Firmware, experiment: Experiment, progress: Callable[[str], No
     return Replay(experiment, encoded(scene.law, begin.position, FLOATS), begin.reference, measured, traces.motor)
 
 
-def vectors_text(made: list[Replay], units: Units) -> str:
+def vectors_text(made: list[Replay], units: Units, commanded: Commanded) -> str:
     """Return the text of vectors.csv: every number in the shortest decimals that read as itself.
 
     Parameters
     ----------
     made : the vectors
     units : of the device, which the columns name
+    commanded : what the last column is
     """
     measured = {
         "position": units.position,
         "velocity": units.speed,
         units.force_name: units.force,
-        "command": units.force,
+        "command": COMMANDS[commanded].unit(units),
     }
     of = [f"{name}_{unit.lower().replace('/', '_per_').replace(' ', '_')}" for name, unit in measured.items()]
     lines = [",".join(["experiment", *of])]
@@ -127,17 +138,18 @@ def commands(firmware: Firmware, one: Replay) -> Floats:
     return np.array([stepped.command(row) for row in one.measured.tolist()])
 
 
-def experiment_line(one: Replay, *, difference: bool) -> str:
-    """Return an experiment as an element of the table in replay.c, with the position at the start for a difference.
+def experiment_line(one: Replay, parts: Parts) -> str:
+    """Return an experiment as an element of the table in replay.c.
 
     Parameters
     ----------
     one : what was simulated
-    difference : whether the firmware takes its velocity from a difference of positions
+    parts : of the firmware, which say what it is told at the start: the position for a difference, and a limit
     """
     rendered = one.experiment.environment
     numbers = [rendered.mass, rendered.damping, rendered.stiffness, rendered.zero]
     flags = ["true" if flag else "false" for flag in (rendered.wall, rendered.rule == "trapezoid")]
-    begin = [*([one.position] if difference else []), one.reference, one.experiment.limit or 0.0]
+    limit = [one.experiment.limit or 0.0] if parts.limit else []
+    begin = [*([one.position] if parts.difference else []), one.reference, *limit]
     fields = [f'"{one.experiment.name}"', *map(repr, numbers), *flags, *map(repr, begin), str(len(one.command))]
     return f"{{{', '.join(fields)}}},"

@@ -21,10 +21,14 @@ FLOORS = {
     "actuator.bandwidth_hz": MASS_FLOOR,
     "structure.damping_ratio": MASS_FLOOR,
     "structure.frequency_hz": MASS_FLOOR / 2,
+    "servo.bandwidth_hz": MASS_FLOOR,
 }
 """Least half-widths, shares: a frequency goes with the root of a mass."""
 COULOMB_SHARE = 0.1
 """How much of Coulomb friction, over the speed of the motion, may be viscous or less than that: it is no exact law."""
+
+
+BAND = Note("limit-band", "model error: the band that is kept changes it")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,7 @@ class Estimate:
     source : which record, and how
     excess : by how much other ways to look at the record differ more than they should, below and above
     stated : whether it is the user's, and no record's
+    reason : of the excess
     """
 
     key: str
@@ -46,6 +51,7 @@ class Estimate:
     source: str
     excess: tuple[float, float] = (0.0, 0.0)
     stated: bool = False
+    reason: Note = BAND
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +127,4 @@ def _widest(key: str, estimates: list[Estimate], sampled: float) -> Note:
         return Note("limit-differ", "records, directions or models differ")
     if excess <= sampled:
         return Note("limit-residuals", "residuals")
-    if key == "damping":
-        return Note("limit-friction", "friction is not quite Coulomb's")
-    return Note("limit-band", "model error: the band that is kept changes it")
+    return max(estimates, key=lambda each: max(each.excess)).reason

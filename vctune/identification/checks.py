@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from math import pi
 
 import numpy as np
 
-from vctune.document.recording import Channel, Floats, Recording
+from vctune.document.recording import SERVO_COMMANDS, Channel, Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 
@@ -15,10 +16,6 @@ LEAST_SAMPLES = 500
 """Fewer do not hold a second at any rate that a haptic loop runs at."""
 SAMPLE_TIMES = (1e-6, 0.05)
 """Sample times that a haptic loop can have, s."""
-JITTER = 0.05
-"""Greatest standard deviation of a step, of the sample time."""
-GAP = 1.5
-"""A step longer than so many sample times has lost a sample."""
 SPEEDS = {False: 30.0, True: 3000.0}
 """Greatest speed of a device, m/s and, if it is rotary, rad/s."""
 GREATEST_FORCE = 1e4
@@ -29,13 +26,32 @@ SATURATED = 0.2
 """Greatest share of the samples that may be at a limit."""
 
 
-def check(recording: Recording, sample_time: float | None) -> float:
+@dataclass(frozen=True, slots=True)
+class Evenness:
+    """How even the steps of a log must be, in sample times.
+
+    Attributes
+    ----------
+    jitter : greatest standard deviation of a step
+    gap : a longer step has lost a sample
+    """
+
+    jitter: float
+    gap: float
+
+
+LOOP, LINK = Evenness(0.05, 1.5), Evenness(0.25, 1.9)
+"""A loop's interrupt, and a robot's link, whose servo is sampled at the instants of the log."""
+
+
+def check(recording: Recording, sample_time: float | None, *, servo: bool = False) -> float:
     """Return the sample time of a recording that can be used, s.
 
     Parameters
     ----------
     recording : as it was read
     sample_time : as the map states it, s; None for that of its column
+    servo : whether it is of a servo, which is sampled when its link lets it
 
     Raises
     ------
@@ -43,7 +59,7 @@ def check(recording: Recording, sample_time: float | None) -> float:
         Listing what is wrong.
     """
     _refuse(recording, _too_short(recording))
-    T, faults = _sample_time(recording, sample_time)
+    T, faults = _sample_time(recording, sample_time, LINK if servo else LOOP)
     _refuse(recording, faults)
     _refuse(recording, [fault for role in recording.channels for fault in _column(recording, role, T)])
     return T
@@ -78,13 +94,13 @@ def _too_short(recording: Recording) -> list[Mistake]:
     ]
 
 
-def _sample_time(recording: Recording, stated: float | None) -> tuple[float, list[Mistake]]:
+def _sample_time(recording: Recording, stated: float | None, even: Evenness) -> tuple[float, list[Mistake]]:
     time = recording.channels.get("time")
     if time is None:
         assert stated is not None
         return stated, []
     T = float(np.median(np.diff(time.values)))
-    fault = _backwards(recording, time) or _implausible(time, T, stated) or _uneven(recording, time, T)
+    fault = _backwards(recording, time) or _implausible(time, T, stated) or _uneven(recording, time, T, even)
     mean = float(f"{np.mean(np.diff(time.values)):.9g}")
     return mean if stated is None else stated, [fault] if fault else []
 
@@ -118,14 +134,14 @@ def _implausible(time: Channel, T: float, stated: float | None) -> Mistake | Non
     return None
 
 
-def _uneven(recording: Recording, time: Channel, T: float) -> Mistake | None:
+def _uneven(recording: Recording, time: Channel, T: float, even: Evenness) -> Mistake | None:
     steps = np.diff(time.values)
     row = int(np.argmax(np.abs(steps - T)))
-    gaps = np.flatnonzero(steps > GAP * T)
+    gaps = np.flatnonzero(steps > even.gap * T)
     if gaps.size:
         row, lost = int(gaps[0]), steps[gaps[0]] / T - 1
         message = f"has {gaps.size} gaps, the first of {lost:.3g} samples; cut the log there, or record without loss"
-    elif (jitter := float(np.std(steps)) / T) > JITTER:
+    elif (jitter := float(np.std(steps)) / T) > even.jitter:
         message = f"jitters by {jitter:.1%} of the sample time; log the time of sampling, not that of writing"
     else:
         return None
@@ -146,12 +162,14 @@ def _column(recording: Recording, role: str, T: float) -> Iterator[Mistake]:
             )
         return
     held = _held_for(channel.values)
-    if held > 1:
+    if held > 1 and role not in SERVO_COMMANDS:
         message = f"changes only in every {held}th row: it was recorded at a lower rate; log it at {T:g} s, or decimate"
         yield Mistake("log-signal", channel.header, message)
     unit = recording.units.force.replace(" ", "")  # as headers have it
-    if role in ("position", "handle", "reference"):
+    if role in ("position", "handle", "reference", "position_command"):
         yield from _place(recording, channel, role, T)
+    elif role == "velocity_command":
+        yield from _speed(recording, channel)
     elif (peak := float(np.abs(channel.values).max())) > GREATEST_FORCE:
         yield Mistake(
             "log-signal", channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale"
@@ -185,6 +203,14 @@ def _place(recording: Recording, channel: Channel, role: str, T: float) -> Itera
         if np.ptp(channel.values) < FEW_STEPS * quantum:
             message = f"moves by {np.ptp(channel.values) / quantum:.3g} of its resolution {quantum:g}; move it further"
             yield Mistake("log-signal", channel.header, message)
+
+
+def _speed(recording: Recording, channel: Channel) -> Iterator[Mistake]:
+    peak, unit = float(np.abs(channel.values).max()), recording.units.speed
+    if peak > SPEEDS[recording.rotary]:
+        yield Mistake(
+            "log-signal", channel.header, f"reaches {peak:.3g} {unit}: is it in m{unit}? write its unit or scale"
+        )
 
 
 def _held_for(values: Floats) -> int:

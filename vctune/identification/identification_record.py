@@ -28,6 +28,7 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 from vctune.identification.response.physics import antiresonance_hz
 from vctune.identification.response.response_fit import ResponseFit
+from vctune.identification.servo.servo_study import ServoStudy
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.numbers.units import UNITS, Units, UnitSystem
@@ -112,6 +113,8 @@ def _friction(found: Identified) -> FrictionRecord | None:
 def _recording(study: RecordStudy) -> RecordingRecord:
     if study.motion is not None:
         return _moved(study, study.motion)
+    if study.servo is not None:
+        return _followed(study, study.servo)
     assert study.periodic is not None
     return _repeated(study, study.periodic)
 
@@ -175,6 +178,46 @@ def _repeated(study: RecordStudy, periodic: PeriodicStudy) -> RecordingRecord:
                 model_error=[float(share) for share in each.model_errors],
             )
             for each in periodic.candidates
+        ],
+        remarks=[note.line for note in study.remarks],
+    )
+
+
+def _followed(study: RecordStudy, servo: ServoStudy) -> RecordingRecord:
+    fit, T = servo.fit, study.sample_time
+    numbers = [
+        _number("delay", fit.delay.value, fit.delay.sigma),
+        _number("bandwidth, Hz", fit.bandwidth.value, fit.bandwidth.sigma),
+        _number("motion over command", fit.gain, fit.gain_sigma),
+        _number("jitter of the delay", fit.jitter, None),
+        _number("noise of a position", fit.noise.encoder, None),
+    ]
+    if servo.yielding is not None:
+        units = study.recording.units
+        numbers.append(_number(f"compliance, {units.compliance}", *servo.yielding.compliance))
+        numbers.append(_number(f"mobility, {units.mobility}", *servo.yielding.mobility))
+    return RecordingRecord(
+        source=study.recording.name,
+        sha256=study.recording.sha256,
+        samples=len(study.recording),
+        used=fit.left.size + 1,
+        sample_time=T,
+        kind=f"a servo told its {'position' if servo.seen.is_position else 'velocity'}, order {fit.order}",
+        cutoff_hz=None,
+        residual=None,
+        residual_share=study.residual_share,
+        chi2=study.chi2,
+        numbers=numbers,
+        derived=[_number("latency, hold aside", fit.delay.value + fit.lag, None)],
+        checks=[],
+        candidates=[
+            CandidateRecord(
+                structure=f"order {each.order}",
+                chosen=each is fit,
+                chi2=servo.chi2_of(each, fit.noise),
+                model_error=[each.left_share],
+            )
+            for each in (servo.fit, servo.other)
         ],
         remarks=[note.line for note in study.remarks],
     )

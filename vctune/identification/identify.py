@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import pi
+from typing import Literal
 
 import numpy as np
 
@@ -21,9 +21,13 @@ from vctune.identification.record_study import RecordStudy, record_study
 from vctune.identification.remarks import what_is_not_told
 from vctune.identification.response.periodic_study import behind_force
 from vctune.identification.response.unmodelled import distances, envelope
-from vctune.model.device import Actuator, Device, ForceSensor, Structure
+from vctune.identification.servo.servo_study import likelier_order
+from vctune.identification.servo.servo_unmodelled import off_other_order, servo_distances
+from vctune.model.device import Actuator, Device, ForceSensor, Servo, Structure
 
 Progress = Callable[[str], None]
+LEAST_LINES = 2
+"""Fewer frequencies make no radii between them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +39,8 @@ class Identified:
     name : of the device
     device : in the middle of the box
     bounds : the box
-    unmodelled : (Hz, radius) of what no device of the box has; none without a periodic recording
-    distances : relative, of each line to the nearest device of the box, for each periodic record in their order
+    unmodelled : (Hz, radius) of what no device of the box has; none of slow motion alone
+    distances : relative, of each line or band to the nearest device of the box, for each record that has them
     friction : for the simulation; None where none was found
     force_noise : of a sample of the sensed force, N; None where none was recorded
     records : one for each recording
@@ -78,7 +82,7 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     InputError
         If a recording cannot be used, says nothing, or the sample times differ.
     """
-    times = [check(recording, known.document.sample_time) for recording in recordings]
+    times = [check(recording, known.document.sample_time, servo=known.servo) for recording in recordings]
     T = times[0]
     _same_sample_time(recordings, times)
     check_known(known, T)
@@ -89,14 +93,14 @@ def identify(recordings: Sequence[Recording], known: LogMap, name: str, progress
     found_by_all = [estimate for study in studies for estimate in study.estimates]
     estimates, said = with_known(found_by_all, known, T, recordings)
     bounds = readable(box(estimates, T), recordings[0], T)
-    device = _device(bounds, known, T)
-    progress("comparing lines with the box")
-    found = [_line_distances(study, device, bounds) for study in studies if study.periodic is not None]
+    device = _servo(bounds, known, T, studies) if known.servo else _device(bounds, known, T)
+    progress("comparing the response with the box")
+    found = [_line_distances(study, device, bounds) for study in studies if study.motion is None]
     return Identified(
         name=name,
         device=device,
         bounds=bounds,
-        unmodelled=_unmodelled(studies, found),
+        unmodelled=_unmodelled(studies, found, device, bounds),
         distances=tuple(found),
         friction=_friction(studies),
         force_noise=next((s.motion.force_noise for s in studies if s.motion and s.motion.force_noise), None),
@@ -128,18 +132,35 @@ def _device(bounds: Sequence[Bounded], known: LogMap, T: float) -> Device:
     )  # fmt: skip
 
 
+def _servo(bounds: Sequence[Bounded], known: LogMap, T: float, studies: Sequence[RecordStudy]) -> Device:
+    """Return the servo in the middle of the box, of the order that most of all recordings' likelihood is for."""
+    value, found = {each.key: each.value for each in bounds}, [each.servo for each in studies if each.servo is not None]
+    command: Literal["velocity", "position"] = "position" if found[0].seen.is_position else "velocity"
+    servo = Servo(value["servo.delay"], value["servo.bandwidth_hz"], likelier_order(found), command)
+    return Device(1.0, 0.0, T, force_sensor=known_sensor(known), display="servo", servo=servo)
+
+
 def _line_distances(study: RecordStudy, device: Device, bounds: Sequence[Bounded]) -> np.ndarray:
+    if study.servo is not None:
+        return servo_distances(device, bounds, study.servo)
     assert study.periodic is not None
     device, bounds = behind_force(study.periodic, study.sample_time, device, bounds)
     return distances(device, bounds, study.periodic.measured, study.periodic.fit.numbers["coulomb"])
 
 
-def _unmodelled(studies: Sequence[RecordStudy], found: Sequence[np.ndarray]) -> tuple[tuple[float, float], ...]:
-    measured = [study.periodic.measured for study in studies if study.periodic is not None]
-    if not measured:
+def _unmodelled(
+    studies: Sequence[RecordStudy], found: Sequence[np.ndarray], device: Device, bounds: Sequence[Bounded]
+) -> tuple[tuple[float, float], ...]:
+    measured = [study.measured_hz for study in studies if study.motion is None]
+    pairs = list(zip(measured, found, strict=True))
+    pairs += [
+        off_other_order(device, bounds, study.servo)
+        for study in studies
+        if study.servo is not None and not study.servo.told
+    ]
+    hertz, needed = (np.concatenate([each[i] for each in pairs] or [np.zeros(0)]) for i in (0, 1))
+    if hertz.size < LEAST_LINES:
         return ()
-    hertz = np.concatenate([each.position.omega / (2 * pi) for each in measured])
-    needed = np.concatenate(list(found))
     order = np.argsort(hertz, kind="stable")
     return envelope(hertz[order], needed[order])
 

@@ -17,6 +17,9 @@ from vctune.model.device import Actuator, ForceSensor, VelocityEstimate
 from vctune.model.loop.filters import force_sensor_response
 from vctune.model.numbers.arithmetic import FLOATS
 
+OF_OWN_LOOP = {"delay", "delay_uncertainty", "velocity", "actuator"}
+"""Keys of [device] that only a device with a loop of its own has."""
+
 
 def check_known(known: LogMap, sample_time: float) -> None:
     """Make sure that what is known of the device can be so at its sample time.
@@ -33,6 +36,11 @@ def check_known(known: LogMap, sample_time: float) -> None:
     """
     raw: dict[str, Any] = toml.parse(known.text, known.source) if known.text else {}
     device = raw.get("device", {}) | {"sample_time": sample_time}
+    if known.servo and (own := sorted(set(device) & OF_OWN_LOOP)):
+        faults = [
+            Fault(("device", key), "a servo has none: its command is all that moves it", "contradiction") for key in own
+        ]
+        raise refusal(faults, known.text, known.source)
     faults = [Fault(path, message, "contradiction") for path, message in impossible_parts({"device": device})]
     if faults:
         raise refusal(faults, known.text, known.source)
@@ -94,6 +102,8 @@ def with_known(
         If nothing tells the delay.
     """
     stated = known.document.device
+    if known.servo:
+        return list(estimates), []
     if stated.delay is not None:
         others = [each for each in estimates if each.key != "delay"]
         half = max(stated.delay_uncertainty, DELAY_FLOOR * T)

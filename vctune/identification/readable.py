@@ -39,10 +39,11 @@ def readable(bounds: Sequence[Bounded], recording: Recording, sample_time: float
 
 
 def _check_delay(delay: Bounded, recording: Recording, T: float) -> None:
-    latest, name = max(each.value for each in delay.estimates), recording.units.force_name
+    latest = max(each.value for each in delay.estimates)
+    name = "command" if delay.key == "servo.delay" else recording.units.force_name
     widest = 4 * max(each.sigma for each in delay.estimates)
     remedy = f"the columns were not sampled together; shift the {name}'s column, or log both in the same interrupt"
-    if delay.key == "delay" and latest + widest < -0.5 * T:
+    if delay.key in ("delay", "servo.delay") and latest + widest < -0.5 * T:
         message = f"the position is {-latest:.3g} s ahead of the {name}: {remedy}"
     elif delay.high > MAX_DELAY_SAMPLES * T:
         message = (

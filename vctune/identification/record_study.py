@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import log
+from math import log, pi
 
 import numpy as np
 
 from vctune.document.log import LogMap
-from vctune.document.recording import Recording
+from vctune.document.recording import Floats, Recording
 from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError
 from vctune.identification.box import DELAY_FLOOR, Estimate
@@ -20,6 +20,7 @@ from vctune.identification.motion.motion_study import MotionStudy, motion_study
 from vctune.identification.response.periodic_study import PeriodicStudy, periodic_estimates
 from vctune.identification.response.response import response
 from vctune.identification.response.response_fit import fit_response
+from vctune.identification.servo.servo_study import ServoStudy, servo_notes, servo_study
 
 POOR = 0.05
 """Residual, of the force or of the response, from which on a reader is warned."""
@@ -32,13 +33,13 @@ than 1, the noise of a closed loop 5 and more, multisines hundreds."""
 
 @dataclass(frozen=True, slots=True)
 class RecordStudy:
-    """A recording and what came of it: one of the two studies.
+    """A recording and what came of it: one of the three studies.
 
     Attributes
     ----------
     recording : as it was read; a force alone as what it was taken for
     sample_time : s
-    motion, periodic : of any motion, or of a periodic excitation; None for the other
+    motion, periodic, servo : of any motion, of a periodic excitation, or of a servo; None for the others
     remarks : what to know of the recording
     alike : what another reading of it says that explains it as well
     """
@@ -48,19 +49,32 @@ class RecordStudy:
     motion: MotionStudy | None
     periodic: PeriodicStudy | None
     remarks: tuple[Note, ...]
+    servo: ServoStudy | None = None
     alike: tuple[Estimate, ...] = ()
 
     @property
     def residual_share(self) -> float:
-        """What the fit leaves, of the force or of the response."""
+        """What the fit leaves, of the force, of the response or of the motion."""
+        if self.servo is not None:
+            return self.servo.fit.left_share
         if self.motion is not None:
             return self.motion.directional.residual / self.motion.directional.force
         assert self.periodic is not None
         return float(np.sqrt(np.mean(self.periodic.left**2)))
 
     @property
+    def measured_hz(self) -> Floats:
+        """Frequencies at which it shows a response, Hz."""
+        if self.servo is not None:
+            return self.servo.bands.hertz
+        assert self.periodic is not None
+        return np.asarray(self.periodic.measured.position.omega / (2 * pi))
+
+    @property
     def chi2(self) -> float:
         """Power of what is left over that of the noise, per degree of freedom."""
+        if self.servo is not None:
+            return self.servo.chi2
         if self.motion is not None:
             return self.motion.chi2
         assert self.periodic is not None
@@ -77,6 +91,8 @@ class RecordStudy:
     @property
     def estimates(self) -> list[Estimate]:
         """What it says of the numbers of a problem file."""
+        if self.servo is not None:
+            return self.servo.estimates(self.recording.name)
         if self.motion is not None:
             found = self.motion.estimates(self.recording.name)
         else:
@@ -110,6 +126,10 @@ def record_study(recording: Recording, T: float, known: LogMap) -> RecordStudy:
     InputError
         If nothing explains it.
     """
+    if known.servo:
+        study = servo_study(recording, T)
+        notes = (*remarks(recording), *servo_notes(recording.name, study, recording.units))
+        return _warned(RecordStudy(recording, T, None, None, notes, study))
     if "force" not in recording.channels or "command" in recording.channels:
         return _warned(_studied(recording, T, known))
     tried = {HELD: _attempt(_commanded(recording), T, known), MEASURED: _attempt(recording, T, known)}
@@ -167,7 +187,13 @@ def _warned(study: RecordStudy) -> RecordStudy:
     left = study.residual_share
     if left <= POOR:
         return study
-    of = study.recording.units.force_name if study.motion is not None else "response"
+    of = (
+        study.recording.units.force_name
+        if study.motion is not None
+        else "motion"
+        if study.servo is not None
+        else "response"
+    )
     text = (
         f"{study.recording.name}: the device in the file leaves {left:.1%} of the {of} unexplained: no design for it "
         "is better than that; see the report for when and at which frequencies"

@@ -8,7 +8,7 @@ from math import pi
 from vctune.document.log import LogMap
 from vctune.document.text.codes import Note
 from vctune.identification.box import Bounded
-from vctune.identification.known import known_actuator, velocity_assumed
+from vctune.identification.known import known_actuator, known_sensor, velocity_assumed
 from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy
 
@@ -26,6 +26,8 @@ def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], 
     known : what the user says of the device
     """
     said = [remark for study in studies for remark in study.remarks]
+    if known.servo:
+        return said + _of_servo(studies, known)
     keys = {each.key for each in bounds}
     if velocity_assumed(known):
         text = (
@@ -45,6 +47,27 @@ def what_is_not_told(studies: Sequence[RecordStudy], bounds: Sequence[Bounded], 
         text = "nothing is known above the motion's own frequencies, neither a resonance nor unmodelled"
         said.append(Note("remark-slow-motion", f"{text}: record a multisine (vctune identify --excitation)"))
     return said + [note for study in studies if study.periodic for note in _of_lines(study, study.periodic)]
+
+
+def _of_servo(studies: Sequence[RecordStudy], known: LogMap) -> list[Note]:
+    said = []
+    if known_sensor(known) is None:
+        text = (
+            "no log tells how late the force is sensed: it is assumed to be sensed at once; write "
+            "[device.force_sensor] in a log.toml"
+        )
+        said.append(Note("remark-assumed-sensor", text))
+    hertz = [each for study in studies for each in study.measured_hz]
+    if len(hertz) > 1:
+        top = max(hertz)
+        text = f"nothing was measured above {top:.4g} Hz, where unmodelled stays what it is"
+        said.append(Note("remark-highest-line", text))
+    else:
+        said.append(Note("remark-slow-motion", "no frequency shows clearly enough for unmodelled: record a sweep"))
+    if all(study.servo.yielding is None for study in studies if study.servo is not None):
+        text = "no force was logged, so that it is not known whether the servo yields to one: log it as hand or force"
+        said.append(Note("remark-unpushed", text))
+    return said
 
 
 def _of_lines(study: RecordStudy, periodic: PeriodicStudy) -> list[Note]:

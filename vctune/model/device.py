@@ -15,6 +15,8 @@ from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.units import UnitSystem
 
 Hold = Literal["zoh", "lag"]
+Commanded = Literal["force", "velocity", "position"]
+"""What a firmware commands: a motor's force, or the motion that a servo follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,6 +193,11 @@ class Device:
         return DISPLAYS[self.display]
 
     @property
+    def commanded(self) -> Commanded:
+        """What its firmware commands."""
+        return "force" if self.servo is None else self.servo.command
+
+    @property
     def coupling_may_drive(self) -> bool:
         """Whether Re 1/Z_c of its coupling may be negative: of an impedance display behind two low-passes.
 
@@ -306,6 +313,11 @@ class Device:
     def loop_lag(self) -> Number:
         """tau = T/2 + delay, the low-frequency lag of hold and delay, s."""
         return self.sample_time / 2 + self.latency
+
+    @property
+    def delay_key(self) -> str:
+        """The key of `latency`."""
+        return "delay" if self.servo is None else "servo.delay"
 
     @property
     def latency(self) -> Number:

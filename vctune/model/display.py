@@ -34,6 +34,7 @@ class Display:
     banded : whether any passive hand is met on a band, in the frequency model; else up to Nyquist, in the sampled loop
     band : default transparency band, Hz times the lag of the loop
     own_loop : whether its firmware closes a loop around the device, so that there is a sensitivity
+    terms : of the error, those that are not always 0
     """
 
     name: DisplayName
@@ -47,6 +48,7 @@ class Display:
     banded: bool
     band: tuple[float, float] = (0.00025, 0.015)
     own_loop: bool = True
+    terms: tuple[str, ...] = ("admittance", "tracking", "coupling")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -113,6 +115,7 @@ SERVO = Display(
     banded=False,
     band=(0.005, 0.1),
     own_loop=False,
+    terms=("tracking", "coupling"),
 )
 """A device whose vendor's loop follows a command late, and which the hand cannot push."""
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})

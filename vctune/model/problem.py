@@ -93,6 +93,30 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
+class Demands:
+    """What a design has to meet.
+
+    Attributes
+    ----------
+    device : the device
+    band : rad/s, of Llewellyn's conditions; may be (0, inf)
+    factor : least Re Z_c / R
+    max_sensitivity : greatest |S| of the sampled loop
+    passive : whether any passive hand is to be met on the band
+    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
+    hands : the hands that are to be met at every frequency of the sampled loop; None for none
+    """
+
+    device: Device
+    band: tuple[float, float]
+    factor: float
+    max_sensitivity: float
+    passive: bool = True
+    any_hand: bool = False
+    hands: Hands | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Uncertainty:
     """How far the device may be from its numbers.
 
@@ -154,6 +178,20 @@ class Problem:
         On an impedance display they are among any passive ones, which are met in the same loop.
         """
         return None if self.stability.criterion == "passive" or self.any_hand else self.hands
+
+    @property
+    def demands(self) -> Demands:
+        """What is to be proved of a design."""
+        stability = self.stability
+        return Demands(
+            device=self.device.modelled,
+            band=(stability.band.min, stability.band.max),
+            factor=stability.safety_factor,
+            max_sensitivity=stability.max_sensitivity,
+            passive=self.passive,
+            any_hand=self.any_hand,
+            hands=self.hands_met,
+        )
 
     @property
     def nyquist(self) -> float:

@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import astuple, dataclass, replace
-from enum import StrEnum
-from fractions import Fraction
 from functools import partial
 from math import inf, pi
 
@@ -17,56 +15,26 @@ import numpy as np
 from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.gains import Gains
 from vctune.model.numbers.frequency import hertz
-from vctune.proof.claims.array_claims import Demands
-from vctune.proof.claims.conditions import conditions_at, prove_conditions, widest_band
-from vctune.proof.claims.every_device import (
-    NominalProof,
-    RobustDesign,
-    prove_conditions_for_all,
-    prove_model_poles_for_all,
-    prove_sampled_poles_for_all,
-    prove_sensitivity_for_all,
-    prove_unmodelled,
-    widest_band_for_all,
-)
-from vctune.proof.claims.every_hand import prove_any_hand, prove_hands
-from vctune.proof.claims.many_designs import prove
+from vctune.model.problem import Demands
+from vctune.proof.claims.conditions import widest_band
+from vctune.proof.claims.every_device import widest_band_for_all
+from vctune.proof.claims.many_designs import ON_ARRAYS, prove
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.claims.model_poles import prove_model_poles
-from vctune.proof.claims.sampled_poles import prove_sampled_poles, prove_sensitivity, unmodelled_at
+from vctune.proof.claims.registry import ClaimId, claims_about, claims_asked
 from vctune.proof.claims.whole_samples import beside_whole_sample
 from vctune.proof.device_box import DELAYS, DeviceBox
 from vctune.proof.enclosures.arb_balls import PRECISION
 from vctune.proof.engine.band_edges import edge_in_hertz
 from vctune.proof.engine.boxes import Cells
 from vctune.proof.engine.interval import Outcome, Verdict, worst_verdict
+from vctune.proof.provers import PROVERS, Question, prove_passive
 from vctune.running import OutOfTimeError, aloud, check_time, tell
 
-
-class Claim(StrEnum):
-    """What a certificate claims."""
-
-    CONDITIONS = "Re G_hh > 0 and Re Z_c >= safety_factor R on the band"
-    SENSITIVITY = "|S| <= max_sensitivity of the sampled loop up to Nyquist"
-    MODEL_POLES = "no pole of the frequency model in the closed right half plane"
-    SAMPLED_POLES = "spectral radius of the sampled loop below 1"
-    UNMODELLED = "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled"
-    ANY_HAND = "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
-    HANDS = "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist"
-    FORCE_HANDS = "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
-
-
-STABILITY = Claim.MODEL_POLES, Claim.SAMPLED_POLES, Claim.UNMODELLED
-"""Those without which no ratio means anything."""
-IN_HANDS = Claim.HANDS, Claim.FORCE_HANDS
-"""Those that are about the hands of a box, of an admittance display and of an impedance display."""
-RATIOS = Claim.CONDITIONS, Claim.ANY_HAND, *IN_HANDS
-"""Those that are about Re Z_c / R."""
-
-ON_ARRAYS = Claim.CONDITIONS, Claim.SENSITIVITY, Claim.MODEL_POLES, Claim.SAMPLED_POLES
-"""Those that are proved of many designs together, in the order in which `prove` counts boxes."""
+STABILITY = claims_about("poles", "unmodelled")
+"""Claims without which no ratio means anything."""
+RATIOS = claims_about("ratio", "in_hand")
+"""Claims about Re Z_c / R."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +45,7 @@ class Certificate:
     ----------
     design : what it is about
     demands : what the design has to meet
-    outcomes : for each claim, its verdict, boxes and witness [rad/s]
+    outcomes : verdict, boxes and witness [rad/s] of each claim, by its identifier
     without_factor : the conditions with a factor of 1 where they are not proved with the demanded one, else None
     box : the devices that it is about, None for the design's own alone
     beside : the same of the design with other delays, for which the outcomes hold as well
@@ -85,7 +53,7 @@ class Certificate:
 
     design: Design
     demands: Demands
-    outcomes: dict[Claim, Outcome]
+    outcomes: dict[ClaimId, Outcome]
     without_factor: Outcome | None = None
     box: DeviceBox | None = None
     beside: tuple[Certificate, ...] = ()
@@ -124,10 +92,10 @@ class Certificate:
 
     @property
     def _own_band(self) -> tuple[float, float] | None:
-        conditions = self.without_factor or self.outcomes.get(Claim.CONDITIONS)
+        conditions = self.without_factor or self.outcomes.get("passive")
         if conditions is None or conditions.verdict is not Verdict.PROVED:
             return None
-        robust = _robust_design(self.design, self.box, replace(self.demands, factor=1.0, max_sensitivity=inf))
+        robust = Question(self.design, replace(self.demands, factor=1.0, max_sensitivity=inf), self.box).robust
         try:
             if robust is not None:
                 return widest_band_for_all(robust)
@@ -164,67 +132,39 @@ def certify(design: Design, demands: Demands, box: DeviceBox | None = None) -> C
         Where the device's delay is near a whole number of samples, and the sensed force jumps there, a claim is proved
         only if it is on both sides of that number too.
     """
-    own, beside = _certificate(design, demands, box), _beside(design, demands, box)
-    return _holding_beside(own, [_certificate(*each) for each in beside]) if beside else own
+    question = Question(design, demands, box)
+    own, beside = _certificate(question), _beside(question)
+    return _holding_beside(own, [_certificate(each) for each in beside]) if beside else own
 
 
-def _certificate(design: Design, demands: Demands, box: DeviceBox | None) -> Certificate:
-    (low, high), limit = demands.band, demands.max_sensitivity
-    claim = _everywhere(design, box and box.modelled, demands)
-
-    def conditions(factor: float) -> Outcome:
-        in_doubt = partial(conditions_at, factor=factor)
-        alone = partial(prove_conditions, low=low, high=high, factor=factor)
-        return _everywhere(design, box, demands, in_doubt)(alone, prove_conditions_for_all, factor)
-
-    outcomes: dict[Claim, Outcome] = {}
-
-    def unmodelled(radii: tuple[tuple[float, float], ...]) -> Outcome:
-        assert box is not None
-        bounded = outcomes[Claim.SENSITIVITY].verdict is Verdict.PROVED
-        return _unmodelled(design, box, radii, demands, bounded=bounded)
-
-    proofs: dict[Claim, Callable[[], Outcome]] = {}
-    if demands.passive:
-        proofs[Claim.CONDITIONS] = partial(conditions, demands.factor)
-    looped = design.device.kind.own_loop
-    if looped:
-        proofs[Claim.SENSITIVITY] = partial(claim, lambda d: prove_sensitivity(d, limit), prove_sensitivity_for_all)
-    if demands.passive:
-        poles = partial(_of_every_loop, prove_model_poles)
-        proofs[Claim.MODEL_POLES] = partial(claim, poles, prove_model_poles_for_all)
-    if looped:
-        poles = partial(_of_every_loop, prove_sampled_poles)
-        proofs[Claim.SAMPLED_POLES] = partial(claim, poles, prove_sampled_poles_for_all)
-    if box is not None and box.nominal.unmodelled is not None:
-        proofs[Claim.UNMODELLED] = partial(unmodelled, box.nominal.unmodelled.radii)
-    if demands.any_hand:
-        proofs[Claim.ANY_HAND] = partial(prove_any_hand, design, demands, box)
-    if demands.hands is not None:
-        in_hands = Claim.FORCE_HANDS if design.device.kind.inverse else Claim.HANDS
-        proofs[in_hands] = partial(prove_hands, design, demands, box)
+def _certificate(question: Question) -> Certificate:
+    design, demands, box = question.design, question.demands, question.box
+    outcomes: dict[ClaimId, Outcome] = {}
     with ctx.workprec(PRECISION), aloud():
-        for number, (name, proof) in enumerate(proofs.items(), 1):
-            tell(partial("claim {} of {}".format, number, len(proofs)))
-            outcomes[name] = _in_time(proof)
-        missed = demands.factor > 1 and demands.passive and outcomes[Claim.CONDITIONS].verdict is not Verdict.PROVED
-        without_factor = _in_time(partial(conditions, 1.0)) if missed else None
+        asked = claims_asked(demands, box)
+        for number, claim in enumerate(asked, 1):
+            tell(partial("claim {} of {}".format, number, len(asked)))
+            outcomes[claim] = _in_time(partial(PROVERS[claim], question, outcomes))
+        missed = demands.factor > 1 and demands.passive and outcomes["passive"].verdict is not Verdict.PROVED
+        less = replace(question, demands=replace(demands, factor=1.0))
+        without_factor = _in_time(partial(prove_passive, less)) if missed else None
     return Certificate(design=design, demands=demands, outcomes=outcomes, without_factor=without_factor, box=box)
 
 
-def _beside(design: Design, demands: Demands, box: DeviceBox | None) -> list[tuple[Design, Demands, DeviceBox | None]]:
-    """Return what `_certificate` takes for the delays on both sides of a whole number of samples that is near.
+def _beside(question: Question) -> list[Question]:
+    """Return the same question for the delays on both sides of a whole number of samples that is near.
 
     An uncertain delay reaches that number within its box.
     """
-    hands, found = demands.hands, list[tuple[Design, Demands, DeviceBox | None]]()
+    design, demands, box = question.design, question.demands, question.box
+    hands, found = demands.hands, list[Question]()
     if hands is None or (box is not None and any(key in box.uncertain for key in DELAYS)):
         return found
     for device in beside_whole_sample(design.device, hands):
         delays = {key: device.number(key) for key in DELAYS if device.number(key) is not None}
         there = box and DeviceBox(*(each.with_numbers(delays) for each in (box.nominal, box.low, box.high)))
         at = replace(demands, device=demands.device.with_numbers(delays))
-        found.append((replace(design, device=device), at, there))
+        found.append(Question(replace(design, device=device), at, there))
     return found
 
 
@@ -255,76 +195,6 @@ def _in_time(proof: Callable[[], Outcome]) -> Outcome:
         return Outcome(Verdict.UNDECIDED, 0, cut=True)
 
 
-def _of_every_loop(prove_poles: Callable[[Device, Gains], Outcome], design: Design) -> Outcome:
-    """Prove the poles of the device let go and in the hand of its least operator."""
-    boxes = 0
-    for device in design.device.loops:
-        outcome = prove_poles(device, design.gains)
-        boxes += outcome.boxes
-        if outcome.verdict is not Verdict.PROVED:
-            break
-    return replace(outcome, boxes=boxes)
-
-
-def _unmodelled(
-    design: Design, box: DeviceBox, radii: tuple[tuple[float, float], ...], demands: Demands, *, bounded: bool
-) -> Outcome:
-    """Prove that no response within the discs of those of a box makes the loop unstable.
-
-    Where |S| is `bounded` by its limit, |1 - S| is by one more, and discs smaller than the inverse of that need no
-    proof of their own.
-    """
-    greatest, limit = (Fraction(str(x)) for x in (max(radius for _, radius in radii), demands.max_sensitivity))
-    if not design.gains.closed or (bounded and greatest * (1 + limit) < 1):
-        return Outcome(Verdict.PROVED, 1)
-
-    def alone(device: Device, theta: float) -> Outcome:
-        return unmodelled_at(device, design.gains, radii, theta)
-
-    return prove_unmodelled(RobustDesign(design, box, demands), alone)
-
-
-def _everywhere(
-    design: Design, box: DeviceBox | None, demands: Demands, in_doubt: Callable[..., Outcome] | None = None
-) -> Callable[..., Outcome]:
-    """Return what proves a claim for the design's own device, and then for every one of the box.
-
-    `in_doubt` judges a device whose response is perturbed, at a frequency.
-    """
-
-    def claim(
-        alone: Callable[[Design], Outcome],
-        for_all: Callable[[RobustDesign, NominalProof], Outcome],
-        factor: float = 1.0,
-    ) -> Outcome:
-        nominal = alone(design)
-        robust = _robust_design(design, box, replace(demands, factor=factor))
-        if robust is None or nominal.verdict is not Verdict.PROVED:
-            return nominal
-
-        def one(device: Device, omega: float) -> Outcome:
-            there = replace(design, device=device)
-            if in_doubt is not None and device.unmodelled is not None:
-                return in_doubt(there, omega=omega)
-            return alone(there)
-
-        outcome = for_all(robust, one)
-        return replace(outcome, boxes=nominal.boxes + outcome.boxes)
-
-    return claim
-
-
-def _robust_design(design: Design, box: DeviceBox | None, demands: Demands) -> RobustDesign | None:
-    """Return the design on a box of devices; None where they are one, or all alike.
-
-    Without a loop a mechanism is passive whatever its numbers are, but not if its response is another.
-    """
-    if box is None or not box.uncertain:
-        return None
-    alike = not design.gains.closed and box.nominal.unmodelled is None
-    return None if alike else RobustDesign(design, box, demands)
-
-
 def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | None = None) -> list[Certificate]:
     """Prove that several designs of one device meet its demands, as `certify` does.
 
@@ -343,7 +213,7 @@ def certify_all(designs: Sequence[Design], demands: Demands, box: DeviceBox | No
         In the order of the designs.
     """
     found: list[Certificate | None] = [None] * len(designs)
-    if designs and box is None and demands.hands is None and not demands.any_hand:
+    if designs and box is None and claims_asked(demands) == list(ON_ARRAYS):
         values = np.array([astuple(design.gains) + astuple(design.coupling) for design in designs]).T
         with suppress(OutOfTimeError):
             proofs = prove(demands, Cells(values, values))

@@ -83,7 +83,7 @@ class DeviceBox:
         return [self.nominal, *self.corners()]
 
 
-DELAYS = ("delay", "force_sensor.delay")
+DELAYS = ("delay", "servo.delay", "force_sensor.delay")
 PHASES = 8
 """Directions in which the edge of a disc is looked at beforehand; what fails between them is met by the search for the
 worst device and by the proof. Half and twice as many lead to the same design in more and fewer rounds."""

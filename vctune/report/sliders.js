@@ -27,9 +27,15 @@ window.vctune = (() => {
 
   const within = (hz, [low, high]) => hz >= low * (1 - 1e-9) && (high === null || hz <= high * (1 + 1e-9));
 
-  function coupling([, , b, m, drag], omega) {
-    const x = m * omega, share = x / (b * b + x * x);
+  function coupling(numbers, omega) {
+    const [b, m, drag] = numbers.slice(-3), x = m * omega, share = x / (b * b + x * x);
     return [drag + b * x * share, b * b * share];
+  }
+
+  function ofMass(numbers, i) {
+    const [b, m, drag] = numbers.slice(-3), theta = constants.hands.theta[i];
+    const r = m * 2 * Math.sin(theta / 2) / given.sample_time, c = b * Math.cos(theta / 2);
+    return drag + b * (r * r / (c * c + r * r));
   }
 
   // Of each display: the terms of the error at a frequency, what a hand feels of a free and of a rigid environment, and
@@ -53,11 +59,7 @@ window.vctune = (() => {
         ratio: [resistance > 0 ? (needed > 0 ? 2 * resistance * Z_c[0] / needed : Infinity) : -Infinity],
       };
     },
-    offered(x, i) {
-      const theta = constants.hands.theta[i], r = x[3] * 2 * Math.sin(theta / 2) / given.sample_time;
-      const c = x[2] * Math.cos(theta / 2);
-      return x[4] + x[2] * (r * r / (c * c + r * r));
-    },
+    offered: ofMass,
     required(x, h, i) {
       const at = constants.hands, open = part(at.open[h], i), v = part(at.velocity[h], i), p = part(at.position[h], i);
       const seen_v = part(at.seen_velocity[h], i), seen_p = part(at.seen_position[h], i), s = Math.sin(at.theta[i] / 2);
@@ -89,7 +91,19 @@ window.vctune = (() => {
     },
     scale: (i) => Math.sin(constants.hands.theta[i] / 2) ** 2,
   };
-  const display = given.display === "impedance" ? impedanceDisplay : admittanceDisplay;
+  const servo = {
+    at(x, i) {
+      const at = constants.model, Z_c = abs2(coupling(x, 2 * Math.PI * at.hz[i]));
+      return {
+        terms: [0, Math.sqrt(abs2(part(at.miss, i))), Math.sqrt(Z_c) / given.reference],
+        impedance: [Math.sqrt(Z_c / abs2(part(at.C, i)))],
+      };
+    },
+    offered: ofMass,
+    required: (_, h, i) => constants.hands.required[h][i],
+    scale: () => 1,
+  };
+  const display = { admittance: admittanceDisplay, impedance: impedanceDisplay, servo }[given.display];
 
   function frequencyModel(x) {
     const at = constants.model, curves = { hz: at.hz, admittance: [[]], tracking: [[]], coupling: [[]], error: [[]] };
@@ -117,7 +131,9 @@ window.vctune = (() => {
   }
 
   function sampledLoop(x) {
-    const at = constants.sampled, curve = { x: [], y: [] }, [K_v, K_p] = display.gains(x);
+    const at = constants.sampled;
+    if (!at) return {};
+    const curve = { x: [], y: [] }, [K_v, K_p] = display.gains(x);
     let peak = 0, peak_hz = 0, turned = 0, before = [1, 0];
     at.theta.forEach((theta, i) => {
       const open = part(at.open, i), v = part(at.velocity, i), p = part(at.position, i);
@@ -148,7 +164,7 @@ window.vctune = (() => {
 
   function evaluate(x) {
     const model = frequencyModel(x), loop = sampledLoop(x), hands = inHands(x);
-    const lines = { nyquist: [[loop.curve.x, loop.curve.y]] };
+    const lines = loop.curve ? { nyquist: [[loop.curve.x, loop.curve.y]] } : {};
     for (const [name, found] of Object.entries(model.curves)) if (name !== "hz") lines[name] = found.map((y) => [model.curves.hz, y]);
     for (const name of ["in_hand", "hand_ratio"]) if (hands[name]) lines[name] = hands[name].map((y) => [hands.hz, y]);
     return {
@@ -207,8 +223,9 @@ window.vctune = (() => {
       ...(display === impedanceDisplay ? [["Z_0 |1/Z_c|", text(found.given_way)]] : []),
       ...(given.band_hz ? [["least ratio on the band", `${text(found.ratio)} at ${text(found.ratio_hz)} Hz`]] : []),
       ...(given.hands.length ? [["least ratio in hands", `${text(found.hand_ratio)} at ${text(found.hand_ratio_hz)} Hz, ${found.hand}`]] : []),
-      ["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`],
-      ["sampled loop", found.unstable ? "unstable" : "stable"],
+      ...(constants.sampled
+        ? [["greatest |S|", `${text(found.peak)} at ${text(found.peak_hz)} Hz`], ["sampled loop", found.unstable ? "unstable" : "stable"]]
+        : []),
     ];
     const first = rows(evaluate(shipped)), table = box.querySelector("table");
     const mark = box.querySelector(".mark-of"), notes = document.querySelector(".tries"), file = notes.querySelector("pre");

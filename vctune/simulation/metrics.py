@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from vctune.model.device import Commanded
 from vctune.model.experiment import Environment, Operator
 from vctune.simulation.mechanics.intended_motion import Floats, stroke_time
 from vctune.simulation.run import Traces
@@ -54,9 +55,9 @@ class Metrics:
     ripple : greatest less least force about the fit where the handle's speed is below a tenth of its greatest, N
     handle_energy : what the hand has put into the handle, J
     environment_energy : what the environment has taken in, J
-    motor_energy : what the motor has put into the device, J, as commanded
+    motor_energy : what the motor has put into the device, J, as commanded; None for a servo
     handle_deficit, environment_deficit : the most that each has given beyond what it took, J: a passivity observer
-    peak_motor : greatest |u|, N
+    peak_motor : greatest |u|, the command, N; m/s or m where a velocity or a position is commanded
     saturated : share of the samples at the actuator's limit
     peak_force : greatest |f_h|, N
     """
@@ -68,7 +69,7 @@ class Metrics:
     ripple: float | None
     handle_energy: float
     environment_energy: float
-    motor_energy: float
+    motor_energy: float | None
     handle_deficit: float
     environment_deficit: float
     peak_motor: float
@@ -76,7 +77,13 @@ class Metrics:
     peak_force: float
 
 
-def metrics(traces: Traces, environment: Environment, operator: Operator, limit: float | None) -> Metrics:
+def metrics(
+    traces: Traces,
+    environment: Environment,
+    operator: Operator,
+    limit: float | None,
+    commanded: Commanded = "force",
+) -> Metrics:
     """Measure a run.
 
     Parameters
@@ -85,6 +92,7 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
     environment : that was rendered
     operator : the hand
     limit : greatest force of the actuator, N; None for none
+    commanded : what the firmware commands
 
     Returns
     -------
@@ -97,6 +105,7 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
         counted &= traces.environment_force > 0
     fitted = _fit(traces, environment, counted)
     driven = traces.velocity if traces.motor_velocity is None else traces.motor_velocity
+    pushed = float(_energy(traces.time, traces.motor * driven)[-1]) if commanded == "force" else None
     handle = _energy(traces.time, traces.force * traces.velocity)
     rendered = _energy(traces.time, traces.environment_force * traces.desired)
     return Metrics(
@@ -107,7 +116,7 @@ def metrics(traces: Traces, environment: Environment, operator: Operator, limit:
         ripple=_ripple(fitted.about, np.abs(traces.velocity[counted])) if fitted else None,
         handle_energy=float(handle[-1]),
         environment_energy=float(rendered[-1]),
-        motor_energy=float(_energy(traces.time, traces.motor * driven)[-1]),
+        motor_energy=pushed,
         handle_deficit=float(abs(handle.min())),
         environment_deficit=float(abs(rendered.min())),
         peak_motor=float(np.abs(traces.motor).max()),

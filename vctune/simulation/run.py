@@ -30,7 +30,7 @@ class Traces:
     force : f_h, the hand's force on the handle, N
     reference, desired : x_e and v_e, of the rendered environment, m, m/s
     environment_force : f_e, N
-    motor : u, the commanded force, N
+    motor : u, the command: a force, N; of a servo a velocity, m/s, or a position, m
     sensed : f_s, what the force sensor has of f_h, noise included, N
     diverged : when the handle left the hand's travel for good, s, and the traces end; None if it did not
     motor_position, motor_velocity : what the firmware's encoder sees, m, m/s; None where it moves as the handle

@@ -49,7 +49,8 @@ class Equilibrium:
     ----------
     position, bend : of the motor, and by how much the handle is ahead of it, m
     reference : x_e, m
-    motor, hand : forces of motor and hand, N
+    motor : command: of the motor, N, or of a servo, m/s, m
+    hand : force of the hand, N
     """
 
     position: float
@@ -62,8 +63,15 @@ class Equilibrium:
 def equilibrium(scene: Scene) -> Equilibrium:
     """Return the equilibrium at the start of the motion: all springs, from the hand's to the environment's, in a row.
 
-    Without a position gain the controller holds nothing, and the handle starts where hand and environment agree.
+    Without a position gain the controller holds nothing, and the handle starts where hand and environment agree. So it
+    does with a servo, which is where the environment is.
     """
+    found = _at_rest(scene)
+    return replace(found, motor=found.reference) if scene.law.command == "position" else found
+
+
+def _at_rest(scene: Scene) -> Equilibrium:
+    """Return the equilibrium at the start of the motion, without a command of a position."""
     hand, law, begin = scene.operator, scene.law, scene.operator.start
     rendered, held = law.environment, holding(law)
     if hand.stiffness == 0 or rendered.stiffness == 0:
@@ -135,6 +143,7 @@ def designed_law(device: Device, gains: Gains, coupling: AnyCoupling | None, env
         smoothing=float(smoothing(estimate.filter_hz, device.sample_time, FLOATS)[0]) if smooth else None,
         low_passes=estimate.filter_order if smooth else 0,
         limit=None,
+        command=device.commanded,
     )
 
 

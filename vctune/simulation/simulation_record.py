@@ -51,16 +51,19 @@ def simulation_record(
     controller : name of the firmware that ran in the place of the design's own; None for none
     """
     also: dict[str, Any] = {} if controller is None else {"controller": controller}
+    device = file.problem.device
+    if device.commanded != "force":
+        also["commanded"] = device.commanded
     return SimulationRecord(
         problem=SimulatedProblemRecord(
             name=file.problem.name,
             sha256=file.sha256,
             experiments_sha256=experiments_digest(file.problem.experiments),
-            **stated_units(file.problem.device),
+            **stated_units(device),
         ),
         gains=GainsRecord(**asdict(gains)),
         coupling=coupling_record(coupling),
-        experiments=[_experiment(one, file.problem.device, coupling) for one in simulated],
+        experiments=[_experiment(one, device, coupling) for one in simulated],
         versions={"vctune": __version__},
         **also,
     )

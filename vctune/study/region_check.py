@@ -120,7 +120,9 @@ class RegionFinding:
         ).to_json()
 
 
-def check_region(file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None) -> tuple[Checked, Recheck]:
+def recheck_region(
+    file: ProblemFile, baseline: Path, progress: Progress = lambda stage: None
+) -> tuple[Checked, Recheck]:
     """Prove again, with a problem as it is today, the cells and gain sets that a region file had proved.
 
     Parameters

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -45,19 +44,14 @@ for _name in ABOUT:
 def _run(name: str, quick: bool, seed: int, out: Path, style: str, quiet: bool) -> int:
     for variable in THREADS:  # before NumPy is imported: processor time then counts no idle threads
         os.environ[variable] = "1"
-    from vctune.bench.benchmark import record_of, write_measured
-    from vctune.bench.timing import machine
+    from vctune.api.benchmarking import benchmark
     from vctune.cli.printing.output import answer
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.text.output_files import make_folder
     from vctune.exit_codes import ExitCode
 
-    make_folder(out)
-    where, size = machine(), "quick" if quick else "full"
-    command = f"vctune bench {name} --{size} --seed {seed}"
+    command = f"vctune bench {name} --{'quick' if quick else 'full'} --seed {seed}"
     with progress_on_stderr(command, shown=not quiet) as progress:
-        measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
-        write_measured(out, name, measured, command, where)
-    lines = [measured.title, where, *measured.facts, f"written to {out}"]
-    answer(style, quiet, record_of(name, measured, where).to_json, lambda: click.echo("\n".join(lines)))
+        found = benchmark(name, out, quick=quick, seed=seed, command=command, progress=progress)
+    lines = [found.title, found.machine, *found.facts, f"written to {out}"]
+    answer(style, quiet, found.to_json, lambda: click.echo("\n".join(lines)))
     return ExitCode.OK

@@ -34,6 +34,7 @@ def bound(
     to the report. Ctrl-C and the time limit leave the bound reached so far, exit code 3; the same command goes on. A
     second Ctrl-C ends at once.
     """
+    from vctune import Status, read_problem
     from vctune.api.bounding import bound as search
     from vctune.api.bounding import known_design, require_free, write_bounded
     from vctune.api.design_files import write_report
@@ -41,8 +42,6 @@ def bound(
     from vctune.api.solving import solve
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.design.verdict.judge import Status
-    from vctune.document.reading import read_problem
     from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
 

@@ -7,18 +7,17 @@ from typing import TYPE_CHECKING
 
 import click
 
+from vctune.api.argument_ranges import AXES
 from vctune.cli.printing.options import out_option, output_options, time_limited
-from vctune.document.ros import AXES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from vctune import AxesFile
+    from vctune.api.checking import Checked
     from vctune.cli.printing.progress import Progress
-    from vctune.design.verdict.checked import Checked
-    from vctune.document.problem_axes import AxesFile
-    from vctune.model.problem import Problem
 
-    Said = Callable[[Problem], None]
+    Said = Callable[..., None]
 
 
 @click.command(short_help="Prove gains that already exist.")
@@ -55,7 +54,7 @@ def check(
     checked with the device of one PROBLEM whose [gains] are fixed. Rotations need a rotary device, translations a
     linear one: other axes are not looked at, exit code 3, unless --axis selects those that fit.
 
-    With several [[axis]] each is checked: with the numbers that it fixes, with its gains in the folder OUT/NAME of
+    With several [[axis]] each is checked: with the numbers that it fixes, with the gains in OUT/NAME, the folder of
     `vctune solve`, or with the axis of that name of a ROS 2 file.
 
     With --region one PROBLEM is held against a file of `vctune region`: its feasible cells and its gain sets must still
@@ -64,14 +63,14 @@ def check(
     from dataclasses import replace
     from functools import partial
 
+    from vctune import read_axes
+    from vctune.api.checking import check_files, check_parameter_files, is_admittance
     from vctune.cli.printing.exits import of_check, worst
     from vctune.cli.printing.formats import FORMATS
     from vctune.cli.printing.output import emit, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.design.verdict.gains_check import check as check_files
-    from vctune.document.ros import is_admittance
 
-    several = next(filter(None, map(_axes, paths)), None) if baseline is None else None
+    several = next(filter(None, map(read_axes, paths)), None) if baseline is None else None
     if several is None:
         files = [file for path in paths for file in _files(path)]
     else:
@@ -84,7 +83,8 @@ def check(
         if several is not None:
             found = _of_axes(several, files, axes, progress, said)
         elif admittances and baseline is None:
-            found = _admittances([file for file in files if file not in admittances], admittances, axes, progress, said)
+            problems = [file for file in files if file not in admittances]
+            found = check_parameter_files(problems, admittances, axes, progress, said)
         elif baseline is None:
             found = check_files(files, progress, said)
         else:
@@ -99,15 +99,13 @@ def check(
 
 def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, said: Said) -> list[Checked]:
     """Check a region, and the gains files that are named after its problem; draw what the region has lost."""
-    from vctune.api.checking import LOST, remove_lost, write_lost
-    from vctune.design.verdict.gains_check import check as check_files
-    from vctune.document.reading import read_problem
-    from vctune.document.text.output_files import folder_name
-    from vctune.study.region_check import check_region
+    from vctune import read_problem
+    from vctune.api.checking import LOST, check_files, recheck, remove_lost, write_lost
+    from vctune.api.folders import folder_name
 
     file = read_problem(files[0])
     said(file.problem)
-    checked, again = check_region(file, baseline, progress)
+    checked, again = recheck(file, baseline, progress)
     folder = out / folder_name(checked.name)
     if again.lost and not again.cut:
         write_lost(checked, again, folder)
@@ -117,48 +115,13 @@ def _against(baseline: Path, files: list[Path], out: Path, progress: Progress, s
     return [checked, *(check_files(files, progress) if len(files) > 1 else [])]
 
 
-def _admittances(
-    problems: list[Path], admittances: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
-) -> list[Checked]:
-    """Check parameter files of ROS 2 against one problem."""
-    from vctune.design.ros.admittance_check import check_admittance
-    from vctune.document.reading import read_problem
-    from vctune.document.ros import read_admittance
-    from vctune.document.text.errors import InputError
-
-    if len(problems) != 1:
-        message = f"with {len(problems)} TOML files; name exactly one problem, that of the device, with files of ROS 2"
-        raise InputError.of(str(admittances[0]), "ambiguous-files", message)
-    problem = read_problem(problems[0])
-    said(problem.problem)
-    return [
-        one for path in admittances for one in check_admittance(problem, path, read_admittance(path), axes, progress)
-    ]
-
-
-def _axes(path: Path) -> AxesFile | None:
-    """Return the axes of a problem file that states several."""
-    from vctune.document.problem_axes import axes_file
-    from vctune.document.text import toml
-    from vctune.document.text.errors import InputError
-
-    if not path.is_file() or path.suffix != ".toml":
-        return None
-    try:
-        text = toml.read_text(path)
-        toml.parse(text, str(path))
-    except InputError:
-        return None  # the check of one problem tells
-    return axes_file(text, path)
-
-
 def _of_axes(
     several: AxesFile, files: list[Path], axes: tuple[str, ...], progress: Progress, said: Said
 ) -> list[Checked]:
-    """Check several axes: the numbers that they fix, the gains of `vctune solve`, or the parameters of ROS 2."""
+    """Check several axes: the numbers that they fix, the gains in a folder of `vctune solve`, or a ROS 2 file."""
+    from vctune import InputError
     from vctune.api.axes import check_axes, check_parameters, gains_of_axes
-    from vctune.document.ros import is_admittance
-    from vctune.document.text.errors import InputError
+    from vctune.api.checking import is_admittance
 
     said(*(axis.file.problem for axis in several.axes))
     if files and all(map(is_admittance, files)):
@@ -174,7 +137,7 @@ def _of_axes(
 
 def _files(path: Path) -> list[Path]:
     """Return the files that an argument stands for."""
-    from vctune.document.text.errors import InputError
+    from vctune import InputError
 
     if not path.is_dir():
         return [path]

@@ -22,9 +22,8 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
 @output_options()
 def example(name: str | None, out: Path, style: str, quiet: bool) -> int:
     """Write the problem file NAME.toml, to be solved, changed and learnt from; without NAME, list what there is."""
-    from vctune.api.examples import example_names, write_example
+    from vctune.api.examples import ExampleRecord, example_names, write_example
     from vctune.cli.printing.output import answer
-    from vctune.document.records.printed_json import ExampleRecord
     from vctune.exit_codes import ExitCode
 
     if name is None:

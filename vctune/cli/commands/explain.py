@@ -25,25 +25,23 @@ def _names(context: click.Context, parameter: click.Parameter, incomplete: str) 
     return sorted({name for entry in entries() for name in entry.names if name.startswith(incomplete)})
 
 
-@click.command(short_help="Say what a code, a key of a file or a word means.")
-@click.argument("name", required=False, metavar="[CODE|KEY|TERM]", shell_complete=_names)
+@click.command(short_help="Say what a code, a key of a file, a word or a claim means.")
+@click.argument("name", required=False, metavar="[CODE|KEY|TERM|CLAIM]", shell_complete=_names)
 @output_options()
 def explain(name: str | None, style: str, quiet: bool) -> int:
     """Say what NAME means, from the guides of the project; without it, list what can be explained.
 
     NAME is a code, as it stands in brackets behind an error, a warning or what was left out; a key of a problem or log
-    file; or a word or symbol of the glossary.
+    file; a word or symbol of the glossary; or a claim of a certificate, by its id in design.json.
     """
-    from vctune.api.explaining import entries
+    from vctune.api.explaining import contents
     from vctune.api.explaining import explain as found_in_guides
     from vctune.cli.printing.output import answer
-    from vctune.document.records.printed_json import EntryRecord, ExplanationRecord
     from vctune.exit_codes import ExitCode
 
     if name is None:
-        every = [EntryRecord(kind=each.kind, name=each.names[0], text="", guide=each.guide) for each in entries()]
-        found = ExplanationRecord(name=None, entries=every)
-        answer(style, quiet, found.to_json, lambda: click.echo(_contents(every)))
+        found = contents()
+        answer(style, quiet, found.to_json, lambda: click.echo(_contents(found.entries)))
     else:
         found = found_in_guides(name)
         answer(style, quiet, found.to_json, lambda: click.echo("\n\n".join(map(_page, found.entries))))
@@ -52,7 +50,7 @@ def explain(name: str | None, style: str, quiet: bool) -> int:
 
 def _contents(every: list[EntryRecord]) -> str:
     """Return what can be explained, by its kind."""
-    titles = {"code": "Codes", "key": "Keys of files", "term": "Words"}
+    titles = {"code": "Codes", "key": "Keys of files", "term": "Words", "claim": "Claims"}
     lists = {kind: ", ".join(dict.fromkeys(each.name for each in every if each.kind == kind)) for kind in titles}
     return "\n\n".join(f"{titles[kind]}\n{_filled(names, '  ')}" for kind, names in lists.items())
 

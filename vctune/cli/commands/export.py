@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import click
 
+from vctune.api.argument_ranges import Format
 from vctune.cli.printing.options import out_option, output_options
 
 if TYPE_CHECKING:
-    from vctune.api.exporting import Exported, Format
-    from vctune.document.problem_axes import AxesFile
-    from vctune.document.records.printed_json import ExportRecord
-    from vctune.simulation.firmware.stepped import Precision
+    from vctune import AxesFile
+    from vctune.api.exporting import Precision
 
 
-@click.command(short_help="Make firmware of a design: C99, an FMU, JSON, or ROS 2 parameters.")
+@click.command(short_help="Make firmware of a design, or the data for it.")
 @click.argument("source", type=click.Path(path_type=Path), metavar="DESIGN.json|PROBLEM.toml")
 @click.argument("gains", type=click.Path(path_type=Path), required=False)
-@click.option(
-    "--to", type=click.Choice(["c", "fmu", "json", "ros2"]), default="c", show_default=True, help="What to make."
-)
+@click.option("--to", type=click.Choice(get_args(Format)), default="c", show_default=True, help="What to make.")
 @click.option(
     "--precision",
     type=click.Choice(["double", "single"]),
@@ -44,23 +41,22 @@ def export(
 ) -> int:
     """Make firmware of a design.json of `vctune solve`, of PROBLEM with GAINS, or of a PROBLEM whose numbers are fixed.
 
-    ros2 makes the parameter file of an admittance_controller before a servo. Of a PROBLEM with several [[axis]],
-    GAINS is the folder OUT/NAME that `vctune solve` made.
+    ros2 makes the parameter file of an admittance_controller before a servo. With several [[axis]] GAINS is OUT/NAME,
+    the folder that `vctune solve` made.
 
     The design is proved again, with the constants that the firmware will have. Exit code 1 or 3 if that refutes it or
     leaves it undecided; nothing is written then, unless --unproved is given.
     """
-    from vctune.api.exporting import NotCertifiedError, write_export
+    from vctune import read_axes
+    from vctune.api.exporting import NotCertifiedError, export_record, read_gains, write_export
     from vctune.api.exporting import export as make
+    from vctune.api.folders import folder_name
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer, warn
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.problem_axes import read_axes
-    from vctune.document.reading import read_gains
-    from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
 
-    axes = read_axes(source) if source.suffix == ".toml" and source.is_file() else None
+    axes = read_axes(source)
     if axes is not None:
         return _export_axes(axes, gains, out, to=to, precision=precision, unproved=unproved, style=style, quiet=quiet)
     given = read_gains(gains) if gains else None
@@ -73,28 +69,11 @@ def export(
         return of_status(refused.status)
     if given and given.sha256 not in (None, exported.firmware.problem_sha256):
         warn("other-version", f"{gains}: made for another version of the problem (sha256 differs)")
-    record = _record(exported, place)
+    record = export_record(exported, place)
     answer(style, quiet, record.to_json, lambda: click.echo("\n".join(record.statement)))
     if not quiet:
-        click.echo(f"written to {place}: {', '.join(exported.files)}", err=True)
+        click.echo(f"written to {place}: {', '.join(record.files)}", err=True)
     return ExitCode.OK
-
-
-def _record(exported: Exported, place: Path) -> ExportRecord:
-    """Return what was exported, as an object."""
-    from vctune.document.records.printed_json import ExportRecord
-    from vctune.document.text.errors import printable
-    from vctune.firmware.c_source import statement
-
-    made = exported.firmware
-    lines = [printable(line) for line in statement(made) if line]
-    return ExportRecord(
-        name=exported.file.problem.name,
-        status=made.record.status,
-        statement=lines,
-        folder=str(place),
-        files=list(exported.files),
-    )
 
 
 def _export_axes(
@@ -110,7 +89,7 @@ def _export_axes(
 ) -> int:
     """Export several axes."""
     from vctune.api.axes import export_axes, gains_of_axes
-    from vctune.api.exporting import NotCertifiedError
+    from vctune.api.exporting import NotCertifiedError, export_record
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer
     from vctune.cli.printing.progress import progress_on_stderr
@@ -123,7 +102,7 @@ def _export_axes(
     except NotCertifiedError as refused:
         click.echo(str(refused), err=True)
         return of_status(refused.status)
-    records = [_record(exported, place) for exported, place in made]
+    records = [export_record(exported, place) for exported, place in made]
     answer(
         style,
         quiet,

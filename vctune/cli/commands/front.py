@@ -24,13 +24,13 @@ def front(problem: Path, out: Path, jobs: int | None, executor: str, time_limit:
     upper edge up to the Nyquist frequency. OUT/NAME/front/ then holds terms.csv and band.csv with their pictures; an
     interrupted run goes on. Where hands are to be met, and no others, there is no band to trade.
     """
+    from vctune import read_problem
     from vctune.api.bounding import require_free
     from vctune.api.folders import design_folder
+    from vctune.api.messages import printable
     from vctune.api.studies import front as find
     from vctune.cli.printing.output import answer, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
-    from vctune.document.reading import read_problem
-    from vctune.document.text.errors import printable
     from vctune.exit_codes import ExitCode
 
     file = require_free(read_problem(problem), "trade")

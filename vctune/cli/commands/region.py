@@ -6,18 +6,16 @@ from pathlib import Path
 
 import click
 
-from vctune.api.argument_ranges import RESOLUTIONS
+from vctune.api.argument_ranges import RESOLUTIONS, VARIABLES
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limited
-from vctune.model.numbers.keys import KEYS, SPRING_KEYS
 
-NAMED = (*KEYS, *SPRING_KEYS[3:])
 SHOWN = "gains.velocity, or coupling.damping", "gains.position, or coupling.stiffness"
 
 
 @click.command(short_help="Find the whole set of admissible gains, cell by cell.")
 @problem_argument
-@click.option("--x", type=click.Choice(NAMED), show_default=SHOWN[0], help="Across.")
-@click.option("--y", type=click.Choice(NAMED), show_default=SHOWN[1], help="Up.")
+@click.option("--x", type=click.Choice(VARIABLES), show_default=SHOWN[0], help="Across.")
+@click.option("--y", type=click.Choice(VARIABLES), show_default=SHOWN[1], help="Up.")
 @click.option(
     "--resolution",
     type=click.FloatRange(*RESOLUTIONS),
@@ -38,13 +36,13 @@ def region(problem: Path, x: str | None, y: str | None, resolution: float, out: 
     Exit code 0 if there are admissible gains, 1 if there are none, 3 if neither is proved. Ctrl-C and the time limit
     leave what was decided before it, exit code 3; a second Ctrl-C ends at once.
     """
+    from vctune import read_problem
     from vctune.api.folders import design_folder
     from vctune.api.regions import REGION_FILE, axes_of, best_design, require_plane, write_region
     from vctune.api.regions import region as find
     from vctune.cli.printing.exits import of_status
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.reading import read_problem
     from vctune.exit_codes import ExitCode
     from vctune.interrupt import interrupt_noted
 

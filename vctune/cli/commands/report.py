@@ -18,9 +18,8 @@ def report(design: Path, out: Path | None, style: str, quiet: bool) -> int:
 
     A simulation.json of the same design beside it is drawn too.
     """
-    from vctune.api.design_files import write_report
+    from vctune.api.design_files import ReportRecord, write_report
     from vctune.cli.printing.output import answer
-    from vctune.document.records.printed_json import ReportRecord
     from vctune.exit_codes import ExitCode
 
     place = str(write_report(design, out))

@@ -56,16 +56,13 @@ def simulate(
     """
     if tolerance is not None and controller is None:
         raise click.UsageError("--tolerance is of a firmware; name it by --controller")
-    from vctune.api.experiments import chosen_experiments, write_simulation
+    from vctune import read_problem
+    from vctune.api.experiments import CompiledController, chosen_experiments, design_for, write_simulation
     from vctune.api.experiments import simulate as run
-    from vctune.api.folders import design_folder
+    from vctune.api.folders import design_folder, make_folder
     from vctune.cli.printing.output import answer, warn
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.building import design_for
-    from vctune.document.reading import read_problem
-    from vctune.document.text.output_files import make_folder
     from vctune.exit_codes import ExitCode
-    from vctune.simulation.firmware.library import CompiledController
 
     compiled = None if controller is None else CompiledController(controller)
     file = read_problem(problem)
@@ -89,8 +86,8 @@ def simulate(
         record = write_simulation(simulation, folder)
 
     def table() -> None:
+        from vctune.api.experiments import simulation_of
         from vctune.cli.printing.design_table import print_simulation
-        from vctune.document.records.simulation_json import simulation_of
 
         print_simulation(simulation_of(record), folder)
 
@@ -100,18 +97,14 @@ def simulate(
 
 def _solved(file: ProblemFile, folder: Path, progress: Progress) -> tuple[Gains, AnyCoupling] | None:
     """Solve the problem and write its design, as `vctune solve` does; say why if there is none."""
-    from vctune.api.design_files import write_record
+    from vctune.api.design_files import write_solved
+    from vctune.api.experiments import solve_to_simulate
     from vctune.cli.commands.solve import say_renamed
     from vctune.cli.printing.output import warn
-    from vctune.design.nlp.nlp import ipopt_version
-    from vctune.design.solve import solve
-    from vctune.design.verdict.design_record import record_of
-    from vctune.design.verdict.prices import with_prices
-    from vctune.document.text.date import today
 
-    solved = with_prices(solve(file.problem, progress))
+    solved = solve_to_simulate(file, progress)
     judgement = solved.judgement
-    say_renamed(write_record(folder, file, record_of(file, solved, ipopt_version(), today())))
+    say_renamed(write_solved(folder, file, solved)[1])
     if judgement is None:
         warn("no-design", f"{file.problem.name}: nothing to simulate: {solved.reason}")
         return None

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from vctune.api.argument_ranges import GAPS
+from vctune.api.argument_ranges import GAPS, STDIN
 from vctune.cli.printing.options import out_option, output_options, problem_argument, time_limit_option
 from vctune.running import OutOfTimeError, check_time, time_limit_of_command
 from vctune.running import time_limit as limited
 
 if TYPE_CHECKING:
-    from vctune.document.problem_axes import AxesFile
+    from vctune import AxesFile
 
 
 @click.command(short_help="Find the most transparent gains and prove them stable.")
@@ -55,7 +55,6 @@ def solve(
 
     if watch:
         from vctune.cli.printing.watch import on_every_save
-        from vctune.document.text.toml import STDIN
 
         if problem == STDIN:
             raise click.UsageError("--watch needs a file; standard input is read once")
@@ -64,35 +63,28 @@ def solve(
 
 
 def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool) -> int:
-    from vctune.api.design_files import write_record, write_report
+    from vctune import AxesFile, read_problem_or_axes
+    from vctune.api.design_files import write_report, write_solved
     from vctune.api.folders import DESIGN_FILE, design_folder
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.document.problem_axes import axes_file
-    from vctune.document.reading import problem_file
-    from vctune.document.text import toml
 
-    stated = toml.read_text(problem)
-    axes = axes_file(stated, problem)
-    if axes is not None:
-        return _solve_axes(axes, out, report=report, strict=strict, gap=gap, style=style, quiet=quiet)
-    file = problem_file(stated, problem)
+    file = read_problem_or_axes(problem)
+    if isinstance(file, AxesFile):
+        return _solve_axes(file, out, report=report, strict=strict, gap=gap, style=style, quiet=quiet)
     folder = design_folder(file, out)
 
+    from vctune import Status
+    from vctune.api.messages import has_code
     from vctune.api.solving import solve as solve_problem
     from vctune.cli.printing.exits import of_status
-    from vctune.design.nlp.nlp import ipopt_version
-    from vctune.design.verdict.design_record import record_of
-    from vctune.design.verdict.judge import Status
-    from vctune.document.text.codes import has_code
-    from vctune.document.text.date import today
     from vctune.exit_codes import ExitCode
 
     warn_of_doubts(file.problem, quiet=quiet)
     with progress_on_stderr(f"vctune solve {problem.name}", shown=not quiet) as progress:
         solved = solve_problem(file, gap=gap, prices=report, progress=progress)
-        record = record_of(file, solved, ipopt_version(), today())
-        say_renamed(write_record(folder, file, record))
+        record, renamed = write_solved(folder, file, solved)
+        say_renamed(renamed)
         drawn = not report
         with suppress(OutOfTimeError):
             if report:
@@ -121,14 +113,14 @@ def _solve(problem: Path, out: Path, *, report: bool, strict: bool, gap: float |
 def _solve_axes(
     axes: AxesFile, out: Path, *, report: bool, strict: bool, gap: float | None, style: str, quiet: bool
 ) -> int:
+    from vctune import Status
     from vctune.api.axes import axis_folder, claim_axes, solve_axes, write_axes
     from vctune.api.design_files import write_report
+    from vctune.api.folders import folder_name
     from vctune.cli.printing.axes_table import print_axes
     from vctune.cli.printing.exits import of_status, worst
     from vctune.cli.printing.output import answer, warn_of_doubts
     from vctune.cli.printing.progress import progress_on_stderr
-    from vctune.design.verdict.judge import Status
-    from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
 
     claim_axes(axes, out)

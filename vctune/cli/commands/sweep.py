@@ -39,11 +39,12 @@ def sweep(
     Exit code 0 if there is a certified design and no point was left without an answer, 3 if the time limit cut a point
     short, else 1.
     """
+    from vctune.api.folders import folder_name
+    from vctune.api.messages import InputError
+    from vctune.api.studies import read_study
+    from vctune.api.studies import sweep as run
     from vctune.cli.printing.output import answer, warn, warn_of_doubts
     from vctune.cli.printing.progress import bar_on_stderr
-    from vctune.document.study_file import read_study
-    from vctune.document.text.errors import InputError
-    from vctune.document.text.output_files import folder_name
     from vctune.exit_codes import ExitCode
 
     plan = read_study(study)
@@ -52,8 +53,6 @@ def sweep(
         raise InputError.of(str(study), "many-points", message)
     folder = out / folder_name(plan.name)
     warn_of_doubts(*plan.extremes(), quiet=quiet)
-
-    from vctune.api.studies import sweep as run
 
     with bar_on_stderr(f"vctune sweep {study.name}", plan.count, shown=not quiet) as on_done:
         swept = run(

@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.document.records.comparison import ComparisonRecord
-from vctune.document.records.design_json import DesignRecord, RepairRecord
-from vctune.document.records.gains_json import SpringRecord
-from vctune.document.records.part import text
-from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
-from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
-from vctune.document.text.errors import printable
-from vctune.model.numbers.units import Units
+from vctune.api.design_files import SpringRecord, text
+from vctune.api.messages import printable
+
+if TYPE_CHECKING:
+    from vctune.document.records.comparison import ComparisonRecord
+    from vctune.document.records.design_json import DesignRecord, RepairRecord
+    from vctune.document.records.rows_json import Cells, CornerRecord, SweepRecord
+    from vctune.document.records.simulation_json import DifferenceRecord, LeastVirtualRecord, SimulationRecord
+    from vctune.model.numbers.units import Units
 
 LEAST_WIDTH = 80
 WIDE = 120
@@ -82,7 +83,7 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
     record : of the simulation
     folder : named at the end
     """
-    from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+    from vctune.api.experiments import HEADINGS, measured_rows
 
     with page(WIDE, folder) as console:
         console.print(f"[bold]{escape(printable(record.problem.name))}[/bold]")
@@ -94,7 +95,8 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
         console.print(table)
         for one in record.experiments:
             if one.difference is not None:
-                console.print(f"{escape(printable(one.name))}: {_apart(one.difference, record.units)}", soft_wrap=True)
+                apart = _apart(one.difference, record.command_unit)
+                console.print(f"{escape(printable(one.name))}: {apart}", soft_wrap=True)
             if one.quiet_stiffness is not None and isinstance(record.coupling, SpringRecord):
                 console.print(
                     f"{escape(printable(one.name))}: {_quiet(one.quiet_stiffness, record.coupling, record.units)}",
@@ -106,14 +108,14 @@ def print_simulation(record: SimulationRecord, folder: Path) -> None:
                 )
 
 
-def _apart(difference: DifferenceRecord, units: Units) -> str:
+def _apart(difference: DifferenceRecord, unit: str) -> str:
     own = f"the design's own in {difference.precision} precision on the same measurements"
     if difference.force is None or difference.tolerance is None:
         return "[red]FAILED[/red], the firmware's commands are not finite"
     if difference.force == 0:
         return f"the firmware's commands are {own} to the last bit"
-    apart = f"{difference.force:.3g} {units.force} of {own}, farthest at {difference.time_s:.4g} s"
-    allowed = f"the tolerance is {difference.tolerance:.3g} {units.force}"
+    apart = f"{difference.force:.3g} {unit} of {own}, farthest at {difference.time_s:.4g} s"
+    allowed = f"the tolerance is {difference.tolerance:.3g} {unit}"
     if difference.passes:
         return f"the firmware's commands are within {apart}; {allowed}"
     return f"[red]FAILED[/red], the firmware's commands are only within {apart}; {allowed}"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from vctune.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from vctune.design.verdict.checked import CheckVerdict
-    from vctune.design.verdict.judge import Status
+    from vctune import Status
+    from vctune.api.checking import CheckVerdict
 
 
 def of_status(status: Status) -> ExitCode:

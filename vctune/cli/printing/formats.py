@@ -10,9 +10,8 @@ from typing import Any
 from urllib.parse import quote
 from xml.etree import ElementTree
 
-from vctune.design.verdict.checked import Checked, CheckVerdict
-from vctune.document.records.printed_json import NamedRecord, RefusalRecord
-from vctune.document.text.errors import printable
+from vctune.api.checking import Checked, CheckVerdict, check_object
+from vctune.api.messages import printable
 from vctune.version import __version__
 
 WORDS = {
@@ -40,19 +39,7 @@ def text(checks: list[Checked]) -> str:
 
 def as_json(checks: list[Checked]) -> str:
     """Return a list of the objects of design.json, or of what became of a region, or of why there is none."""
-    objects = [checked.finding.record() if checked.finding else _refused(checked) for checked in checks]
-    return json.dumps(objects, indent=2, allow_nan=False)
-
-
-def _refused(checked: Checked) -> dict[str, Any]:
-    return RefusalRecord(
-        problem=NamedRecord(name=printable(checked.name)),
-        source=printable(str(checked.source)),
-        line=checked.line,
-        status=None,
-        reason=checked.message,
-        warnings=[],
-    ).to_json()
+    return json.dumps([check_object(checked) for checked in checks], indent=2, allow_nan=False)
 
 
 def github(checks: list[Checked]) -> str:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from vctune.document.records.identification_json import IdentificationRecord
-from vctune.document.text.errors import printable
+from vctune.api.messages import printable
+
+if TYPE_CHECKING:
+    from vctune.document.records.identification_json import IdentificationRecord
 
 WIDTH = 140
 

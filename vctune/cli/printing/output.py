@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from vctune.document.text.codes import Code, coded
-from vctune.document.text.errors import printable
+from vctune.api.messages import Code, coded, printable
 
 if TYPE_CHECKING:
-    from vctune.model.problem import Problem
+    from vctune import Problem
 
 
 @contextmanager
@@ -52,7 +51,7 @@ def warn_of_doubts(*problems: Problem, quiet: bool) -> None:
     *problems : valid ones; what several have in common is said once
     quiet : whether people are told nothing
     """
-    from vctune.document.schema.plausibility import doubts
+    from vctune.api.messages import doubts
 
     for doubt in () if quiet else dict.fromkeys(doubt for problem in problems for doubt in doubts(problem)):
         warn(doubt.code, doubt.text)

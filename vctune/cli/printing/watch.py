@@ -21,7 +21,7 @@ def on_every_save(path: Path, run: Callable[[], object]) -> NoReturn:
     path : of the file
     run : is called
     """
-    from vctune.document.text.errors import InputError
+    from vctune import InputError
 
     while True:
         before = _stamp(path)

@@ -12,6 +12,7 @@ from vctune.analysis.stability import Cut
 from vctune.model.device import Device
 from vctune.model.device import stacked as stacked_devices
 from vctune.model.hands import Hand
+from vctune.proof.claims.registry import Quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +67,16 @@ class WorkingSet:
     unmodelled: list[ConstraintPoint] = field(default_factory=list)
     in_hand: list[ConstraintPoint] = field(default_factory=list)
 
+    def points(self, quantity: Quantity) -> list[ConstraintPoint] | None:
+        """Return the points at which a claim's quantity is limited; None for poles, which have tangents instead."""
+        known = {
+            "ratio": self.ratio,
+            "in_hand": self.in_hand,
+            "sensitivity": self.sensitivity,
+            "unmodelled": self.unmodelled,
+        }
+        return known.get(quantity)
+
     def sizes(self) -> tuple[int, ...]:
         """Return the number of demands of each kind, in the order of `nlp_structure.DEMANDS`."""
         points = self.ratio, self.sensitivity, self.stability, self.peak, self.unmodelled, self.in_hand
@@ -76,8 +87,10 @@ class WorkingSet:
         parts = (getattr(self, part.name) for part in fields(self))
         return WorkingSet(*([*part] for part in parts))
 
-    def on_devices(self, changed: Callable[[Device], Device], time: float) -> WorkingSet:
-        """Return the same hands and frequencies on other devices.
+    def on_devices(
+        self, changed: Callable[[Device], Device], time: float, held: Callable[[Hand], Hand] = lambda hand: hand
+    ) -> WorkingSet:
+        """Return the same frequencies on other devices, in the same hands or in others.
 
         Where the loop is sampled it is the angle omega T that stays, so that what is posed at Nyquist stays there.
 
@@ -85,6 +98,7 @@ class WorkingSet:
         ----------
         changed : what becomes of a device, in the units that the set has
         time : their sample time, of which the new set has its times in units
+        held : what becomes of a hand, in the units that the set has
         """
 
         def moved(points: list[ConstraintPoint], stretch: float = 1.0) -> list[ConstraintPoint]:
@@ -92,7 +106,7 @@ class WorkingSet:
                 ConstraintPoint(
                     point.omega * stretch,
                     changed(point.device).in_units(1.0, time),
-                    point.hand and point.hand.in_units(1.0, time),
+                    point.hand and held(point.hand).in_units(1.0, time),
                 )
                 for point in points
             ]

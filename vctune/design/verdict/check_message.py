@@ -70,10 +70,9 @@ def _proved(judgement: Judgement) -> str:
     where = [f"from {low:.6g} to {high:.6g} Hz"] if demands.passive else []
     where += ["in any passive hand up to Nyquist"] if demands.any_hand else []
     where += [f"in every hand of {demands.hands.in_words(units)} up to Nyquist"] if demands.hands is not None else []
-    return (
-        f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, "
-        f"safety factor {demands.factor:g}, |S| at most {demands.max_sensitivity:g}"
-    )
+    limits = [f"safety factor {demands.factor:g}"]
+    limits += [f"|S| at most {demands.max_sensitivity:g}"] if judgement.kind.own_loop else []
+    return f"proved, {judgement.ratio_name} {judgement.min_ratio:.6g} {' and '.join(where)}, {', '.join(limits)}"
 
 
 def _whole(together: Sequence[ParameterChange]) -> str:

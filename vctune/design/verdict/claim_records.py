@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import Any
 
@@ -16,7 +17,7 @@ from vctune.model.hands import LeastOperator
 from vctune.model.numbers.frequency import finite_hertz, hertz
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
-from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.proof.engine.interval import Outcome, Verdict
 
 
@@ -31,18 +32,20 @@ def claim_records(problem: Problem, judgement: Judgement) -> list[ClaimRecord]:
     return [_claim(problem, judgement, claim, outcome) for claim, outcome in outcomes.items()]
 
 
-def _claim(problem: Problem, judgement: Judgement, claim: Claim, outcome: Outcome) -> ClaimRecord:
+def _claim(problem: Problem, judgement: Judgement, claim: ClaimId, outcome: Outcome) -> ClaimRecord:
     also: dict[str, Any] = {"cut": True} if outcome.cut else {}
     if outcome.device is not None:
         also["witness_device"] = device_record(outcome.device, problem)
     if outcome.hand is not None:
         also["witness_hand"] = HandRecord(**asdict(outcome.hand))
-    if outcome.verdict is Verdict.REFUTED and claim in IN_HANDS:
-        also |= _environment(problem, judgement, outcome)
-    if outcome.verdict is Verdict.REFUTED and claim is Claim.ANY_HAND:
-        also |= _environment_of_any_hand(problem, judgement, outcome)
+    if outcome.verdict is Verdict.REFUTED and claim in GROWING:
+        also |= GROWING[claim](problem, judgement, outcome)
     return ClaimRecord(
-        claim=claim.value, verdict=outcome.verdict.value, witness_hz=finite_hertz(outcome.witness), **also
+        id=claim,
+        claim=CLAIMS[claim].said_of(problem.device.kind),
+        verdict=outcome.verdict.value,
+        witness_hz=finite_hertz(outcome.witness),
+        **also,
     )
 
 
@@ -77,6 +80,13 @@ def _environment_of_any_hand(problem: Problem, judgement: Judgement, outcome: Ou
     also = {"resonators": resonators} if resonators else {}
     record = HandRecord(mass=hand.mass + held.mass, damping=held.damping, stiffness=hand.stiffness, **also)
     return _environment_record(device, record, environment)
+
+
+GROWING: dict[ClaimId, Callable[[Problem, Judgement, Outcome], dict[str, EnvironmentRecord]]] = {
+    "hands": _environment,
+    "any_hand": _environment_of_any_hand,
+}
+"""Finds what a design grows with where the claim is refuted."""
 
 
 def _environment_record(device: Device, hand: HandRecord, found: GrowingEnvironment) -> dict[str, EnvironmentRecord]:

@@ -20,6 +20,7 @@ from vctune.design.result import Alternative, Repair, Solved
 from vctune.design.search.rounding import near
 from vctune.design.variables import Point, keys_for, point, ranges
 from vctune.design.verdict.claim_records import claim_records
+from vctune.design.verdict.contact_record import contact_record
 from vctune.design.verdict.judge import Judgement, judge
 from vctune.design.verdict.nlp_record import active, left_out, solver_record
 from vctune.design.verdict.repair import CUT_SHORT, LONGEST
@@ -35,6 +36,7 @@ from vctune.document.records.certificate_json import (
     WholeSampleRecord,
     WithoutOperatorRecord,
 )
+from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.design_json import (
     AlternativeRecord,
     BoxRecord,
@@ -57,7 +59,7 @@ from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.frequency import finite_hertz
 from vctune.model.problem import Problem
-from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.registry import claims_about
 from vctune.proof.claims.sampled_poles import spectral_radius
 from vctune.proof.claims.whole_samples import delay_in_samples
 from vctune.proof.engine.interval import Verdict, worst_verdict
@@ -102,14 +104,20 @@ def record_of(file: ProblemFile, solved: Solved, ipopt: str | None = None, date:
     """
     judgement, problem = solved.judgement, solved.problem
     proved = _proved(problem, judgement) if judgement is not None else {}
+    contact = _contact(problem, judgement) if judgement is not None else {}
     if out_of_time() and proved:
         solved = replace(solved, cut=(*solved.cut, PROVED_BAND))
     with unlimited():
-        return _recorded(file, solved, proved, ipopt, date)
+        return _recorded(file, solved, proved, ipopt, date, contact)
 
 
 def _recorded(
-    file: ProblemFile, solved: Solved, proved: dict[str, Any], ipopt: str | None, date: str | None
+    file: ProblemFile,
+    solved: Solved,
+    proved: dict[str, Any],
+    ipopt: str | None,
+    date: str | None,
+    contact: dict[str, ContactRecord],
 ) -> DesignRecord:
     judgement, problem = solved.judgement, solved.problem
     parts: dict[str, Any] = dict.fromkeys(("gains", "coupling", "transparency", "certificate", "inner_loop"))
@@ -126,6 +134,7 @@ def _recorded(
         parts["alternatives"] = [_alternative(each) for each in solved.alternatives]
     if date is not None:
         parts["date"] = date
+    parts |= contact
     if solved.prices is not None:
         parts["prices"] = [PriceRecord(**asdict(price)) for price in solved.prices]
     return DesignRecord(
@@ -238,6 +247,13 @@ def _proved(problem: Problem, judgement: Judgement) -> dict[str, Any]:
 
 
 @np.errstate(all="ignore")
+def _contact(problem: Problem, judgement: Judgement) -> dict[str, ContactRecord]:
+    """Return what a servo's latency asks for; nothing of any other display."""
+    found = contact_record(problem, judgement)
+    return {} if found is None else {"contact": found}
+
+
+@np.errstate(all="ignore")
 def _judged(problem: Problem, judgement: Judgement, proved: dict[str, Any]) -> dict[str, Any]:
     gains, coupling, certificate = judgement.gains, judgement.coupling, judgement.certificate
     worst, band = judgement.worst, problem.stability.band
@@ -275,8 +291,7 @@ def _in_hands(problem: Problem, judgement: Judgement) -> dict[str, HandsRecord]:
     held, hands = judgement.in_hand, problem.hands_met
     if held is None or hands is None:
         return {}
-    outcomes = judgement.certificate.outcomes
-    outcome = next(outcomes[claim] for claim in IN_HANDS if claim in outcomes)
+    outcome = judgement.certificate.outcomes["hands"]
     low, high = asdict(hands.low), asdict(hands.high)
     return {
         "hands": HandsRecord(
@@ -296,7 +311,7 @@ def _in_any_hand(problem: Problem, judgement: Judgement) -> dict[str, AnyHandRec
     held = judgement.in_any_hand
     if held is None:
         return {}
-    outcome = judgement.certificate.outcomes[Claim.ANY_HAND]
+    outcome = judgement.certificate.outcomes["any_hand"]
     return {
         "any_hand": AnyHandRecord(
             verdict=outcome.verdict.value,
@@ -330,7 +345,7 @@ def _without_operator(problem: Problem, gains: Gains, coupling: AnyCoupling) -> 
 
 def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
     device, gains, outcomes = problem.device, judgement.gains, judgement.certificate.outcomes
-    poles = [outcomes[claim].verdict for claim in (Claim.MODEL_POLES, Claim.SAMPLED_POLES) if claim in outcomes]
+    poles = [outcomes[claim].verdict for claim in claims_about("poles") if claim in outcomes]
     margins = loop_margins(device, gains)
     return InnerLoopRecord(
         stable=False if Verdict.REFUTED in poles else None if Verdict.UNDECIDED in poles else True,
@@ -340,7 +355,9 @@ def _inner_loop(problem: Problem, judgement: Judgement) -> InnerLoopRecord:
         gain_margin_db=20 * log10(margins.gain),
         phase_margin_deg=degrees(margins.phase),
         delay_margin_s=margins.delay,
-        nyquist=NyquistRecord(N=unstable_poles(device, gains), P=0, Z=0 if poles[-1] is Verdict.PROVED else None),
+        nyquist=NyquistRecord(
+            N=unstable_poles(device, gains), P=0, Z=0 if outcomes["stable"].verdict is Verdict.PROVED else None
+        ),
     )
 
 

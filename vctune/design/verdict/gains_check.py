@@ -51,7 +51,7 @@ class _Input:
     is_gains: bool
 
 
-def check(
+def check_files(
     paths: Sequence[Path],
     progress: Progress = lambda stage: None,
     begun: Callable[[Problem], None] = lambda problem: None,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from math import inf, pi
 
 import numpy as np
@@ -14,8 +14,11 @@ from vctune.design.prepared import Prepared
 from vctune.design.search.scan import ScanResult
 from vctune.design.variables import design_of, point
 from vctune.model.gains import AnyCoupling, Coupling, Gains
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.keys import QUANTITIES
 from vctune.model.numbers.units import UNITS
 from vctune.model.problem import Problem
+from vctune.model.servo import latency
 from vctune.proof.claims.sampled_poles import spectral_radius
 
 OPENINGS = {True: "there is no admissible design", False: "no admissible design was found, nor proved impossible"}
@@ -73,11 +76,7 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
         return Infeasibility(opening, "widen the bounds", proved)
     start = scanned.starts[0]
     gains, coupling = design_of(prepared.units.to_si(point(start.gains, start.coupling)))
-    units = prepared.given.problem.units
-    prefix = (
-        f"{opening}; the nearest miss has velocity {gains.velocity:.4g} {units.damping}, "
-        f"position {gains.position:.4g} {units.stiffness}: "
-    )
+    prefix = f"{opening}; the nearest miss has {_tried(prepared.problem, gains, coupling)}: "
     for case in prepared.given.cases:
         failure = _first_failure(case, gains, coupling)
         if failure is not None:
@@ -85,6 +84,16 @@ def nearest_miss(prepared: Prepared, scanned: ScanResult, *, proved: bool) -> In
             return Infeasibility(prefix + _on(case, prepared.problem) + cause, advice, proved)
     unknown = "it meets every demand on a grid of frequencies, but IPOPT or the proof did not"
     return Infeasibility(prefix + unknown, "widen the bounds", proved)
+
+
+def _tried(problem: Problem, gains: Gains, coupling: AnyCoupling) -> str:
+    """Return the numbers that tell a design from others: the gains of its loop, or where it has none the coupling."""
+    units, kind = problem.units, problem.device.kind
+    if kind.own_loop:
+        return f"velocity {gains.velocity:.4g} {units.damping}, position {gains.position:.4g} {units.stiffness}"
+    values = dict(zip(kind.keys, (*astuple(gains), *astuple(coupling)), strict=True))
+    named = ((key.rpartition(".")[2], values[key], units.of(QUANTITIES[key])) for key in kind.stated)
+    return ", ".join(f"{name} {value:.4g} {unit}" for name, value, unit in named)
 
 
 def _on(case: Problem, problem: Problem) -> str:
@@ -97,9 +106,10 @@ def _on(case: Problem, problem: Problem) -> str:
 def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[str, str] | None:
     """Return the gravest failure of a design on one device and what may repair it; None where it fails nothing."""
     device, stability = problem.device, problem.stability
-    if gains.velocity == 0 and gains.position == 0 and device.damping == 0:
+    looped = device.kind.own_loop
+    if looped and gains.velocity == 0 and gains.position == 0 and device.damping == 0:
         return "without a loop and without damping the device drifts", "allow a higher gains.velocity"
-    radius = spectral_radius(device, gains)
+    radius = spectral_radius(device, gains) if looped else 0.0
     if radius >= 1:
         return (
             f"its sampled loop is unstable, spectral radius {radius:.4g}",
@@ -109,7 +119,7 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
     if lacking is not None:
         return lacking
     peaks = sensitivity_maxima(problem, gains)
-    ratio, place = _least_ratio(problem, gains, coupling)
+    ratio, omega, place = _least_ratio(problem, gains, coupling)
     peak = -peaks.value[0]
     excess = peak / stability.max_sensitivity
     shortfall = stability.safety_factor / ratio if ratio > 0 else inf
@@ -119,7 +129,19 @@ def _first_failure(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tup
             f"{stability.max_sensitivity:.4g}",
             "allow lower gains or a higher max_sensitivity",
         )
+    if device.servo is not None and omega == 0 and shortfall > 1:
+        return _short_of_drag(problem, ratio, place)
     return _shortfall(problem, coupling, ratio, place) if shortfall > 1 else None
+
+
+def _short_of_drag(problem: Problem, ratio: float, place: str) -> tuple[str, str]:
+    """Return by how much less a servo's drag is than stiffness times latency, and what may repair it."""
+    factor, late = problem.stability.safety_factor, 1e3 * float(latency(problem.device, FLOATS).total)
+    return (
+        f"the drag is {ratio:.4g} of what contacts behind {late:.4g} ms of latency ask for {place}, short of the "
+        f"safety factor {factor:.4g} by a factor of {factor / ratio if ratio > 0 else inf:.4g}",
+        "allow a greater coupling.drag, state softer contacts in [operator], or shorten device.servo.delay",
+    )
 
 
 def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str) -> tuple[str, str]:
@@ -150,15 +172,15 @@ def _shortfall(problem: Problem, coupling: AnyCoupling, ratio: float, place: str
     )
 
 
-def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, str]:
-    """Return the least Re Z_c / R of any hand that is to be met, and where."""
+def _least_ratio(problem: Problem, gains: Gains, coupling: AnyCoupling) -> tuple[float, float, str]:
+    """Return the least Re Z_c / R of any hand that is to be met, its frequency, rad/s, and where that is in words."""
     found = []
     if problem.passive:
         minima = ratio_minima(problem, gains, coupling)
-        found.append((float(minima.value[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
+        found.append((float(minima.value[0]), float(minima.omega[0]), f"at {minima.omega[0] / (2 * pi):.4g} Hz"))
     for worst in least_ratios(problem, gains, coupling):
         hand = "any passive hand" if worst.hand is None else f"the hand of {worst.hand.in_words(problem.units)}"
-        found.append((worst.ratio, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
+        found.append((worst.ratio, worst.omega, f"at {worst.omega / (2 * pi):.4g} Hz in {hand}"))
     return min(found)
 
 
@@ -181,5 +203,7 @@ def _tight_coupling(problem: Problem, coupling: AnyCoupling) -> str:
     most = problem.bounds
     at_damping = np.isclose(coupling.damping, most.damping.max, rtol=1e-3)
     at_mass = isinstance(coupling, Coupling) and np.isclose(coupling.mass, most.mass.max, rtol=1e-3)
-    names = [name for name, tight in (("coupling.damping", at_damping), ("coupling.mass", at_mass)) if tight]
+    at_drag = isinstance(coupling, Coupling) and 0 < most.drag.max <= coupling.drag * (1 + 1e-3)
+    bounds = ("coupling.drag", at_drag), ("coupling.damping", at_damping), ("coupling.mass", at_mass)
+    names = [name for name, tight in bounds if tight]
     return " and ".join(names) if names else "coupling.damping"

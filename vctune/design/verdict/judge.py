@@ -25,12 +25,12 @@ from vctune.model.display import Display
 from vctune.model.gains import AnyCoupling, Gains, series_coupling
 from vctune.model.loop.limits import high_frequency_limit, low_frequency_limit
 from vctune.model.numbers.frequency import hertz
-from vctune.model.numbers.keys import keys_of, labelled
+from vctune.model.numbers.keys import labelled
 from vctune.model.numbers.units import UNITS, Units
-from vctune.model.problem import Problem
+from vctune.model.problem import Demands, Problem
 from vctune.proof.certificate import Certificate, certify, certify_all
-from vctune.proof.claims.array_claims import Demands
 from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.claims.registry import CLAIMS
 from vctune.proof.engine.interval import Outcome, Verdict
 from vctune.running import in_time, seconds_left, time_limit, unlimited
 
@@ -127,12 +127,13 @@ class Judgement:
     def facts(self) -> dict[str, float | str | None]:
         """The design and what is proved of it, by name and unit."""
         values, units = astuple(self.gains) + astuple(self.coupling), UNITS[self.tightest.units]
+        kind = self.kind
         return {
-            **{labelled(key, units): x for key, x in zip(keys_of(len(values)), values, strict=True)},
+            **{labelled(key, units): x for key, x in zip(kind.keys, values, strict=True) if key in kind.stated},
             "error": self.transparency.error,
             self.ratio_name: self.min_ratio,
             "at, Hz": self.worst_hz,
-            "greatest |S|": self.peak_sensitivity,
+            **({"greatest |S|": self.peak_sensitivity} if kind.own_loop else {}),
             "proved band, Hz": span(self.certificate.proved_band_hz),
         }
 
@@ -147,10 +148,11 @@ class Judgement:
     @property
     def open_claims(self) -> list[str]:
         """The claims that are not proved, each with its verdict, where it fails and on which device of a box."""
+        units, kind = UNITS[self.tightest.units], self.tightest.kind
         return [
-            f"{outcome.verdict.value}{_place(outcome, UNITS[self.tightest.units])}: {claim.value}{CUT * outcome.cut}"
-            for claim, outcome in self.certificate.outcomes.items()
-            if outcome.verdict is not Verdict.PROVED
+            f"{found.verdict.value}{_place(found, units)}: {CLAIMS[claim].said_of(kind)}{CUT * found.cut}"
+            for claim, found in self.certificate.outcomes.items()
+            if found.verdict is not Verdict.PROVED
         ]
 
     @property

@@ -92,7 +92,7 @@ def left_out(solved: Solved) -> list[Note]:
     for term in TERMS:
         if getattr(problem.transparency.weights, term) == 0:
             found.append(Note("left-out-weight", f"transparency.weights.{term}: 0"))
-        elif term not in acting_terms(problem):
+        elif term in problem.device.kind.terms and term not in acting_terms(problem):
             found.append(Note("left-out-same", f"transparency.{term}: the same for every design"))
     if problem.uncertainty is not None:
         found += [

@@ -33,6 +33,7 @@ FASTER = {
     "actuator.bandwidth_hz": "a faster actuator",
     "force_sensor.bandwidth_hz": "a faster force sensor",
     "structure.frequency_hz": "a stiffer handle",
+    "servo.bandwidth_hz": "a faster servo",
 }
 OTHER_END: dict[str | int, str | int] = {0: 1, 1: 0, "min": "max", "max": "min"}
 ONLY_UPWARDS = ("coupling.mass", "coupling.drag")
@@ -189,16 +190,17 @@ def changes_of_demands(document: dict[str, Any], problem: Problem) -> list[Param
 
 
 def _of_device(problem: Problem) -> Iterator[ParameterChange]:
-    device = problem.device
-    loop = device.mass / device.loop_lag
-    yield ParameterChange(
-        ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
-    )
+    device, loop = problem.device, _natural_impedance(problem)
+    if device.servo is None:
+        yield ParameterChange(
+            ("device", "damping"), "more device damping", device.damping, max(100 * device.damping, loop), loop
+        )
     yield ParameterChange(
         ("device", "sample_time"), "a shorter sample time", device.sample_time, device.sample_time / 100
     )
-    if device.delay > 0:
-        yield ParameterChange(("device", "delay"), "less delay", device.delay, 0.0)
+    late: KeyPath = ("device", "delay") if device.servo is None else ("device", "servo", "delay")
+    if device.latency > 0:
+        yield ParameterChange(late, "less delay", device.latency, 0.0)
     nyquist = 0.5 / device.sample_time
     for key, meaning in FASTER.items():
         rate = device.number(key)
@@ -222,7 +224,7 @@ def _of_operator(problem: Problem) -> Iterator[ParameterChange]:
     Where none of a box has a stiffness, nothing may return the handle: then stiffer hands, too.
     """
     device, low, high = problem.device, problem.hands.low, problem.hands.high
-    meaning, loop = "more damping in every hand", device.mass / device.loop_lag
+    meaning, loop = "more damping in every hand", _natural_impedance(problem)
     path: KeyPath = ("operator", "damping")
     if problem.hands_met is None:
         yield ParameterChange(path, meaning, low.damping, max(100 * low.damping, loop), loop)
@@ -265,7 +267,8 @@ def _hz(document: dict[str, Any], edge: int, omega: float) -> float:
 def _of_demands(problem: Problem) -> Iterator[ParameterChange]:
     stability = problem.stability
     most, factor = stability.max_sensitivity, stability.safety_factor
-    yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
+    if problem.device.kind.own_loop:
+        yield ParameterChange(("stability", "max_sensitivity"), "a greater |S|", most, 10 * most)
     if factor > 1:
         yield ParameterChange(("stability", "safety_factor"), "a smaller safety factor", factor, 1.0)
 
@@ -306,10 +309,17 @@ def change_of_gain(problem: Problem, key: str, old: float, limit: float) -> Para
     return ParameterChange((table, name), meaning, old, limit, _natural_sizes(problem)[key])
 
 
+def _natural_impedance(problem: Problem) -> float:
+    """Return the impedance of a device's mass at its lag, or Z_0 of a servo, which has no mass, N s/m."""
+    if problem.device.servo is not None:
+        return problem.transparency.reference_impedance
+    return problem.device.mass / problem.device.loop_lag
+
+
 def _natural_sizes(problem: Problem) -> dict[str, float]:
     """Return the natural sizes of a design's numbers by their keys."""
     tau = problem.device.loop_lag
-    loop = problem.device.mass / tau + problem.device.damping
+    loop = _natural_impedance(problem) + problem.device.damping
     Z_0 = problem.transparency.reference_impedance
     return dict(zip(KEYS, (loop, loop / tau, Z_0, Z_0 * tau, Z_0), strict=True)) | {SPRING_KEYS[3]: Z_0 / tau}
 

@@ -5,8 +5,8 @@ By the envelope theorem that is the derivative of the Lagrangian at the optimum.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import exp
+from dataclasses import dataclass, fields, replace
+from math import exp, isclose
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from vctune.design.result import Polished, Price, Solved
 from vctune.design.variables import coordinates, design_of
 from vctune.design.verdict.judge import Status
 from vctune.model.device import Device
+from vctune.model.hands import Hand, Hands
+from vctune.model.problem import Problem
 from vctune.proof.claims.whole_samples import kept_at_whole_sample, sensed_force_jumps
 from vctune.running import OutOfTimeError, check_time
 
@@ -25,6 +27,9 @@ PRICES = "the prices of the device's numbers"
 STEP = 1e-5
 """Relative change of a number over which the derivative is taken, each way: its error is about as great, and rounding
 is far below. Half and twice give the same four digits."""
+STEEPEST = 50.0
+"""d log error/d log number from which on a change is a jump, as where the delay of a servo passes a whole number of
+samples, and has no slope: of slopes none is above 10. Half and twice tell the same apart."""
 BETTER = 0.01
 """By what share a better number is better: to so much the least error is linear, but for a bend at the optimum."""
 
@@ -41,29 +46,99 @@ def with_prices(solved: Solved) -> Solved:
     if judgement is None or judgement.status is not Status.CERTIFIED or polished is None:
         return solved
     prepared = prepare(solved.problem)
-    numbers = {key: old for key, old in solved.problem.device.numbers().items() if old > 0}
     prices = []
     try:
-        here = _changed(prepared, polished, "mass", 1.0)
-        for key in numbers:
+        here = _changed(prepared, polished, _OfDevice("sample_time"), 1.0)
+        for number in _numbers(solved.problem):
             check_time()
-            prices.append(_price(prepared, polished, here, key))
+            prices.append(_price(prepared, polished, here, number))
     except OutOfTimeError:
         return replace(solved, cut=(*solved.cut, PRICES))
     return replace(solved, prices=sorted(prices, key=lambda price: price.change))
 
 
-def _price(prepared: Prepared, polished: Polished, here: _Changed, key: str) -> Price:
+@dataclass(frozen=True, slots=True)
+class _OfDevice:
+    """A number of the device, by its key in its table."""
+
+    name: str
+
+    @property
+    def key(self) -> str:
+        """The dotted key."""
+        return f"device.{self.name}"
+
+    def of(self, problem: Problem) -> float:
+        """Return its value."""
+        return float(problem.device.number(self.name))
+
+    def changed(self, device: Device, factor: float) -> Device:
+        """Return a device on which it is `factor` times as great."""
+        return device.with_numbers({self.name: factor * device.number(self.name)})
+
+    def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
+        """Return a hand of the box, which stays as it is."""
+        return hand
+
+
+@dataclass(frozen=True, slots=True)
+class _OfHands:
+    """An end of what the hands have: the least or the greatest mass, damping or stiffness, or both where they are one.
+
+    Attributes
+    ----------
+    name : of what they have
+    end : "min", "max", or "" for both
+    """
+
+    name: str
+    end: str
+
+    @property
+    def key(self) -> str:
+        """The dotted key."""
+        return f"operator.{self.name}.{self.end}".rstrip(".")
+
+    def of(self, problem: Problem) -> float:
+        """Return its value."""
+        return float(getattr(problem.hands.low if self.end == "min" else problem.hands.high, self.name))
+
+    def changed(self, device: Device, factor: float) -> Device:
+        """Return a device, which stays as it is."""
+        return device
+
+    def held(self, hand: Hand, hands: Hands, factor: float) -> Hand:
+        """Return a hand of a box, moved with the end that it is at."""
+        value = getattr(hand, self.name)
+        edge = getattr(hands.low if self.end == "min" else hands.high, self.name)
+        return replace(hand, **{self.name: factor * value}) if isclose(value, edge) else hand
+
+
+def _numbers(problem: Problem) -> list[_OfDevice | _OfHands]:
+    """Return what has a price: each number of the device and, where no loop of its own is designed, of the hands."""
+    found: list[_OfDevice | _OfHands] = [_OfDevice(name) for name, old in problem.device.numbers().items() if old > 0]
+    if problem.device.kind.own_loop:
+        return found
+    low, high = problem.hands.low, problem.hands.high
+    for part in fields(Hand):
+        least, most = getattr(low, part.name), getattr(high, part.name)
+        ends = [("", most)] if least == most else [("min", least), ("max", most)]
+        found += [_OfHands(part.name, end) for end, value in ends if value > 0]
+    return found
+
+
+def _price(prepared: Prepared, polished: Polished, here: _Changed, number: _OfDevice | _OfHands) -> Price:
     """Return the price of a number: of more or less of it, whichever lowers the error."""
-    old = prepared.problem.device.number(key)
-    less, more = (_changed(prepared, polished, key, factor) for factor in (1 - STEP, 1 + STEP))
+    old = number.of(prepared.problem)
+    less, more = (_changed(prepared, polished, number, factor) for factor in (1 - STEP, 1 + STEP))
     optimised = compared(prepared.given).error(*design_of(prepared.units.to_si(polished.values))) ** 2
 
     def error2(at: _Changed) -> float:
         return optimised * exp(2 * (at.lagrangian - here.lagrangian)) + at.others2
 
-    change, sign = min((error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more)))
-    return Price(f"device.{key}", old, old * (1 + sign * BETTER), min(change / 2 * BETTER / STEP, 0.0))
+    changes = [(error2(at) / error2(here) - 1, sign) for sign, at in ((-1, less), (1, more))]
+    change, sign = min((each for each in changes if abs(each[0]) < 2 * STEP * STEEPEST), default=(0.0, -1))
+    return Price(number.key, old, old * (1 + sign * BETTER), min(change / 2 * BETTER / STEP, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,11 +155,14 @@ class _Changed:
     others2: float
 
 
-def _changed(prepared: Prepared, polished: Polished, key: str, factor: float) -> _Changed:
-    """Return what there is on devices one of whose numbers is changed, all else the same in SI units."""
+def _changed(prepared: Prepared, polished: Polished, number: _OfDevice | _OfHands, factor: float) -> _Changed:
+    """Return what there is where a number of devices or hands is changed, all else the same in SI units."""
 
     def changed(device: Device) -> Device:
-        return device.with_numbers({key: factor * device.number(key)})
+        return number.changed(device, factor)
+
+    def held(hand: Hand) -> Hand:
+        return number.held(hand, prepared.scaled.problem.hands, factor)
 
     def posed_on(device: Device) -> Device:
         if problem.hands_met is None or not sensed_force_jumps(device, problem.hands_met):
@@ -95,7 +173,7 @@ def _changed(prepared: Prepared, polished: Polished, key: str, factor: float) ->
     law = design_of(design)
     other = prepare(replace(problem, device=changed(problem.device)))
     posed, values = other.scaled, other.units.to_dimensionless(design)
-    working_set = polished.working_set.on_devices(posed_on, other.units.time / prepared.units.time)
+    working_set = polished.working_set.on_devices(posed_on, other.units.time / prepared.units.time, held)
     free = coordinates(posed.problem, integrator=structure.integrator)
     box = np.array([each.low for each in free]), np.array([each.high for each in free])
     given = numbers_of(posed, structure, free, values, box, working_set, polished.tightening)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import radians
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import ConfigDict, Field, model_validator
 
 from vctune.document.records.part import DisplayPart, Number, Pair, Part, Row, Shown, text
 from vctune.model.device import Unmodelled
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.units import Units
+from vctune.proof.claims.registry import ClaimId
 
 ENVIRONMENTS = "with every environment that is passive as the firmware runs it"
 
@@ -89,12 +90,35 @@ class EnvironmentRecord(Part):
         return f"{text(self.hz, 6)} Hz with {rendered}, e-fold in {text(1 / self.growth_per_s, 3)} s"
 
 
+WITHOUT_ID: dict[str, ClaimId] = {
+    "Re G_hh > 0 and Re Z_c >= R on the band": "passive",
+    "Re G_hh > 0 and Re Z_c >= safety_factor R on the band": "passive",
+    "|S| <= max_sensitivity up to Nyquist": "sensitivity",
+    "|S| <= max_sensitivity of the sampled loop up to Nyquist": "sensitivity",
+    "no pole of the frequency model in the closed right half plane": "stable_model",
+    "spectral radius of the sampled loop below 1": "stable",
+    "|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled": "unmodelled",
+    "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "any_hand",
+    "stable in every hand with every passive environment, Re Z_c >= safety_factor R up to Nyquist": "hands",
+    "stable in every hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist": "hands",
+}
+"""The sentences by which files name claims that were written before claims had identifiers. No new ones come."""
+
+
+def _id_may_lack(schema: dict[str, Any]) -> None:
+    schema["required"].remove("id")
+
+
 class ClaimRecord(Part):
     """A claim, where, on which device and in which hand it fails, and what makes it grow there.
 
-    Where the time limit `cut` its proof it is undecided.
+    Where the time limit `cut` its proof it is undecided. Its sentence is for people, in the words of the version that
+    wrote it; programs ask for its `id`.
     """
 
+    model_config = ConfigDict(json_schema_extra=_id_may_lack)
+
+    id: ClaimId
     claim: str
     verdict: Proof
     witness_hz: Number
@@ -102,6 +126,17 @@ class ClaimRecord(Part):
     witness_hand: HandRecord | None = None
     environment: EnvironmentRecord | None = None
     cut: bool = False
+
+    @model_validator(mode="before")
+    @classmethod
+    def _identified(cls, value: Any) -> Any:
+        """Give a claim of an older file its identifier."""
+        if not isinstance(value, dict) or "id" in value or "claim" not in value:
+            return value
+        sentence = value["claim"]
+        if not isinstance(sentence, str) or sentence not in WITHOUT_ID:
+            raise ValueError(f"{sentence!r} is no claim of vctune's, and there is no id")
+        return {"id": WITHOUT_ID[sentence], **value}
 
     def rows(self, units: Units) -> Iterator[Row]:
         """Yield what is shown of a claim that is not proved; its text is too long for a label."""

@@ -14,6 +14,7 @@ from vctune.document.schema.statement import statement
 from vctune.document.schema.validation import KeyPath, dotted
 from vctune.model.numbers.units import Units
 from vctune.model.problem import Problem
+from vctune.model.transparency import TERMS
 
 UNCOMPARED = ("name", "description", "experiment")
 """Keys of a problem that designing does not look at."""
@@ -95,8 +96,17 @@ def comparison(a: Side, b: Side) -> ComparisonRecord:
     a, b : the designs, measured alike
     """
     return ComparisonRecord(
-        a=_side(a), b=_side(b), problem=_differences(a.problem, b.problem), design=list(_values(a, b))
+        a=_side(a),
+        b=_side(b),
+        problem=_differences(a.problem, b.problem),
+        design=[value for value in _values(a, b) if not (_absent(value, a.problem) and _absent(value, b.problem))],
     )
+
+
+def _absent(value: ValueRecord, problem: Problem) -> bool:
+    """Return whether a number is always 0 of a kind of display."""
+    kind, last = problem.device.kind, value.key.rpartition(".")[2]
+    return value.key in kind.absent or (last in TERMS and last not in kind.terms)
 
 
 def _side(side: Side) -> SideRecord:

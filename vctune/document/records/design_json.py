@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field, model_validator
 
 from vctune.document.records.certificate_json import CertificateRecord, DeviceRecord, InnerLoopRecord
+from vctune.document.records.contact_json import ContactRecord
 from vctune.document.records.gains_json import (
     AnyCouplingRecord,
     CouplingRecord,
@@ -22,6 +23,7 @@ from vctune.document.records.gains_json import (
 )
 from vctune.document.records.part import Document, Number, Pair, Part, Row, Shown, how_shown, text
 from vctune.document.records.price_json import PriceRecord
+from vctune.model.display import DISPLAYS
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.numbers.units import UNITS, Units
 from vctune.model.transparency import TermName
@@ -129,6 +131,7 @@ class DesignRecord(Document):
     GROUPS: ClassVar[dict[str, str]] = {
         "gains": "gains",
         "coupling": "coupling",
+        "contact": "contact",
         "transparency": "transparency",
         "certificate": "certificate",
         "uncertainty": "uncertainty",
@@ -150,6 +153,7 @@ class DesignRecord(Document):
     idle: bool = False
     repairs: list[RepairRecord] | None = None
     prices: list[PriceRecord] | None = None
+    contact: ContactRecord | None = None
     alternatives: list[AlternativeRecord] | None = None
     at_bound: list[str]
     left_out: list[str]
@@ -163,7 +167,7 @@ class DesignRecord(Document):
     @model_validator(mode="after")
     def _whole(self) -> DesignRecord:
         judged: list[Any] = [self.coupling, self.transparency, self.certificate]
-        looped = self.transparency is None or self.transparency.display != "servo"
+        looped = self.transparency is None or DISPLAYS[self.transparency.display].own_loop
         judged += [self.inner_loop] if looped else []
         if any((part is None) != (self.gains is None) for part in judged):
             raise ValueError(
@@ -223,6 +227,6 @@ class DesignRecord(Document):
         found = {title: list(part.rows(self.units)) for title, part in parts.items() if part is not None}
         if isinstance(self.coupling, SpringRecord):  # which has no K_p
             found["gains"] = found["gains"][:1]
-        if self.transparency is not None and self.transparency.display == "servo":
+        if self.transparency is not None and not DISPLAYS[self.transparency.display].own_loop:
             del found["gains"]
         return found

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from math import inf
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag
 
-from vctune.document.records.part import DisplayPart, Number, Part, Shown
+from vctune.document.records.part import DisplayPart, Number, Part, Row, Shown, filled, how_shown
 from vctune.model.device import Device
+from vctune.model.display import DISPLAYS
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
-from vctune.model.numbers.units import UnitSystem
+from vctune.model.numbers.units import Units, UnitSystem
+from vctune.model.transparency import TERMS
 
 NotNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
@@ -93,6 +96,12 @@ class TransparencyRecord(DisplayPart):
     admittance: Annotated[Number, Shown("{free_motion}")]
     tracking: Annotated[Number, Shown("{missed}")]
     coupling: Annotated[Number, Shown("{given_way}")]
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the error and those of its terms that are not always 0."""
+        absent = {filled(self, shown.label, units) for term, shown in how_shown(type(self)).items()
+                  if term in TERMS and term not in DISPLAYS[self.display].terms}  # fmt: skip
+        yield from (row for row in super().rows(units) if row.label not in absent)
 
     @property
     def free_motion(self) -> str:

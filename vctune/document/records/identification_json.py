@@ -18,6 +18,9 @@ from vctune.model.numbers.units import UNITS, Units
 FILE, DEVICE_FILE, EXCITATION_FILE = "identification.json", "device.toml", "excitation.csv"
 STROKE = {"to": 0.05, "speed": 0.01}
 """Of the hand in the experiment, m and m/s; it is shorter where that would be too many samples."""
+GRIP = 0.1
+ROTARY_HAND = {"mass": 0.005, "damping": 0.3, "stiffness": 30.0}
+"""Hands of a linear device so far from an axis, m: a rotary servo has no inertia to go by."""
 STEP = 1e-5
 """What shares are rounded up to, so that the box as written holds the box as found."""
 
@@ -165,7 +168,10 @@ def device_text(record: IdentificationRecord) -> str:
     document: dict[str, Any] = {"name": record.name}
     document |= {"description": record.description} if record.description else {}
     document["device"] = device
-    document["stability"] = {"criterion": "passive"}
+    if "servo" not in device:
+        document["stability"] = {"criterion": "passive"}
+    elif record.rotary:
+        document["operator"] = {name: {"min": 0.0, "max": most} for name, most in ROTARY_HAND.items()}
     document["uncertainty"] = {each.key: each.share for each in record.numbers}
     if record.unmodelled:
         document["uncertainty"]["unmodelled"] = record.unmodelled
@@ -223,6 +229,8 @@ def _annotated(text: str, notes: dict[str, str], record: IdentificationRecord) -
             lines.append(
                 '# "both" proves every human hand too; over so many uncertain numbers that may take many minutes'
             )
+        if heading == "[operator]" and line == heading:
+            lines.append(f"# assumed: vctune's hand, {GRIP:g} m from the axis; write whose it is")
         if heading == "[[experiment]]" and line == heading:
             whose = "those of a linear device, times inertia" if record.rotary else "vctune's defaults"
             lines.append(f"# Friction and noise as they were found; hand and motion are {whose}.")

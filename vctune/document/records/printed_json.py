@@ -61,7 +61,7 @@ class BenchRecord(Document):
 class EntryRecord(Part):
     """What a guide says of a name, in Markdown; no text in a list of what there is."""
 
-    kind: Literal["code", "key", "term"]
+    kind: Literal["code", "key", "term", "claim"]
     name: str
     text: str
     guide: str

@@ -132,11 +132,17 @@ class SimulationRecord(Document):
     experiments: Annotated[list[ExperimentRecord], Field(min_length=1)]
     versions: dict[str, str | None]
     controller: str | None = None
+    commanded: Literal["velocity", "position"] | None = None
 
     @property
     def units(self) -> Units:
         """Of everything in it."""
         return UNITS[self.problem.units]
+
+    @property
+    def command_unit(self) -> str:
+        """Unit of what the firmware commands: a force, but for the velocity or the position of a servo."""
+        return {"velocity": self.units.speed, "position": self.units.position, None: self.units.force}[self.commanded]
 
     def is_of(self, design: DesignRecord) -> bool:
         """Whether it is of the very design and experiments of a design.json, and not of a firmware in its place."""

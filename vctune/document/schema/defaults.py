@@ -174,7 +174,8 @@ def _stability(table: StabilityTable, criterion: Criterion, device: Device, lag:
         band = Band(2 * pi * low, 2 * pi * high if high < inf else inf)
     else:
         band = Band(slowest, 2 * pi * (0.05 / lag if device.kind.banded else 0.5 / device.sample_time))
-    return Stability(band, table.safety_factor, table.max_sensitivity, criterion)
+    own = table.model_dump(exclude={"band_hz", "criterion"})
+    return Stability(band, criterion=criterion, **own)
 
 
 def device_of(table: DeviceTable | ServoDeviceTable) -> Device:

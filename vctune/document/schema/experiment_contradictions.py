@@ -7,11 +7,19 @@ from math import pi
 from typing import Any
 
 from vctune.document.schema.experiment_schema import EnvironmentTable, SceneOperatorTable
+from vctune.document.schema.number_units import units_stated
 from vctune.document.schema.validation import Contradiction
 from vctune.document.text.raw import number_at
 
 LEAST_STROKE = 4
 MOST_SAMPLES = 5_000_000
+OF_OWN_LOOP: dict[tuple[str, ...], str] = {
+    ("friction",): "the hand does not move it, and its motion follows the command whatever rubs",
+    ("sensors", "position_resolution"): "the firmware reads no position of it",
+    ("actuator", "limit"): "the firmware commands no force",
+    ("baseline",): "a regular PID commands a force, which it does not take",
+}
+"""What the experiment of a servo has not got."""
 
 
 def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
@@ -26,7 +34,7 @@ def impossible_experiments(raw: dict[str, Any]) -> Iterator[Contradiction]:
         if isinstance(table.get("name"), str) and table["name"] in names:
             yield ("experiment", index, "name"), f"{table['name']!r} is the name of another experiment; choose its own"
         names.append(table.get("name"))
-        for path, message in (*_hand(raw, table), *_rendering(table), *_hardware(table)):
+        for path, message in (*_hand(raw, table), *_rendering(table), *_hardware(table), *_of_servo(raw, table)):
             yield ("experiment", index, *path), message
 
 
@@ -89,3 +97,16 @@ def _hardware(table: dict[str, Any]) -> Iterator[Contradiction]:
     coulomb, stiction = number_at(table, "friction", "coulomb"), number_at(table, "friction", "stiction")
     if coulomb is not None and stiction is not None and stiction < coulomb:
         yield ("friction", "stiction"), f"{stiction:g} is below coulomb = {coulomb:g}; swap them"
+
+
+def _of_servo(raw: dict[str, Any], table: dict[str, Any]) -> Iterator[Contradiction]:
+    device = raw.get("device")
+    if not isinstance(device, dict) or "servo" not in device:
+        return
+    for path, reason in OF_OWN_LOOP.items():
+        stated: Any = table
+        for key in path:
+            stated = stated.get(key) if isinstance(stated, dict) else None
+        if stated not in (None, 0):
+            told = units_stated(raw).translated(reason)
+            yield path, f"means nothing with [device.servo]: {told}; leave it out"

@@ -85,6 +85,13 @@ class ColumnsTable(Table):
     hand: Column | None = Field(None, description="Force of the hand on the handle, as sensed.")
     handle: Column | None = Field(None, description="Position of the handle behind a spring, where it is measured too.")
     reference: Column | None = Field(None, description="Position that the firmware was told; used as an instrument.")
+    velocity_command: Column | None = Field(
+        None, description="Velocity that a servo was sent (--servo); held until the next sample."
+    )
+    position_command: Column | None = Field(
+        None,
+        description="Position that a servo was sent (--servo), in place of a velocity; interpolated over a sample.",
+    )
 
 
 class KnownVelocityTable(VelocityTable):

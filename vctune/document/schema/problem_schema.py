@@ -305,10 +305,10 @@ class UncertaintyTable(Table):
 
 
 class AxisTable(Table):
-    """One of several axes that do not couple: a problem of the file's tables, where these do not state otherwise."""
+    """One of several axes that do not couple: a problem of the file's tables and of these, which override them."""
 
     name: Text = Field(description='Name of the axis and of its folder, such as "x".')
-    device: dict[str, Any] = Field(default_factory=dict, description="Keys of [device] that it has otherwise.")
+    device: dict[str, Any] = Field(default_factory=dict, description="Keys of [device] that this axis has otherwise.")
     operator: dict[str, Any] = Field(default_factory=dict, description="Keys of [operator], likewise.")
     gains: dict[str, Any] = Field(default_factory=dict, description="Keys of [gains], likewise.")
     coupling: dict[str, Any] = Field(default_factory=dict, description="Keys of [coupling], likewise.")

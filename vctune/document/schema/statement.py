@@ -25,6 +25,7 @@ def statement(problem: Problem) -> dict[str, Any]:
     device = table_of(problem.device)
     operator = device.pop("operator", None)
     transparency, stability = problem.transparency, problem.stability
+    absent = ("band",) if problem.device.kind.own_loop else ("band", "max_sensitivity")
     if problem.hands_met is not None:
         low, high = asdict(problem.hands.low), asdict(problem.hands.high)
         operator = {name: {"min": low[name], "max": high[name]} for name in low}
@@ -42,9 +43,7 @@ def statement(problem: Problem) -> dict[str, Any]:
         },
         "stability": {
             **({"band_hz": _hz(stability.band)} if problem.device.kind.banded else {}),
-            "safety_factor": stability.safety_factor,
-            "max_sensitivity": stability.max_sensitivity,
-            "criterion": stability.criterion,
+            **{name: value for name, value in asdict(stability).items() if name not in absent and value is not None},
         },
     }
     if problem.uncertainty is not None:
@@ -91,7 +90,7 @@ def _bounds(bounds: Bounds, keys: Sequence[str]) -> dict[str, Any]:
     tables: dict[str, Any] = {"gains": {}, "coupling": {}}
     for table, name in (key.split(".") for key in keys):
         tables[table][name] = variable(getattr(bounds, name))
-    return tables
+    return {table: stated for table, stated in tables.items() if stated}
 
 
 def _hz(band: Band) -> list[float]:

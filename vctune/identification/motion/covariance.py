@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import erf, sqrt
+from typing import Protocol
 
 import numpy as np
 
@@ -14,12 +15,20 @@ BLOCK = 1 << 16
 """Rows that are summed at once."""
 
 
-def robust_covariance(scores: Floats, information: Floats, reach: int) -> Floats:
+class Scores(Protocol):
+    """Residual times sensitivity, shape (n, p), each row of a sample or line: an array, or what makes rows of one."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def __getitem__(self, rows: slice, /) -> Floats: ...
+
+
+def robust_covariance(scores: Scores, information: Floats, reach: int) -> Floats:
     """Return the covariance of estimates whose residuals are correlated (Newey and West).
 
     Parameters
     ----------
-    scores : shape (n, p), residual times sensitivity, each row of a sample or line
+    scores : shape (n, p)
     information : shape (p, p), of the sensitivities
     reach : how many rows residuals are correlated over
 
@@ -41,6 +50,25 @@ def robust_covariance(scores: Floats, information: Floats, reach: int) -> Floats
         middle += within.T @ within / window
     inverse = np.linalg.inv(information)
     return np.asarray(inverse @ middle @ inverse)
+
+
+def least_squares(sensitivity: Floats, measured: Floats) -> Floats:
+    """Return the numbers that explain what was measured best, as NumPy does but without a copy of a long table.
+
+    Block after block of rows is reduced to the triangle of its QR factors, which has the same least squares.
+
+    Parameters
+    ----------
+    sensitivity : shape (n, p)
+    measured : shape (n,)
+    """
+    count = sensitivity.shape[1]
+    triangle = np.zeros((0, count + 1))
+    for first in range(0, len(measured), BLOCK):
+        rows = slice(first, first + BLOCK)
+        block = np.column_stack([sensitivity[rows], measured[rows]])
+        triangle = np.asarray(np.linalg.qr(np.vstack([triangle, block]), mode="r"))
+    return np.asarray(np.linalg.lstsq(triangle[:, :count], triangle[:, count], rcond=None)[0])
 
 
 def joint_factor(count: int) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vctune.document.recording import Floats
-from vctune.identification.motion.covariance import robust_covariance
+from vctune.identification.motion.covariance import least_squares, robust_covariance
 from vctune.identification.motion.signals import Signals, acceleration
 from vctune.identification.motion.spectral_filters import Complex, edge, filtered, smooth, stride
 
@@ -125,7 +125,7 @@ def motion_fit(
         sensitivity[:, at] = column[kept]
     for _ in range(STEPS):
         force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
-        moved = np.linalg.lstsq(sensitivity, force, rcond=None)[0][linear:]
+        moved = least_squares(sensitivity, force)[linear:]
         delays = {
             **delays,
             **{
@@ -136,7 +136,7 @@ def motion_fit(
         if not free or np.abs(moved).max() < 1e-4 * step:
             break
     force = _pushed(signals, cutoff_hz, delays, free, kept, sensitivity[:, linear:])
-    theta = np.linalg.lstsq(sensitivity[:, :linear], force, rcond=None)[0]
+    theta = least_squares(sensitivity[:, :linear], force)
     residual = force - sensitivity[:, :linear] @ theta
     information = sensitivity.T @ sensitivity
     fit = MotionFit(
@@ -160,11 +160,38 @@ def _covariance(
     sensitivity: Floats, residual: Floats, information: Floats, kept: Flags, cutoff_hz: float, step: float
 ) -> Floats:
     """Return the covariance, residuals in their place in time: what was dropped is 0."""
-    scores = np.zeros((kept.size, sensitivity.shape[1]))
-    for score, slope in zip(scores.T, sensitivity.T, strict=True):
-        score[kept] = slope * residual
     reach = int(min(max(MEMORY, 3 / cutoff_hz) / step, 0.1 * kept.size))
+    scores = PlacedScores(sensitivity, residual, np.flatnonzero(kept), kept.size)
     return robust_covariance(scores, information, reach)
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedScores:
+    """Residual times sensitivity at every sample in time, of which no more is made at once than is summed.
+
+    Attributes
+    ----------
+    sensitivity, residual : at the samples that count
+    places : of those, rising
+    count : of all samples
+    """
+
+    sensitivity: Floats
+    residual: Floats
+    places: NDArray[np.int64]
+    count: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.count, self.sensitivity.shape[1]
+
+    def __getitem__(self, rows: slice) -> Floats:
+        first, last = np.searchsorted(self.places, (rows.start, rows.stop))
+        placed = np.zeros((rows.stop - rows.start, self.sensitivity.shape[1]))
+        placed[self.places[first:last] - rows.start] = (
+            self.sensitivity[first:last] * self.residual[first:last, np.newaxis]
+        )
+        return placed
 
 
 def _pushed(

@@ -10,6 +10,7 @@ import numpy as np
 
 from vctune.document.log import LogMap
 from vctune.document.recording import Floats, Recording
+from vctune.document.text.codes import Note
 from vctune.document.text.errors import InputError, Mistake
 from vctune.identification.box import COULOMB_SHARE, Estimate
 from vctune.identification.known import known_delays
@@ -27,6 +28,7 @@ SUSPICIOUS = 0.05
 """Residual, of the force, from which on it is tried whether the two columns are swapped."""
 CLEAR = 2.0
 """Difference between the directions, in standard deviations, from which on they are two."""
+FRICTION = Note("limit-friction", "friction is not quite Coulomb's")
 MASSES = {False: (1e-4, 5e3), True: (1e-8, 5e3)}
 """What a haptic device can weigh, kg and, if it is rotary, kg m2."""
 
@@ -108,7 +110,10 @@ class MotionStudy:
             ]
         else:
             found = [(self.symmetric.value("damping"), self.symmetric.sigma("damping"), "both ways")]
-        return [Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb)) for value, sigma, way in found]
+        return [
+            Estimate("damping", value, sigma, f"{text}, {way}", (coulomb, coulomb), reason=FRICTION)
+            for value, sigma, way in found
+        ]
 
 
 def motion_study(recording: Recording, sample_time: float, actuator: Actuator | None, known: LogMap) -> MotionStudy:

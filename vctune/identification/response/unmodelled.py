@@ -37,7 +37,7 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
     """
     held, omega = measured.input == "command", measured.position.omega
     needed = np.full(omega.size, np.inf)
-    for tried in _devices(device, bounds):
+    for tried in devices(device, bounds):
         motor = compliances(tried, omega)[0]
         line = measured.position.ratio + motor * coulomb * measured.friction
         model = held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay)
@@ -45,7 +45,14 @@ def distances(device: Device, bounds: Sequence[Bounded], measured: Response, cou
     return needed
 
 
-def _devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
+def devices(device: Device, bounds: Sequence[Bounded]) -> list[Device]:
+    """Return devices of a box: its middle, corners and any others.
+
+    Parameters
+    ----------
+    device : in the middle
+    bounds : the box; numbers that the device has not got are not looked at
+    """
     has = device.numbers()
     varied = [bounded for bounded in bounds if bounded.key in has]
     random = np.random.default_rng(SEED).uniform(-1, 1, (TRIED, len(varied)))
@@ -78,7 +85,7 @@ def covered(
     x, y = np.log(np.array(radii)).T
     radius = np.exp(np.interp(np.log(omega / (2 * np.pi)), x, y))
     responses = []
-    for tried in _devices(device, bounds):
+    for tried in devices(device, bounds):
         motor = compliances(tried, omega)[0]
         responses.append(held_compliance(tried, omega) if held else motor * np.exp(-1j * omega * tried.delay))
     found = np.array(responses)

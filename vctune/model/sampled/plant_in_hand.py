@@ -161,9 +161,8 @@ def plant_in_hand(device: Device, hand: Hand, delays: Delays, ops: Arithmetic) -
         Its numbers of the shape of the device's and the hand's.
     """
     if device.servo is not None:
-        alone = SensedDelay(delays.loop, delays.loop_fractional)
-        servo_delay = SensedDelay(delays.felt, delays.felt_fractional, alone)
-        return ServoInHand(servo_plant(device, servo_delay, ops), hand)
+        own = SensedDelay(delays.loop, delays.loop_fractional)
+        return ServoInHand(servo_plant(device, SensedDelay(delays.felt, delays.felt_fractional, own), ops), hand)
     T, sensor, estimate = device.sample_time, device.force_sensor, device.velocity
     parts = _mechanism(device, hand, ops)
     at = {name: index for index, name in enumerate(parts.names)}

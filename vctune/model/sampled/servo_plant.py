@@ -19,7 +19,7 @@ and likewise G_v and G_a with 2 j s V and 2 j s A in the place of X. A filter y 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from math import comb
@@ -42,6 +42,10 @@ class Numerator:
 
     even: Vector
     odd: Vector
+
+    def converted(self, number: Callable[[Number], Number]) -> Numerator:
+        """Return it in numbers of another arithmetic."""
+        return Numerator(tuple(map(number, self.even)), tuple(map(number, self.odd)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +70,19 @@ class ServoPlant:
     interpolated: bool
     sample_time: Number
     pull: Pull | None = None
+
+    def converted(self, number: Callable[[Number], Number]) -> ServoPlant:
+        """Return the plant in numbers of another arithmetic."""
+        pull = self.pull
+        return replace(
+            self,
+            size=tuple(map(number, self.size)),
+            acceleration=self.acceleration.converted(number),
+            velocity=self.velocity.converted(number),
+            position=self.position.converted(number),
+            sample_time=number(self.sample_time),
+            pull=pull and Pull(pull.plant.converted(number), number(pull.stiffness)),
+        )
 
 
 @dataclass(frozen=True, slots=True)

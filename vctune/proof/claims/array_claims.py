@@ -10,19 +10,28 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from flint import ctx
 
 from vctune.model.device import Device
-from vctune.model.hands import HAND, Hand, Hands
+from vctune.model.hands import HAND, Hand
 from vctune.model.loop.device_response import DeviceResponse, device_response
 from vctune.model.loop.llewellyn import required_resistance
 from vctune.model.loop.loop import loop_response
 from vctune.model.numbers.arithmetic import ArrayArithmetic, Number
 from vctune.model.numbers.pair import Pair
+from vctune.model.problem import Demands
 from vctune.model.sampled.any_hand import any_hand
 from vctune.model.sampled.hand_loop import loop_in_hand, required_in_hand, room
 from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.let_go import Plant, has_sharp_form, plant_let_go, return_difference
-from vctune.model.sampled.plant_in_hand import AnyPlantInHand, Delays, PlantInHand, delays_of, plant_in_hand
+from vctune.model.sampled.plant_in_hand import (
+    AnyPlantInHand,
+    Delays,
+    PlantInHand,
+    ServoInHand,
+    delays_of,
+    plant_in_hand,
+)
 from vctune.model.sampled.velocity_loop import sampled_plant, split_delay
 from vctune.proof.claims.margins_of_claims import (
     Design,
@@ -44,6 +53,7 @@ from vctune.proof.claims.margins_of_claims import (
     sensitivity_sufficient_margin,
     unmodelled_margin,
 )
+from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, device_ball, enclosure_of
 from vctune.proof.enclosures.array_intervals import Enclosure, decimal
 from vctune.proof.enclosures.jets import ENCLOSURES as OPS
 from vctune.proof.engine.box_tests import Curve, Margin
@@ -58,30 +68,6 @@ AT_REST = (0, 1 + HAND.index("operator.stiffness"))
 
 OFFSET, SLOPE = "offset of the bound", "slope of the bound"
 """Of what is required in all hands, as rows of boxes (`vctune.proof.claims.envelope`)."""
-
-
-@dataclass(frozen=True, slots=True)
-class Demands:
-    """What a design has to meet.
-
-    Attributes
-    ----------
-    device : the device
-    band : rad/s, of Llewellyn's conditions; may be (0, inf)
-    factor : least Re Z_c / R
-    max_sensitivity : greatest |S| of the sampled loop
-    passive : whether any passive hand is to be met on the band
-    any_hand : whether any passive hand is to be met on an impedance display, at every frequency
-    hands : the hands that are to be met at every frequency of the sampled loop; None for none
-    """
-
-    device: Device
-    band: tuple[float, float]
-    factor: float
-    max_sensitivity: float
-    passive: bool = True
-    any_hand: bool = False
-    hands: Hands | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -312,6 +298,13 @@ def _plant_in_hand(
 ) -> Callable[[Values], AnyPlantInHand]:
     """Return the device in a hand as a function of values, sampled once for boxes of the same hand and device."""
     exact, rows = nominal.converted(decimal), HAND + tuple(f"device.{key}" for key in uncertain)
+
+    if nominal.servo is not None and not uncertain:  # sampled once, in balls, which leave enclosures of half a digit
+        with ctx.workprec(PRECISION):
+            known = plant_in_hand(device_ball(nominal), Hand(0, 0, 0), delays, BALLS)
+        assert isinstance(known, ServoInHand)
+        servo = known.plant.converted(enclosure_of)
+        return lambda v: ServoInHand(servo, Hand(*(v[name] for name in HAND)))
 
     def plant(mass: Number, damping: Number, stiffness: Number, *numbers: Number) -> AnyPlantInHand:
         device = exact.with_numbers(dict(zip(uncertain, numbers, strict=True)))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vctune.proof.claims.array_claims import Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import claims_of
 from vctune.proof.claims.encirclements import by_integrator
 from vctune.proof.claims.many_designs import Places, lower_bound_at
 from vctune.proof.enclosures.array_intervals import Flags, Floats
@@ -19,10 +20,12 @@ from vctune.proof.engine.boxes import Cells
 GUARD = 1e-14
 """Covers the rounding of what a cell asks of b_c, relative: 90 units of u = 2^-53.
 
-factor R - b_0 may cancel: the product is off by u factor R, and the raised b_0 and the lowered difference together give
-away `GUARD` (b_0 + (factor R - b_0)), 90 times as much. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is
-a dozen operations on positive numbers, a tangent of 8 units in the last place among them; `ROUNDING_OF_BOUNDS`
-covers them 1e5 times. Half and twice it decide alike.
+factor R - b_0 may cancel. It is rounded 5 times: the product is off by u factor R, 1 + `GUARD` and its product with
+b_0 by 2 u b_0, the difference and its product with 1 - `GUARD`, itself exact to u, by 3 u of the difference. The
+raised b_0 and the lowered difference together give away `GUARD` (b_0 + (factor R - b_0)) = `GUARD` factor R, 22 times
+the 4 u factor R that these make at most. M - 2 r is exact where it cancels (Sterbenz 1974), the rest is a dozen
+operations on positive numbers, a tangent of 8 units in the last place among them; `ROUNDING_OF_BOUNDS` covers them 1e5
+times. Half and twice it decide alike.
 """
 ROUNDING_OF_BOUNDS = 1e-9
 """By how much more than rounding two demands on b_c have to exclude each other. Half and twice it decide alike, but

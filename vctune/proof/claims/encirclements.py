@@ -13,7 +13,8 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.hands import HAND
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic
-from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.margins_of_claims import HALF_TURN
 from vctune.proof.claims.model_poles import NEAR, curve_end, final_angle
 from vctune.proof.enclosures.array_intervals import Flags, Floats, decimal

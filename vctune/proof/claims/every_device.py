@@ -12,7 +12,8 @@ import numpy as np
 from vctune.model.device import Device
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
-from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.conditions import EXTENSION_BOXES, LOWEST_EDGE
 from vctune.proof.claims.encirclements import model_curve_end
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, outwards, resistance_apart
@@ -122,7 +123,7 @@ def prove_conditions_for_all(robust: RobustDesign, alone: NominalProof) -> Outco
     Outcome
         Refuted with a device that fails by itself.
     """
-    return _outcome(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
+    return outcome_for_all(robust, _conditions(robust, *outwards(robust.demands.band), MAX_BOXES), alone)
 
 
 def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -> list[Proofs]:
@@ -134,16 +135,18 @@ def _conditions(robust: RobustDesign, low: float, high: float, max_boxes: int) -
     )
     parts, finite = [], beyond if high == inf else high
     if robust.box.nominal.unmodelled is not None:
-        parts += [_part(robust, positive(margin, robust.values), low, finite, max_boxes) for margin in claims.clamped]
+        parts += [
+            part_over_band(robust, positive(margin, robust.values), low, finite, max_boxes) for margin in claims.clamped
+        ]
     if resistance_apart(robust.box.nominal):
-        parts.append(_part(robust, positive(claims.resistance, robust.values), low, finite, max_boxes))
+        parts.append(part_over_band(robust, positive(claims.resistance, robust.values), low, finite, max_boxes))
     if low < turning:
-        parts.append(_part(robust, test, low, min(turning, finite), max_boxes))
+        parts.append(part_over_band(robust, test, low, min(turning, finite), max_boxes))
     if turning < finite:
         parts.append(_whatever_phase(robust, claims.conditions, max(low, turning), finite, max_boxes))
     if high == inf:
         parts.append(
-            _part(robust, positive(claims.conditions_near_infinity, robust.values), 0.0, 1 / beyond, max_boxes)
+            part_over_band(robust, positive(claims.conditions_near_infinity, robust.values), 0.0, 1 / beyond, max_boxes)
         )
     return parts
 
@@ -199,7 +202,9 @@ def prove_sensitivity_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
     """
     claims = robust.claims()
     test = positive(claims.sensitivity, robust.values)
-    return _outcome(robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES, at_ends=True), alone)
+    return outcome_for_all(
+        robust, _around_circle(robust, test, claims.sensitivity_any_phase, MAX_BOXES, at_ends=True), alone
+    )
 
 
 def _around_circle(robust: RobustDesign, test: Test, gain: Margin, max_boxes: int, *, at_ends: bool) -> list[Proofs]:
@@ -261,7 +266,7 @@ def prove_unmodelled(robust: RobustDesign, alone: NominalProof) -> Outcome:
         _proved(test, over_band(modelled.names, low, high, band_of(0.0, HALF_TURN, STEP), whole), MAX_BOXES)
         for whole, low, high in _whole_samples(modelled)
     ]
-    return _outcome(modelled, parts, alone)
+    return outcome_for_all(modelled, parts, alone)
 
 
 def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
@@ -283,8 +288,8 @@ def prove_model_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outc
         claims = loop.claims()
         test = misses_zero(claims.model_poles, loop.values, claims.model_any_position)
         end = model_curve_end(loop.enclosed(), Cells(law, law), ENCLOSURES)
-        parts.append(_part(loop, test, 0.0, end, MAX_BOXES_OF_CURVES, at_ends=False))
-    return _outcome(robust, parts, alone)
+        parts.append(part_over_band(loop, test, 0.0, end, MAX_BOXES_OF_CURVES, at_ends=False))
+    return outcome_for_all(robust, parts, alone)
 
 
 def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Outcome:
@@ -307,7 +312,7 @@ def prove_sampled_poles_for_all(robust: RobustDesign, alone: NominalProof) -> Ou
         claims = loop.claims()
         test = misses_zero(claims.sampled_poles, loop.values, claims.sampled_any_position)
         parts += _around_circle(loop, test, claims.sampled_any_phase, MAX_BOXES_OF_CURVES, at_ends=False)
-    return _outcome(robust, parts, alone)
+    return outcome_for_all(robust, parts, alone)
 
 
 def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
@@ -324,7 +329,19 @@ def _whole_samples(robust: RobustDesign) -> list[tuple[int, Floats, Floats]]:
     return parts
 
 
-def _part(robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True) -> Proofs:
+def part_over_band(
+    robust: RobustDesign, test: Test, low: float, high: float, max_boxes: int, *, at_ends: bool = True
+) -> Proofs:
+    """Return what a test says of all devices over a band.
+
+    Parameters
+    ----------
+    robust : the design and the box
+    test : of a frequency and of the uncertain numbers
+    low, high : of the band
+    max_boxes : effort before giving up
+    at_ends : whether the margin may be least at an end of the band
+    """
     boxes = over_band(robust.names, *robust.ends(), band_of(low, high, STEP))
     return _proved(test, boxes, max_boxes, at_ends=at_ends)
 
@@ -335,8 +352,15 @@ def _proved(test: Test, boxes: Boxes, max_boxes: int, *, at_ends: bool = True) -
     return prove(test, boxes, 1, halved=rows, max_halvings=MAX_HALVINGS, max_boxes=max_boxes, at_ends=at_ends, few=FEW)
 
 
-def _outcome(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
-    """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it."""
+def outcome_for_all(robust: RobustDesign, parts: list[Proofs], alone: NominalProof) -> Outcome:
+    """Return what the parts of a claim come to; where one is open, a device that fails by itself refutes it.
+
+    Parameters
+    ----------
+    robust : the design, proved for the nominal device, and the box
+    parts : of the claim
+    alone : judges it for one device
+    """
     boxes = sum(int(part.boxes[0]) for part in parts)
     open_ = next((part for part in parts if not part.proved[0]), None)
     if open_ is None:

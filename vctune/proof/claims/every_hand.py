@@ -6,7 +6,7 @@ unit circle; in one hand none is outside, and from there to any other none cross
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass, replace
 from functools import partial
 from math import ceil, floor, pi
@@ -19,9 +19,11 @@ from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hand, Hands
 from vctune.model.numbers.arithmetic import Number
 from vctune.model.numbers.keys import keys_of
+from vctune.model.problem import Demands
 from vctune.model.sampled.plant_in_hand import Delays, delays_of, plant_in_hand
+from vctune.model.sampled.servo_in_hand import vertices
 from vctune.model.sampled.velocity_loop import SNAP
-from vctune.proof.claims.array_claims import AT_REST, SHARE, Demands, any_hand_margins, hands_margin, limp_hands_margin
+from vctune.proof.claims.array_claims import AT_REST, SHARE, any_hand_margins, hands_margin, limp_hands_margin
 from vctune.proof.claims.margins_of_claims import HALF_TURN, Design, LoopDelay, any_hand_margin, hand_curve, hand_margin
 from vctune.proof.claims.resonant_hands import AROUND, RATIO, ROWS, Resonance, resonance
 from vctune.proof.claims.sampled_poles import in_rad_per_s
@@ -85,12 +87,14 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
 
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
         slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
-        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        test = positive_by_polynomials(polynomials, fixed, part.spans, positive(slopes, fixed))
         if limp:
             test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
         return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
-    ends, near = partial(_ends, demands.hands, box, uncertain), resonance(design, demands.hands)
+    corners = vertices(demands.hands) if design.device.servo is not None else None
+    ends = partial(_ends, demands.hands, box, uncertain, corners)
+    near = resonance(design, demands.hands) if looped else None
     every = partial(_proved_over, design, demands, uncertain, rows)
     found = every(ends(limp=limp), tests, EASY_BOXES if near else MAX_BOXES)
     if near and found.verdict is Verdict.UNDECIDED:
@@ -115,7 +119,7 @@ def _proved_next_to(
         slopes, polynomials = (
             near.margin(hands_margin(demands, uncertain, part.delays, ops)) for ops in (ENCLOSURES, TAYLOR)
         )
-        test = positive_by_polynomials(polynomials, fixed, part.high - part.low, positive(slopes, fixed))
+        test = positive_by_polynomials(polynomials, fixed, part.spans, positive(slopes, fixed))
         return [near.in_range(test, (*ROWS, *map(row_of, uncertain)))]
 
     return _proved_over(design, demands, uncertain, ROWS, ends, tests, MAX_BOXES, near)
@@ -210,9 +214,10 @@ def _proved_over(
     boxes, point = 0, None
     for part in _parts(design.device, names, *ends):
         for test in tests(part, fixed):
+            boxes_of_part = over_band(names, part.low, part.high, band)
             found = prove(
                 part.within(test, names),
-                over_band(names, part.low, part.high, band),
+                replace(boxes_of_part, owner=np.zeros_like(boxes_of_part.owner)),
                 1,
                 halved=[True] * (1 + len(names)),
                 max_halvings=MAX_HALVINGS,
@@ -242,7 +247,7 @@ def _in_doubt(
         if name in DELAY_ROWS:  # at its ends the whole samples change
             inwards = np.minimum(NEXT_TO * design.device.sample_time, (part.high[row] - part.low[row]) / 2)
             part.low[row], part.high[row] = part.low[row] + inwards, part.high[row] - inwards
-    within = np.clip(point[1:], part.low[:, 0], part.high[:, 0]).tolist()
+    within = np.clip(point[1:], part.low.min(axis=1), part.high.max(axis=1)).tolist()
     count = len(names) - len(uncertain)
     hand, device = Hand(*within[: len(HAND)]) if count else None, design.device
     if uncertain:
@@ -269,7 +274,7 @@ class _Part:
 
     Attributes
     ----------
-    low, high : ends of the numbers, shape (rows, 1)
+    low, high : ends of the numbers, shape (rows, 1), or (rows, n) of n parts
     delays : whole samples
     sample_time, other : T, and of device and sensor the delay that is no row, s
     """
@@ -279,6 +284,11 @@ class _Part:
     delays: Delays
     sample_time: float
     other: float
+
+    @property
+    def spans(self) -> Floats:
+        """The range of each number, shape (rows, 1)."""
+        return np.asarray((self.high - self.low).max(axis=1, keepdims=True))
 
     def within(self, test: Test, names: tuple[str, ...]) -> Test:
         """Return a test that leaves out where the sum of both delays has other whole samples.
@@ -319,12 +329,13 @@ def _parts(device: Device, names: tuple[str, ...], low: Floats, high: Floats) ->
     """Return the parts of a box of devices by the whole samples of their delays: one if those are known."""
     known, T = delays_of(device), device.sample_time
     sensor = device.force_sensor.delay if device.force_sensor is not None else 0.0
-    others = {"device.delay": device.delay, "device.force_sensor.delay": sensor}
+    own = row_of(device.delay_key)
+    others = {own: device.latency, "device.force_sensor.delay": sensor}
     rows = {name: names.index(name) for name in DELAY_ROWS if name in names}
     if not rows:
         return [_Part(low, high, known, T, 0.0)]
     other = sum(delay for name, delay in others.items() if name not in rows)
-    parts, row = [], rows.get("device.delay")
+    parts, row = [], rows.get(own)
     loops = [known.loop] if row is None else _whole(low[row, 0], high[row, 0], T, last=True)
     for loop in loops:
         least, most = low.copy(), high.copy()
@@ -372,13 +383,25 @@ def _margin_at(design: Design, hand: Hand | None, theta: float, factor: float) -
 
 
 def _ends(
-    hands: Hands | None, box: DeviceBox | None, uncertain: tuple[str, ...], *, limp: bool = False
+    hands: Hands | None,
+    box: DeviceBox | None,
+    uncertain: tuple[str, ...],
+    corners: Sequence[Hand] | None = None,
+    *,
+    limp: bool = False,
 ) -> tuple[Floats, Floats]:
-    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device."""
+    """Return the least and the greatest numbers of hand, if one is to be met, of `SHARE` if asked for, and device.
+
+    Where the corners of the hands are enough there is a column for each.
+    """
     devices = () if box is None else (box.low, box.high)
     numbers = [[end.number(key) for key in uncertain] for end in devices] or [[], []]
     held = [astuple(hands.low), astuple(hands.high)] if hands is not None else [(), ()]
     if limp:
         held = [(*held[0], 0.0), (*held[1], 1.0)]
+    if corners is not None:
+        each = np.array([astuple(hand) for hand in corners], float).T
+        low, high = (np.vstack((each, *(np.full(each.shape[1], x) for x in end))) for end in numbers)
+        return low, high
     low, high = (np.array([*hand, *device], float).reshape(-1, 1) for hand, device in zip(held, numbers, strict=True))
     return low, high

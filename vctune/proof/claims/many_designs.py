@@ -12,16 +12,22 @@ import numpy as np
 
 from vctune.model.gains import Gains
 from vctune.model.hands import HAND, Hands
-from vctune.proof.claims.array_claims import Claims, Demands, claims_of
+from vctune.model.problem import Demands
+from vctune.proof.claims.array_claims import Claims, claims_of
 from vctune.proof.claims.encirclements import by_integrator, encirclements, encirclements_in_hand, turns_in_hand
 from vctune.proof.claims.envelope import envelope
 from vctune.proof.claims.margins_of_claims import HALF_TURN, outwards, resistance_apart
+from vctune.proof.claims.registry import ClaimId, claims_asked
 from vctune.proof.enclosures.array_intervals import Flags, Floats
 from vctune.proof.engine.bands import CELL_HALVINGS, MAX_BOXES, STEP, cells_over_band
 from vctune.proof.engine.box_tests import Margin, lower_bound_over, positive
 from vctune.proof.engine.boxes import Cells, Integers, band_of, over_each, over_hands
 from vctune.proof.engine.branching import prove as prove_boxes
 
+ON_ARRAYS: tuple[ClaimId, ...] = "passive", "sensitivity", "stable_model", "stable"
+"""The claims whose boxes are counted, in the order of `Certified.boxes`."""
+OF_CELLS: tuple[ClaimId, ...] = *ON_ARRAYS, "any_hand", "hands"
+"""The claims that are proved of cells. Where another is asked for no cell is."""
 HALVINGS_IN_HANDS, BOXES_IN_HANDS, TOGETHER_IN_HANDS = 4 * CELL_HALVINGS, 30_000, 128
 """What `CELL_HALVINGS` and `MAX_BOXES` are for boxes of angle and hand, and how many cells are proved together: what is
 known of them fits into memory. Cells with room take up to 29,000 boxes, most some thousand: with half as many some
@@ -35,8 +41,7 @@ class Certified:
     Attributes
     ----------
     proved : the cells all of whose designs meet all demands
-    boxes : what it took to prove Llewellyn's conditions, |S|, the model's and the sampled poles, 0 for what is not
-        demanded; shape (4, n)
+    boxes : what it took to prove each claim of `ON_ARRAYS`, 0 for what is not demanded; shape (4, n)
     """
 
     proved: Flags
@@ -60,7 +65,8 @@ def prove(demands: Demands, cells: Cells) -> Certified:
         A cell that is not proved is open, not refuted.
     """
     proofs = Certified(np.zeros(len(cells), bool), np.zeros((4, len(cells)), np.intp))
-    for at in by_integrator(cells):
+    known = set(claims_asked(demands)) <= set(OF_CELLS)
+    for at in by_integrator(cells) if known else ():
         part = _proofs(demands, cells.subset(at))
         proofs.proved[at], proofs.boxes[:, at] = part.proved, part.boxes
     return proofs

@@ -29,7 +29,8 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     """Return whether the sensed force changes by a step where the delay passes a whole number of samples.
 
     It does where the acceleration of a hand's mass is felt at once: the command moves the handle directly, through no
-    actuator's low-pass and no spring, and the sensor has no low-pass.
+    actuator's low-pass and no spring, and the sensor has no low-pass. A servo of order 1 turns a command into an
+    acceleration at once.
 
     Parameters
     ----------
@@ -37,7 +38,8 @@ def sensed_force_jumps(device: Device, hands: Hands) -> bool:
     hands : that hold it
     """
     filtered = device.force_sensor is not None and device.force_sensor.bandwidth_hz is not None
-    direct = device.actuator is None and device.structure is None and not filtered
+    followed = device.servo is None or device.servo.order == 1
+    direct = device.actuator is None and device.structure is None and followed and not filtered
     return direct and device.kind.senses_force and hands.high.mass > 0
 
 
@@ -117,7 +119,7 @@ def next_to_whole_samples(box: DeviceBox) -> list[Device]:
     for device, key in product(box.corners(), (key for key in DELAYS if key in box.uncertain)):
         low, high = box.low.number(key), box.high.number(key)
         others = {sum(device.number(name) or 0.0 for name in DELAYS if name != key)}
-        others |= {0.0} if key == "delay" else set()
+        others |= {0.0} if key == device.delay_key else set()
         for other in others:
             for whole in range(ceil((low + other) / T), floor((high + other) / T) + 1):
                 for side in (-NEXT_TO, NEXT_TO):
@@ -137,6 +139,7 @@ def _with(device: Device, samples: float, key: str | None = None) -> Device:
 
     The device's own delay is changed, or that of its force sensor where it has no other.
     """
-    key = key or (DELAYS[1] if device.delay == 0 and device.number(DELAYS[1]) else DELAYS[0])
+    sensed = "force_sensor.delay"
+    key = key or (sensed if device.latency == 0 and device.number(sensed) else device.delay_key)
     other = sum(device.number(name) or 0.0 for name in DELAYS if name != key)
     return device.with_numbers({key: float(f"{samples * device.sample_time - other:.15g}")})

@@ -15,7 +15,7 @@ from vctune.model.device import Device
 from vctune.model.gains import AnyCoupling, Coupling, Gains
 from vctune.model.numbers.arithmetic import Arithmetic, Number, sinc_curvature_series
 from vctune.proof.claims.margins_of_claims import Design
-from vctune.proof.enclosures.array_intervals import UNIT, Enclosure
+from vctune.proof.enclosures.array_intervals import SWELL, TINY, UNIT, Enclosure
 from vctune.proof.enclosures.jets import interpolated_over
 
 PRECISION = 128
@@ -128,6 +128,19 @@ def ball_or_inf(decimal: float) -> Number:
 def as_series(constant: arb) -> arb_series:
     """Return a ball as a power series with three terms: a product of two of them is cheaper than one with a ball."""
     return arb_series([constant], 3)
+
+
+def enclosure_of(x: arb | int) -> Number:
+    """Return a ball as an enclosure in double precision; an integer stays.
+
+    Parameters
+    ----------
+    x : the ball
+    """
+    if isinstance(x, int):
+        return x
+    mid = float(x.mid())
+    return Enclosure(mid, (float(x.rad()) + UNIT * abs(mid)) * SWELL + TINY)
 
 
 def box(low: float, high: float) -> arb:

@@ -25,6 +25,9 @@ from vctune.model.problem import Problem
 POINTS = 400
 NARROWER = 6.0
 """How much narrower than it is a resonance is sampled as. Half shows corners, twice is twice as long a file."""
+UNMOVED = 1e-6
+"""Share of a command below which a servo stands still, as at Nyquist where it is interpolated: felt there is what is
+rigid. Half and twice show the same curves."""
 SPRING, DAMPER = 200.0, 14.0
 """The paper's two environments on a linear device, sect. 5, N/m and N s/m."""
 
@@ -149,10 +152,16 @@ def handle_impedance(
     }
     if problem.device.servo is not None:  # rigid, it stands still
         del environments["rigid"]
-    felt = {}
+    felt, moves = {}, np.ones(hz.size, bool)
+    if problem.device.servo is not None:
+        C = response(problem.device, gains, 2 * pi * hz).C_scaled
+        moves = np.hypot(C.re, C.im) > UNMOVED
     for name, Z_e in environments.items():
         impedance = felt_impedance(problem.device, gains, coupling, 2 * pi * hz, Z_e)
-        felt[name] = (np.abs(impedance), np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e))
+        felt[name] = (
+            np.where(moves, np.abs(impedance), np.nan),
+            np.full(hz.size, np.inf) if Z_e is None else np.abs(Z_e),
+        )
     return hz, felt
 
 

@@ -174,31 +174,30 @@ def _transparency(design: Design) -> Figure:
             "no coupling": (transparency(problem, design.gains, Coupling(1e-18, 1e-18, 0.0)), "--", 1.2),
             "uncontrolled": (transparency(problem, Gains(0.0, 0.0), Coupling(1e-18, 1e-18, 0.0)), ":", 1.2),
         }
-    figure = canvas(WIDTH, 5.2, left=0.75, top=0.75, gaps=(0.38, 0.3))
-    panels = figure.subplots(2, 2).ravel()
-    names = design.record.transparency
+    names, terms = design.record.transparency, problem.device.kind.terms
     assert names is not None, "a design is judged"
-    parts = (
-        ("admittance", names.free_motion),
-        ("tracking", names.missed),
-        ("coupling", names.given_way),
-        ("error", "e(f)"),
-    )
-    for axes, (part, title) in zip(panels, parts, strict=True):
+    titles = {"admittance": names.free_motion, "tracking": names.missed, "coupling": names.given_way}
+    parts = {term: titles[term] for term in terms} | ({"error": "e(f)"} if len(terms) > 2 else {})
+    rows = len(parts) // 2
+    figure = canvas(WIDTH, {1: 2.95, 2: 5.2}[rows], left=0.75, top=0.75, gaps=(0.38, 0.3))
+    panels = figure.subplots(rows, 2, squeeze=False)
+    at = dict(zip(parts, panels.ravel(), strict=True))
+    for part, axes in at.items():
         for name, (curves, line, width) in cases.items():
             _draw_part(axes, curves, part, name, line, width)
         frequency_axis(axes, cases["designed"][0].hz[0], cases["designed"][0].hz[-1])
         shade(axes, problem.transparency.band, BLUE, "transparency band")
-        axes.set_title(title)
+        axes.set_title(parts[part])
+        axes.set_label(part)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
     miss = sensor_miss(problem.device, 2 * pi * cases["designed"][0].hz)
     if miss is not None:
-        panels[1].semilogy(cases["designed"][0].hz, miss, "-.", linewidth=1.2, color=ORANGE, label="|1 - F_s|")
-        panels[1].legend(loc="lower right", fontsize=9, handles=panels[1].lines[-1:])
-    for axes in panels:
+        at["tracking"].semilogy(cases["designed"][0].hz, miss, "-.", linewidth=1.2, color=ORANGE, label="|1 - F_s|")
+        at["tracking"].legend(loc="lower right", fontsize=9, handles=at["tracking"].lines[-1:])
+    for axes in at.values():
         decades(axes)
-    for axes in panels[:2]:
+    for axes in panels[:-1].ravel():
         axes.set_xlabel("")
-    handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=2, fontsize=9)
     return figure
 

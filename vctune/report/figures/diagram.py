@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vctune.model.device import Device, Structure
+from vctune.model.device import Device, Servo, Structure
 from vctune.model.gains import AnyCoupling, Coupling, Gains, SpringDamper
 from vctune.model.numbers.units import UNITS, Units
 from vctune.report.figures.style import BLUE, GREEN, GREY, INK, STYLE, time_text
@@ -44,7 +44,10 @@ def loop_figure(device: Device, gains: Gains, coupling: AnyCoupling) -> Figure:
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set(xlim=(0, SIZE[0]), ylim=(0, SIZE[1]))
         axes.set_axis_off()
-        _firmware(axes, device)
+        if device.servo is not None and isinstance(coupling, Coupling):
+            _servo_loop(axes, device, device.servo, coupling)
+            return figure
+        _firmware(axes, device, LAW + 0.78)
         if isinstance(coupling, SpringDamper):
             _motion_path(axes, coupling, UNITS[device.units])
         else:
@@ -70,6 +73,27 @@ def _force_path(axes: Axes, device: Device, coupling: Coupling) -> None:
     lines = [f"b_c {coupling.damping:.4g} {units.damping}", f"m_c {coupling.mass:.4g} {units.mass}"]
     lines += [f"b_0 {coupling.drag:.4g} {units.damping}"] if coupling.drag > 0 else []
     _box(axes, COUPLING, TOP, "coupling and\nenvironment", lines, colour=BLUE)
+
+
+def _servo_loop(axes: Axes, device: Device, servo: Servo, coupling: Coupling) -> None:
+    """Draw the way from the hand's force to the motion, which follows the command alone, and back to the hand."""
+    low, edge = BOTTOM, LAW + WIDTH / 2
+    _firmware(axes, device, COUPLING + 0.95)
+    _force_path(axes, device, coupling)
+    command = {"velocity": "v_cmd", "position": "x_cmd"}[servo.command]
+    _arrow(axes, (COUPLING + WIDTH / 2, TOP), (RIGHT - WIDTH / 2 - 0.35, TOP), label=command)
+    held = {"velocity": "hold", "position": "interpolation"}[servo.command]
+    lines = [f"{held} {_time(device.sample_time)}"]
+    lines += [f"delay {_time(servo.delay)}"] if servo.delay > 0 else []
+    lines += [_low_pass(servo.bandwidth_hz, servo.order)]
+    _box(axes, RIGHT - 0.175, TOP, "vendor's loop", lines, colour=GREEN, width=WIDTH + 0.35)
+    _arrow(axes, (RIGHT, TOP - TALL / 2), (RIGHT, low), (edge, low), label="")
+    left = 1.25
+    _arrow(axes, (left, low), (HAND + 0.38, low))
+    moves = {"linear": "moves as commanded", "rotary": "turns as commanded"}[device.units]
+    _box(axes, (left + edge) / 2, low, "arm", [f"{moves}, however the hand pushes"], width=edge - left)
+    _box(axes, HAND, low, "hand or\ncontact", [], width=0.76, colour=GREY)
+    axes.text((HAND + 0.38 + left) / 2, low - 0.06, "v_h", ha="center", va="top")
 
 
 def _motion_path(axes: Axes, coupling: SpringDamper, units: Units) -> None:
@@ -158,8 +182,8 @@ def _feedback(axes: Axes, device: Device, gains: Gains) -> None:
         _arrow(axes, (POSITION_AT, low), (POSITION_AT, high), label="x")
 
 
-def _firmware(axes: Axes, device: Device) -> None:
-    left, right, low, high = COUPLING - 0.67, LAW + 0.78, 1.36, 4.12
+def _firmware(axes: Axes, device: Device, right: float) -> None:
+    left, low, high = COUPLING - 0.67, 1.36, 4.12
     outline = Rectangle((left, low), right - left, high - low, facecolor="none", edgecolor=GREY, linestyle="--")
     axes.add_patch(outline)
     axes.text(left + 0.08, low + 0.08, f"firmware, every {_time(device.sample_time)}", color=GREY, va="bottom")

@@ -63,7 +63,7 @@ def _asked(experiment: ExperimentRecord, at: np.ndarray[Any, Any]) -> Any:
 def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     """Return the rows of the table under `HEADINGS`, as texts."""
     return [
-        (experiment.name, controller, *_cells(run, simulation.units))
+        (experiment.name, controller, *_cells(run, simulation.units, simulation.command_unit))
         for experiment in simulation.experiments
         for run, controller in (
             (experiment.baseline, "regular PID"),
@@ -73,7 +73,7 @@ def measured_rows(simulation: SimulationRecord) -> list[tuple[str, ...]]:
     ]
 
 
-def _cells(run: RunRecord, units: Units) -> tuple[str, ...]:
+def _cells(run: RunRecord, units: Units, command_unit: str) -> tuple[str, ...]:
     stable = "stable" if run.loop.stable else f"unstable at {run.loop.hz:.4g} Hz"
     measured = run.metrics
     if measured is None:
@@ -85,11 +85,11 @@ def _cells(run: RunRecord, units: Units) -> tuple[str, ...]:
     return (
         felt,
         off,
-        *(_force(value, units) for value in (measured.non_overlap, measured.residual, measured.ripple)),
-        _force(measured.peak_motor, units) + saturated,
+        *(_number(value, units.force) for value in (measured.non_overlap, measured.residual, measured.ripple)),
+        _number(measured.peak_motor, command_unit) + saturated,
         stable,
     )
 
 
-def _force(value: float | None, units: Units) -> str:
-    return "" if value is None else f"{value:.3g} {units.force}"
+def _number(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.3g} {unit}"

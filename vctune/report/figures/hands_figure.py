@@ -50,6 +50,8 @@ LEVELS = (0, 20, 40, 60, 70, 80, 90, 95, 100, 120)
 """Levels of the map, %: closer where it is tight. Half or twice as many read no better."""
 POWERS = (-3, 5)
 """Powers of ten from which on, and up to which, an axis of the map is in plain decimals."""
+SHALLOW = 1e-9
+"""Share of the greatest R that is shown at least; at Nyquist R may vanish. Half and twice it: as many decades."""
 WORST = 3
 """Hands that have a curve of their own: of the lowest minima, not two of one hand."""
 
@@ -100,6 +102,8 @@ def _curves(axes: Axes, lower: Axes, problem: Problem, hands: Hands, gains: Gain
     for each in (axes, lower):
         frequency_axis(each, hz[0], hz[-1])
     axes.set_xlabel("")
+    low, high = axes.get_ylim()
+    axes.set_ylim(max(low, SHALLOW * high), high)
     decades(axes)
     legend_above(lower, 2)
 

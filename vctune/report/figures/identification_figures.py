@@ -17,6 +17,7 @@ from vctune.identification.record_study import RecordStudy
 from vctune.identification.response.periodic_study import PeriodicStudy, behind_force
 from vctune.identification.response.unmodelled import covered
 from vctune.model.numbers.units import Units
+from vctune.report.figures.servo_figures import following, servo_response
 from vctune.report.figures.style import BLUE, GREEN, GREY, ORANGE, STYLE, canvas, decades, frequency_axis, legend_above
 
 WINDOW = 2.0
@@ -36,12 +37,19 @@ def identification_figures(found: Identified, record: IdentificationRecord) -> d
     figures = {}
     moved = [study for study in found.records if study.motion is not None]
     repeated = [study for study in found.records if study.periodic is not None]
+    followed = [study for study in found.records if study.servo is not None]
     with rc_context(STYLE):
         if moved:
             figures["time-fit"] = _time_fit(moved, record.units)
         if repeated:
             figures["response"] = _response(found, repeated, record.units)
-        figures["residual-spectrum"] = _residual_spectra(found.records, record.units)
+        if followed:
+            figures["following"] = following(followed, record.units)
+            shown = [study for study in followed if study.measured_hz.size]
+            if shown and found.unmodelled:
+                figures["response"] = servo_response(found, shown)
+        if moved or repeated:
+            figures["residual-spectrum"] = _residual_spectra([*moved, *repeated], record.units)
         figures["numbers"] = _numbers(record)
     return figures
 
@@ -106,7 +114,7 @@ def _degrees(response: np.ndarray) -> Floats:
     return np.degrees(np.unwrap(np.angle(-response))) - 180.0
 
 
-def _residual_spectra(studies: tuple[RecordStudy, ...], units: Units) -> Figure:
+def _residual_spectra(studies: list[RecordStudy], units: Units) -> Figure:
     figure = canvas(9, 3.4, top=0.35)
     axes = figure.subplots()
     ends = []

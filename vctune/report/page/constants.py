@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from vctune.analysis.demands import response
 from vctune.analysis.extrema import Floats
 from vctune.analysis.resonance import with_resonance
 from vctune.analysis.sampled_loop import Complex, return_difference_at
@@ -67,6 +68,9 @@ def frequency_model(problem: Problem, record: DesignRecord) -> dict[str, Any]:
     nodes_of = {"hz": _numbers(omega / (2 * pi)), "weight": _numbers(share)}
     if problem.device.kind.inverse:
         return nodes_of | _force_model(problem.device, known, omega)
+    if not problem.device.kind.own_loop:
+        loop = response(problem.device, Gains(0.0, 0.0), omega)
+        return nodes_of | {"C": _pair(loop.C_scaled, omega), "miss": _pair(loop.miss_scaled, omega)}
     turned = None if at.sensor is None else -omega * at.sensor.lag
     return {
         **nodes_of,
@@ -111,14 +115,16 @@ def _complex(pair: Pair) -> Complex:
     return np.asarray(pair.re + 1j * pair.im)
 
 
-def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any]:
-    """Return the parts of the sampled loop's return difference.
+def sampled_loop(device: Device, record: DesignRecord) -> dict[str, Any] | None:
+    """Return the parts of the sampled loop's return difference; None where the firmware closes no loop.
 
     Parameters
     ----------
     device : let go
     record : of the design, whose frequencies are shown
     """
+    if not device.kind.own_loop:
+        return None
     theta, loop = np.geomspace(1e-5 * pi, pi, ANGLES), record.inner_loop
     even = int(PER_SAMPLE * (4 + device.delay / device.sample_time))
     theta = np.union1d(theta, np.linspace(0.0, pi, even + 1)[1:])
@@ -157,6 +163,9 @@ def in_hands(device: Device, met: list[Hand | None], worst: list[float]) -> dict
     hands = [hand for hand in met if hand is not None]
     some = Hand(*(np.array(numbers)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))
     loop = loop_in_hand(plant_in_hand(device, some, delays, FLOATS), theta, FLOATS)
+    if not device.kind.own_loop:
+        asked = required_in_hand(loop, Gains(0.0, 0.0))
+        return {"theta": _numbers(theta), "required": [_numbers(each) for each in asked.lost / asked.size]}
     shape = (len(hands), theta.size)
     return {
         "theta": _numbers(theta),

@@ -59,6 +59,31 @@ READINGS = {
     ),
 }
 """Title and reading of each figure, by name."""
+OF_DISPLAY: dict[str, dict[str, str]] = {
+    "servo": {
+        "loop": "From the hand's force to the motion of the arm: blue is what is designed, green what makes it late. "
+        "The hand does not move the arm; what it feels is what the coupling makes of its force, late.",
+        "hands": "What a hand or a contact returns of a late motion acts as the negative resistance R: it does not "
+        "depend on the design, and the coupling's Re Z_c, as the firmware runs it, must lie above it up to the Nyquist "
+        "frequency. At rest R is stiffness times latency. Below: how much of Re Z_c the worst damping at the worst "
+        "frequency needs in a hand of a mass and a stiffness; 100 % is the limit.",
+        "transparency": "Both should be small in the shaded band: the motion should follow its command, which is the "
+        "servo's business, and the coupling should not be felt, which is what is designed.",
+        "impedance": "In the transparency band each line with marks should lie on its thin ideal. No environment feels "
+        "lighter than the free arm: its drag is what the contacts ask for.",
+    }
+}
+"""Readings that are other ones for a kind of display, by its name and that of the figure."""
+
+
+def reading(figure: str, display: str) -> str:
+    """Return how a figure of a kind of display is read.
+
+    Parameters
+    ----------
+    figure, display : their names
+    """
+    return OF_DISPLAY.get(display, {}).get(figure, READINGS[figure][1])
 
 
 def report_paths(folder: Path) -> list[Path]:
@@ -72,10 +97,15 @@ IDENTIFICATION_READINGS = {
         "What was recorded and what mass and friction make of the motion, where the difference is largest; below, the "
         "difference alone over the whole log.",
     ),
+    "following": (
+        "How the servo follows",
+        "Where it was told to be, where it was, and the fit, where that is furthest off; below, by how much "
+        "over the whole log. A velocity that arrives early or late leaves the position off for good.",
+    ),
     "response": (
         "Response",
-        "Measured lines with twice their standard deviation, the fit, and in grey the box times what is "
-        "unmodelled: each line lies inside. Below, how well a line repeats with the periods.",
+        "Measured lines or bands with twice their standard deviation, the fit, and in grey the box times what is "
+        "unmodelled: each lies inside. Where a line repeats, how well it does is below.",
     ),
     "residual-spectrum": (
         "What is left",

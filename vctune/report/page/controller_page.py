@@ -19,6 +19,8 @@ BLOCKS = {
     "law": "Coupling, and the law on the velocity error",
 }
 """The blocks of a controller in the order in which they are executed."""
+FOLLOWED = BLOCKS | {"law": "Coupling, and the command that the servo follows"}
+"""The same where the motion is the vendor's."""
 
 
 def controller_page(controller: dict[str, Any], device: Device, gains: Gains, coupling: AnyCoupling) -> str:
@@ -32,15 +34,15 @@ def controller_page(controller: dict[str, Any], device: Device, gains: Gains, co
     environment = Environment(
         loader=PackageLoader("vctune", "report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True
     )
-    blocks = {
-        title: [one for one in controller["equations"] if one["block"] == block] for block, title in BLOCKS.items()
-    }
+    titles, written = BLOCKS if device.kind.own_loop else FOLLOWED, controller["equations"]
+    blocks = {title: [one for one in written if one["block"] == block] for block, title in titles.items()}
+    read = [name.removeprefix("measured_") for name in controller["inputs"]]
+    *others, last = [UNITS[device.units].translated(name) for name in read]
     diagram = inline(svg(loop_figure(device, gains, coupling), "controller"))
     return environment.get_template("controller.html.j2").render(
         controller=controller,
-        blocks=blocks,
+        blocks={title: equations for title, equations in blocks.items() if equations},
         diagram=diagram,
         doubt=controller.get("not_proved", ""),
-        senses_force=device.kind.senses_force,
-        push=UNITS[device.units].force_name,
+        reads=f"{', '.join(others)} and {last}" if others else last,
     )

@@ -17,7 +17,7 @@ from vctune.document.records.simulation_json import SimulationRecord
 from vctune.model.problem import Problem
 from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
 from vctune.report.figures.style import INK, PAPER
-from vctune.report.page.contents import READINGS
+from vctune.report.page.contents import READINGS, reading
 from vctune.report.page.phase_table import phase_table
 from vctune.report.page.sliders import sliders
 from vctune.report.page.summary import summary
@@ -50,9 +50,9 @@ def page(
     places : of the axes in which tried curves are drawn (`vctune.report.page.sliders.overlays`)
     simulation : of this design, if there is one
     """
-    translated = problem.units.translated
+    translated, display = problem.units.translated, problem.device.display
     shown = [
-        {"name": name, "title": READINGS[name][0], "reading": translated(READINGS[name][1]), "svg": inline(text)}
+        {"name": name, "title": READINGS[name][0], "reading": translated(reading(name, display)), "svg": inline(text)}
         for name, text in drawn.items()
     ]
     seen, tried = summary(record, problem), None

@@ -8,6 +8,7 @@ from itertools import product
 from math import inf
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from vctune.analysis.in_hands import RatioInAnyHand, RatioInHand, least_ratios
@@ -24,10 +25,10 @@ PANELS_OF = {
     "hands": ("in_hand", "hand_ratio"),
     "any-hand": ("in_hand", "hand_ratio"),
     "impedance": ("impedance",),
-    "transparency": ("admittance", "tracking", "coupling", "error"),
     "nyquist": ("nyquist",),
 }
-"""Which axes of a figure the script draws tried curves in, in the order of the figure's axes."""
+"""Which axes of a figure the script draws tried curves in, in the order of the figure's axes; in the figure of the
+transparency each is labelled."""
 
 
 def sliders(problem: Problem, gains: Gains, coupling: AnyCoupling, record: DesignRecord) -> dict[str, Any]:
@@ -83,15 +84,19 @@ def overlays(drawn: dict[str, Figure]) -> dict[str, list[dict[str, Any]]]:
     ----------
     drawn : figures that have been written, so that their axes have their places
     """
+    labelled = {name: tuple(map(_label, drawn[name].axes)) for name in ("transparency",) if name in drawn}
     return {
-        name: [_axes(drawn[name], number, curve) for number, curve in enumerate(curves)]
-        for name, curves in PANELS_OF.items()
+        name: [_axes(drawn[name], axes, curve) for curve, axes in zip(curves, drawn[name].axes, strict=False)]
+        for name, curves in (PANELS_OF | labelled).items()
         if name in drawn
     }
 
 
-def _axes(figure: Figure, number: int, curve: str) -> dict[str, Any]:
-    axes = figure.axes[number]
+def _label(axes: Axes) -> str:
+    return str(axes.get_label())
+
+
+def _axes(figure: Figure, axes: Axes, curve: str) -> dict[str, Any]:
     width, height = (72 * inches for inches in figure.get_size_inches())
     place = axes.get_position()
     box = place.x0 * width, height * (1 - place.y1), place.width * width, place.height * height
@@ -107,6 +112,7 @@ def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[di
     """Return the sliders: what each is called, its unit, shipped value and ends; those that are 0 begin there."""
     bounds, device, damping, units = problem.bounds, problem.device, coupling.damping, problem.units
     named: list[tuple[str, str, str, float, Range, float]]
+    coupled: list[tuple[str, str, str, float, Range, float]]
     if isinstance(coupling, SpringDamper):
         stiffness, T = coupling.stiffness, device.sample_time
         named = [
@@ -115,16 +121,20 @@ def _variables(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[di
             ("coupling.stiffness", "k_c", units.stiffness, stiffness, bounds.stiffness, 1.0),
         ]
     else:
+        coupled = [
+            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, 1.0),
+            ("coupling.mass", "m_c", units.mass, coupling.mass, bounds.mass, 1.0),
+            ("coupling.drag", "b_0", units.damping, coupling.drag, bounds.drag, damping),
+        ]
         corner = (device.damping + gains.velocity) / device.loop_lag
         named = [
             ("gains.velocity", "K_v", units.damping, gains.velocity, bounds.velocity, 1.0),
             ("gains.position", "K_p", units.stiffness, gains.position, bounds.position, corner),
-            ("coupling.damping", "b_c", units.damping, damping, bounds.damping, 1.0),
-            ("coupling.mass", "m_c", units.mass, coupling.mass, bounds.mass, 1.0),
-            ("coupling.drag", "b_0", units.damping, coupling.drag, bounds.drag, damping),
+            *coupled,
         ]
     return [
         {"key": key, "symbol": symbol, "unit": unit, "value": value, "top": REACH * value if value > 0 else most,
          "low": value / REACH if value > 0 else 0.0, "bounds": None if range_.fixed else [range_.min, range_.max]}
         for key, symbol, unit, value, range_, most in named
+        if key in device.kind.stated
     ]  # fmt: skip

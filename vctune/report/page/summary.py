@@ -134,6 +134,13 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
         wall = f"a wall may be as stiff as {text(record.coupling.stiffness, 4)} {problem.units.stiffness}"
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
         return "good", "certified", f"{proved}; {wall}, {moved}, {_mean(problem)}."
+    if (contact := record.contact) is not None and contact.stiffest_contact is not None:
+        bears = f"it bears contacts of {text(contact.stiffest_contact, 4)} {problem.units.stiffness}"
+        late = (
+            f"the lightest drag for contacts up to {text(contact.stiffness, 4)} {problem.units.stiffness} behind "
+            f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
+        )
+        return "good", "certified", f"{proved}; {bears}; {late}."
     off = (
         f"the handle is off the ideal by {text(transparency.error, 3)} of Z_0 = {_reference(problem)}, "
         f"{_mean(problem)}, the device without a loop by {text(_without_loop(problem), 3)}"

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, astuple, fields
+from collections.abc import Callable
+from dataclasses import asdict, astuple, dataclass, fields
 from math import inf
 from typing import NamedTuple
 
 from vctune.analysis.demands import ratio_minima, unmodelled_maxima
-from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, feel
+from vctune.analysis.feel import FREE_HZ, NO_LOOP, SPEED, WALL_HZ, Feel, feel
 from vctune.document.records.certificate_json import CertificateRecord, InnerLoopRecord
 from vctune.document.records.design_json import DesignRecord
 from vctune.document.records.part import text
 from vctune.document.schema.number_units import unit_of
-from vctune.model.device import Device
+from vctune.model.device import Device, Servo
 from vctune.model.display import ADMITTANCE
 from vctune.model.gains import AnyCoupling, Gains
 from vctune.model.hands import Hand
 from vctune.model.numbers.frequency import hertz
+from vctune.model.numbers.units import Units
 from vctune.model.problem import Band, Problem
-from vctune.proof.certificate import IN_HANDS, Claim
+from vctune.proof.claims.registry import CLAIMS, ClaimId
 from vctune.report.figures.style import time_text
 
 LABELS = {
@@ -33,6 +35,8 @@ LABELS = {
     "structure.handle_mass": "structure: mass of the handle",
     "structure.frequency_hz": "structure: resonance",
     "structure.damping_ratio": "structure: damping ratio",
+    "servo.delay": "servo: delay",
+    "servo.bandwidth_hz": "servo: bandwidth",
 }
 """What the numbers of a device are called; seconds are shown as what suits them."""
 
@@ -47,8 +51,9 @@ class Line(NamedTuple):
 
 
 class ClaimLine(NamedTuple):
-    """A claim, its verdict, what was found and what was asked."""
+    """A claim under its label, its verdict, what was found and what was asked."""
 
+    label: str
     claim: str
     verdict: str
     found: str
@@ -79,21 +84,31 @@ def _device(problem: Problem) -> list[Line]:
         lines.append(
             Line(units.translated(LABELS[key]), value, unit, f"± {100 * widths[key]:.4g} %" if widths.get(key) else "")
         )
-    estimate = device.velocity
-    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
     display = []
     if device.kind is not ADMITTANCE:
         display = [Line("display", device.kind.name, "", device.kind.makes.format(force=units.force_name))]
-    lines = [*display, *lines, Line("velocity is", known), Line("hold", device.hold)]
+    lines = [*display, *lines, *(_own_loop(device) if device.servo is None else _servo(device.servo))]
     if uncertain is not None and uncertain.unmodelled:
         radii = [radius for _, radius in uncertain.unmodelled]
         lines.append(Line("not modelled, radius", f"{min(radii):.4g} to {max(radii):.4g}"))
     return lines
 
 
+def _own_loop(device: Device) -> list[Line]:
+    estimate = device.velocity
+    known = "measured" if estimate is None or estimate.source == "measured" else "difference of the position"
+    return [Line("velocity is", known), Line("hold", device.hold)]
+
+
+def _servo(servo: Servo) -> list[Line]:
+    held = {"velocity": "held over a sample", "position": "interpolated over a sample"}[servo.command]
+    return [Line("servo: order", str(servo.order)), Line("command", servo.command, "", held)]
+
+
 def _demands(problem: Problem) -> list[Line]:
     wanted, stable = problem.transparency, problem.stability
-    weights = ", ".join(f"{weight:g}" for weight in astuple(wanted.weights))
+    terms = problem.device.kind.terms
+    weights = ", ".join(f"{getattr(wanted.weights, term):g}" for term in terms)
     lines = [
         Line(
             problem.device.kind.ratio,
@@ -101,8 +116,10 @@ def _demands(problem: Problem) -> list[Line]:
             "",
             "the safety factor",
         ),
-        Line("|S| of the sampled loop", f"≤ {stable.max_sensitivity:g}", "", "up to the Nyquist frequency"),
     ]
+    if problem.device.kind.own_loop:
+        limit = f"≤ {stable.max_sensitivity:g}"
+        lines.append(Line("|S| of the sampled loop", limit, "", "up to the Nyquist frequency"))
     if problem.passive:
         lines.append(Line("stability band", _band(stable.band), "Hz", "for any passive hand"))
     return [
@@ -111,7 +128,7 @@ def _demands(problem: Problem) -> list[Line]:
             "transparency band", _band(wanted.band), "Hz", {"rms": "mean", "peak": "greatest"}[wanted.norm] + " error"
         ),
         Line("reference impedance Z_0", f"{wanted.reference_impedance:.4g}", problem.units.damping),
-        Line("weights", weights, "", "admittance, tracking, coupling"),
+        Line("weights", weights, "", ", ".join(terms)),
     ]
 
 
@@ -136,6 +153,29 @@ def _band(band: Band) -> str:
     return f"{low:.5g} to {'∞' if high == inf else f'{high:.5g}'}"
 
 
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What is known of a design when its claims are shown.
+
+    Attributes
+    ----------
+    proof, loop : the certificate's record and the velocity loop's, None for a servo
+    problem : that the record states
+    gains, coupling : the design
+    """
+
+    proof: CertificateRecord
+    loop: InnerLoopRecord | None
+    problem: Problem
+    gains: Gains
+    coupling: AnyCoupling
+
+    @property
+    def factor(self) -> str:
+        """What is asked of a ratio."""
+        return f"≥ {self.problem.stability.safety_factor:g}"
+
+
 def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     """Return each claim of a design with what was found and what was asked; none without a design.
 
@@ -147,54 +187,70 @@ def claim_lines(record: DesignRecord, problem: Problem) -> list[ClaimLine]:
     proof, loop, design = record.certificate, record.inner_loop, record.design
     if proof is None or design is None:
         return []
+    known = Found(proof, loop, problem, *design)
     shown = []
     for claim in proof.claims:
-        found, wanted = _found(claim.claim, proof, loop, problem, design)
-        shown.append(ClaimLine(claim.claim, claim.verdict, found, wanted))
+        found, wanted = FOUND.get(claim.id, _nothing)(known)
+        shown.append(ClaimLine(CLAIMS[claim.id].label, claim.claim, claim.verdict, found, wanted))
     return shown
 
 
-def _found(
-    claim: str,
-    proof: CertificateRecord,
-    loop: InnerLoopRecord | None,
-    problem: Problem,
-    design: tuple[Gains, AnyCoupling],
-) -> tuple[str, str]:
-    """Return what was found of a claim and what was asked."""
-    factor, hands = f"≥ {problem.stability.safety_factor:g}", proof.hands
-    if claim in IN_HANDS and hands is not None:
-        hand = hands.worst_hand.in_words(problem.units)
-        return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", factor
-    if claim in (Claim.CONDITIONS, Claim.ANY_HAND):
-        return _least_in_any_hand(proof, problem, design), factor
-    if claim == Claim.SENSITIVITY and loop is not None:
-        return (
-            f"peak {_at(loop.peak_sensitivity, loop.peak_sensitivity_hz)}",
-            f"≤ {problem.stability.max_sensitivity:g}",
-        )
-    if claim == Claim.SAMPLED_POLES and loop is not None:
-        margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
-        left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
-        left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
-        return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
-    if claim == Claim.UNMODELLED:
-        return f"peak {text(float(-unmodelled_maxima(problem, design[0]).value[0]))}", "< 1"
+def _nothing(_known: Found) -> tuple[str, str]:
     return "", ""
 
 
-def _least_in_any_hand(proof: CertificateRecord, problem: Problem, design: tuple[Gains, AnyCoupling]) -> str:
+def _least_in_hands(known: Found) -> tuple[str, str]:
+    hands = known.proof.hands
+    if hands is None:
+        return "", ""
+    hand = hands.worst_hand.in_words(known.problem.units)
+    return f"least {text(hands.min_ratio)}, {_hz(hands.worst_hz)}, in the hand of {hand}", known.factor
+
+
+def _peak_sensitivity(known: Found) -> tuple[str, str]:
+    loop = known.loop
+    assert loop is not None, "a claim about it is made"
+    peak = _at(loop.peak_sensitivity, loop.peak_sensitivity_hz)
+    return f"peak {peak}", f"≤ {known.problem.stability.max_sensitivity:g}"
+
+
+def _radius_and_margins(known: Found) -> tuple[str, str]:
+    loop = known.loop
+    assert loop is not None, "a claim about it is made"
+    margins = (loop.gain_margin_db, "dB"), (loop.phase_margin_deg, "°")
+    left = [f"{text(value, 3)} {unit}" for value, unit in margins if value is not None]
+    left += [" ".join(time_text(loop.delay_margin_s, 3))] if loop.delay_margin_s is not None else []
+    return text(loop.spectral_radius) + (f"; margins {', '.join(left)}" if left else ""), "< 1"
+
+
+def _peak_unmodelled(known: Found) -> tuple[str, str]:
+    return f"peak {text(float(-unmodelled_maxima(known.problem, known.gains).value[0]))}", "< 1"
+
+
+def _least_in_any_hand(known: Found) -> tuple[str, str]:
     """Return the least ratio in any passive hand, of an admittance display on the band.
 
     Where the record has but that in hands, it is that of the nominal device.
     """
+    proof, problem = known.proof, known.problem
     if proof.any_hand is not None:
-        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}"
+        return f"least {_at(proof.any_hand.min_ratio, proof.any_hand.worst_hz)}", known.factor
     if proof.hands is None or proof.hands.min_ratio != proof.min_ratio:
-        return f"least {_at(proof.min_ratio, proof.worst_hz)}"
-    least = ratio_minima(problem, *design)
-    found = f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}"
-    return found if problem.uncertainty is None else f"{found}, of the nominal device"
+        return f"least {_at(proof.min_ratio, proof.worst_hz)}", known.factor
+    least = ratio_minima(problem, known.gains, known.coupling)
+    which = "" if problem.uncertainty is None else ", of the nominal device"
+    return f"least {_at(float(least.value[0]), hertz(float(least.omega[0])))}{which}", known.factor
+
+
+FOUND: dict[ClaimId, Callable[[Found], tuple[str, str]]] = {
+    "passive": _least_in_any_hand,
+    "sensitivity": _peak_sensitivity,
+    "stable": _radius_and_margins,
+    "unmodelled": _peak_unmodelled,
+    "any_hand": _least_in_any_hand,
+    "hands": _least_in_hands,
+}
+"""Returns what was found of a claim and what was asked, where there is a number to show."""
 
 
 def _at(value: float | None, hz: float | None) -> str:
@@ -213,9 +269,15 @@ def assumptions(problem: Problem) -> list[str]:
         device.units
     ]
     lines = [
-        f"The device {moves}, {within}: no dry friction, no backlash, no saturated motor.",
+        f"The device {moves}, {within}: {'no dry friction, no backlash,' * (device.servo is None)} no saturated motor.",
         f"The loop dynamics are those stated and nothing else: {_stated(device)}. What is not stated is ideal.",
     ]
+    if device.servo is not None:
+        lines.append(
+            "The servo does not yield: however hard the hand pushes, the motion follows the command alone. What the "
+            "force sensor carries in front of it is a part of the hand, of operator.mass; what is behind it does not "
+            "count."
+        )
     if uncertain is not None and uncertain.unmodelled:
         lines.append(
             "But for that, the mechanism's response may be off by the radius above, each frequency for itself"
@@ -246,6 +308,11 @@ def assumptions(problem: Problem) -> list[str]:
 
 
 def _stated(device: Device) -> str:
+    if (servo := device.servo) is not None:
+        low_pass = f"a servo of {servo.bandwidth_hz:.4g} Hz and order {servo.order}"
+        late = f"a {servo.command} command every {' '.join(time_text(device.sample_time, 4))}"
+        stated = [low_pass, f"delay {' '.join(time_text(servo.delay, 4))}", late]
+        return ", ".join(stated + (["force sensor"] if device.force_sensor is not None else []))
     stated = [f"hold “{device.hold}” of {' '.join(time_text(device.sample_time, 4))}"]
     stated += [f"delay {' '.join(time_text(device.delay, 4))}"] if device.delay > 0 else []
     stated += ["velocity estimate"] if device.velocity is not None else []
@@ -262,7 +329,10 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     problem : its device
     gains, coupling : the design
     """
-    here, bare, units = feel(problem.device, gains, coupling), feel(problem.device, *NO_LOOP), problem.units
+    here, units = feel(problem.device, gains, coupling), problem.units
+    if problem.device.servo is not None:
+        return _feel_of_servo(here, units)
+    bare = feel(problem.device, *NO_LOOP)
     lines = [
         FeelLine(f"apparent {name} in free motion at {hz:g} Hz", _number(ours[k]), _number(theirs[k]), unit)
         for name, unit, ours, theirs in (
@@ -290,6 +360,20 @@ def feel_lines(problem: Problem, gains: Gains, coupling: AnyCoupling) -> list[Fe
     if not problem.device.kind.senses_force:  # which moves at once, and whose force path is its loop
         late = late[:1]
     return lines + [FeelLine(label, *(("", "", "") if seconds is None else _late(seconds))) for label, seconds in late]
+
+
+def _feel_of_servo(here: Feel, units: Units) -> list[FeelLine]:
+    """Return what a hand feels of a servo, which it does not feel without a coupling: there is no bare device."""
+    late, unit = ("", "") if here.loop_latency is None else time_text(here.loop_latency, 3)
+    free = [
+        (f"apparent {name} in free motion at {hz:g} Hz", _number(of[k]), of_unit)
+        for name, of_unit, of in ((units.mass_name, units.mass, here.mass), ("damping", units.damping, here.damping))
+        for k, hz in enumerate(FREE_HZ)
+    ]
+    steady = f"{units.force_name} for a steady {SPEED:g} {units.speed}", _number(here.force), units.force
+    tracked = "bandwidth of tracking", _number(here.tracking_bandwidth), "Hz"
+    rows = [*free, steady, tracked, ("latency from command to motion", late, unit)]
+    return [FeelLine(label, value, "", of_unit) for label, value, of_unit in rows]
 
 
 def _late(seconds: float) -> tuple[str, str, str]:

@@ -1,4 +1,4 @@
-"""The firmware: one pure function from (state, measurement) to (state, force), as `equations` describes it.
+"""The firmware: one pure function from (state, measurement) to (state, command), as `equations` describes it.
 
 `vctune export` makes C of the same equations.
 """
@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import lru_cache
 
+from vctune.model.device import Commanded
 from vctune.model.experiment import Environment
 from vctune.model.gains import AnyCoupling, SpringDamper
 from vctune.model.numbers.arithmetic import Number
@@ -40,6 +41,7 @@ class Law:
     smoothing : a of the low-passes y += a (x - y) that the velocity goes through; None for none
     low_passes : how many of them, up to 2
     limit : greatest force, N; None for none. Behind it the integral parts of the law do not wind up
+    command : what is commanded; where it is no force there is no law, and nothing of it is limited
     """
 
     sample_time: float
@@ -55,6 +57,7 @@ class Law:
     smoothing: float | None
     low_passes: int
     limit: float | None
+    command: Commanded = "force"
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,9 +98,9 @@ class State:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """The force that the motor is commanded, and the environment's share f_e of the hand's force, N."""
+    """What is commanded: the motor's force, N, or the velocity or position that a servo follows, m/s, m; and f_e, N."""
 
-    force: Number
+    given: Number
     environment: Number
 
 
@@ -151,6 +154,7 @@ def parts_of(law: Law) -> Parts:
         integral=law.integral > 0,
         limit=law.limit is not None,
         spring=isinstance(law.coupling, SpringDamper),
+        command=law.command,
     )
 
 
@@ -201,9 +205,8 @@ def encoded(law: Law, position: Number, ops: Arithmetic) -> Number:
     position : m
     ops : arithmetic of the position
     """
-    first = next(equations.estimate(parts_of(law)))
     return value(
-        first.right,
+        equations.encoded_position(parts_of(law)),
         {Symbol("measured_position"): position, Symbol("resolution"): law.position_resolution},
         ops,
     )

@@ -6,9 +6,11 @@ From this one description come the simulated controller (`controller.py`), the e
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
+from vctune.model.device import Commanded
 from vctune.model.numbers.units import Units
 from vctune.simulation.firmware.expression import Expression, Symbol, Term, choice, floor, maximum, minimum
 
@@ -59,6 +61,8 @@ class Parts:
     integral : whether the position error is integrated once more
     limit : whether the force is limited, and with it the integral parts of the law
     spring : whether its coupling is a spring and a damper, as an impedance display's, and it has no law
+    command : a force, or the velocity or the position that a servo follows; a servo's firmware reads the force alone,
+        and has neither a law nor a limit
     """
 
     quantised: bool = False
@@ -73,8 +77,16 @@ class Parts:
     integral: bool = False
     limit: bool = True
     spring: bool = False
+    command: Commanded = "force"
 
 
+COMMANDS: Mapping[Commanded, Quantity] = MappingProxyType(
+    {
+        "force": Quantity("command", "u", "force", "force that the motor is commanded"),
+        "velocity": Quantity("command", "u", "speed", "velocity that the servo is commanded"),
+        "position": Quantity("command", "u", "position", "position that the servo is commanded"),
+    }
+)
 INPUTS = (
     Quantity("measured_position", "x", "position", "position of the motor, as the encoder has it"),
     Quantity("measured_velocity", "v", "speed", "velocity of the motor, where it is measured"),
@@ -156,12 +168,22 @@ def _was(name: str) -> Symbol:
     return Symbol(name, before=True)
 
 
-def estimate(parts: Parts) -> Iterator[Equation]:
-    """Yield what the firmware knows of the motion: position, and the velocity that the law acts on."""
-    position: Term = _now("measured_position")
+def encoded_position(parts: Parts) -> Term:
+    """Return the measured position as the encoder has it."""
+    position = _now("measured_position")
     if parts.quantised:
-        position = _now("resolution") * floor(position / _now("resolution") + 0.5)
-    yield _kept("measured", position)
+        return _now("resolution") * floor(position / _now("resolution") + 0.5)
+    return position
+
+
+def estimate(parts: Parts) -> Iterator[Equation]:
+    """Yield what the firmware knows of the motion: position, and the velocity that the law acts on.
+
+    Nothing with a servo, whose motion is the vendor's.
+    """
+    if parts.command != "force":
+        return
+    yield _kept("measured", encoded_position(parts))
     velocity: Term = _now("measured_velocity")
     if parts.difference:
         velocity = (_now("measured") - _was("measured")) / _now("sample_time")
@@ -257,7 +279,8 @@ def law(parts: Parts) -> Iterator[Equation]:
     (2/T) tan(omega T/2): it takes nothing from Re Z_c, on which the certificate rests. Where the limit acts, x_e stays
     as near to the handle as the limit can hold it, and the integral within what it can give: nothing winds up.
 
-    An impedance display has no law: its command is the coupling's force, and what K_v damps.
+    An impedance display has no law: its command is the coupling's force, and what K_v damps. The command of a servo is
+    v_e, or x_e.
     """
     if parts.spring:
         yield from _rendered(parts)
@@ -266,6 +289,10 @@ def law(parts: Parts) -> Iterator[Equation]:
         step = _now("coupling_step") * (_now("desired") - _was("desired"))
         yield _kept("coupling", _now("coupling_decay") * _was("coupling") + step)
     reference = _now("middle") + _now("half_sample_time") * _now("desired")
+    if parts.command != "force":
+        yield _kept("reference", reference)
+        yield Equation(COMMANDS[parts.command], _now("desired" if parts.command == "velocity" else "reference"))
+        return
     yield _new("led", "x_e'", "position", "x_e, unless the limit acts", reference)
     yield _new("error", "e", "position", "position error", _now("led") - _now("measured"))
     force = _now("velocity_gain") * (_now("desired") - _now("velocity")) + _now("position_gain") * _now("error")
@@ -278,7 +305,7 @@ def law(parts: Parts) -> Iterator[Equation]:
         yield _kept("reference", _now("led"))
         if parts.integral:
             yield _kept("integral", _now("summed"))
-        yield _new("command", "u", "force", "force that the motor is commanded", _now("asked"))
+        yield Equation(COMMANDS["force"], _now("asked"))
         return
     yield _new("size", "|u'|", "force", "its size", maximum(-_now("asked"), _now("asked")))
     slip = choice(_now("size"), _now("limit"), _now("error") - _within("position_reach", _now("error")), 0.0)
@@ -287,7 +314,7 @@ def law(parts: Parts) -> Iterator[Equation]:
     if parts.integral:
         held = _within("integral_reach", _now("summed"))
         yield _kept("integral", choice(_now("size"), _now("limit"), held, _now("summed")))
-    yield _new("command", "u", "force", "force that the motor is commanded", _within("limit", _now("asked")))
+    yield Equation(COMMANDS["force"], _within("limit", _now("asked")))
 
 
 def _rendered(parts: Parts) -> Iterator[Equation]:
@@ -301,13 +328,7 @@ def _rendered(parts: Parts) -> Iterator[Equation]:
     yield _new("coupled", "f_c", "force", "force of the coupling", met)
     asked = -_now("coupled") - _now("velocity_gain") * _now("velocity")
     yield _new("asked", "u'", "force", "force before it is limited", asked)
-    yield _new(
-        "command",
-        "u",
-        "force",
-        "force that the motor is commanded",
-        _within("limit", _now("asked")) if parts.limit else _now("asked"),
-    )
+    yield Equation(COMMANDS["force"], _within("limit", _now("asked")) if parts.limit else _now("asked"))
 
 
 def _within(bound: str, term: Symbol) -> Expression:

@@ -40,9 +40,15 @@ class Start:
 
 
 def exported_parts(law: Law) -> Parts:
-    """Return what the exported firmware of a law consists of: any built-in environment, a limit, no encoder."""
+    """Return what the exported firmware of a law consists of: any built-in environment, no encoder, a force limited."""
     of = parts_of(law)
-    return replace(Parts(), difference=of.difference, low_passes=of.low_passes, spring=of.spring)
+    return Parts(
+        difference=of.difference,
+        low_passes=of.low_passes,
+        spring=of.spring,
+        limit=of.command == "force",
+        command=of.command,
+    )
 
 
 class SteppedFirmware:
@@ -73,7 +79,7 @@ class SteppedFirmware:
         self._known[Symbol("measured", before=True)] = number(start.position)
 
     def command(self, measured: Sequence[float]) -> float:
-        """Return the commanded force, N, after position [m], velocity [m/s] and force [N] of the next sample."""
+        """Return the command after position [m], velocity [m/s] and force [N] of the next sample."""
         known = self._known
         for name, read in zip(("position", "velocity", "force"), measured, strict=True):
             known[Symbol(f"measured_{name}")] = self._number(read)

@@ -1,9 +1,10 @@
 """A device with its parts, and the hand on it, as linear rates.
 
-The parts are an actuator, a handle on a spring, and a filter of the force sensor or a delay of it that is no whole
-number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly (`transition`), and
-with friction exactly but for a force that is held over a step (`assembly_friction`). A device that moves as one mass
-and whose force is sensed at a sample is not of this kind (`plant`).
+The parts are an actuator, a handle on a spring, a servo, and a filter of the force sensor or a delay of it that is no
+whole number of samples. All of it is linear but for friction: it moves on by matrix exponentials, exactly
+(`transition`), and with friction exactly but for a force that is held over a step (`assembly_friction`). A device that
+moves as one mass and whose force is sensed at a sample is not of this kind (`plant`). A servo moves as it is commanded:
+the hand has no part in its rates, and what the hand does to it follows from its motion.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from math import sqrt
 
 import numpy as np
 
+from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.experiment import Operator
 from vctune.model.loop.device_response import mechanism
 from vctune.model.numbers.arithmetic import FLOATS, Number
 from vctune.model.sampled.velocity_loop import SNAP, split_delay
@@ -21,8 +24,8 @@ from vctune.simulation.mechanics.plant import Transition, exponential_less_one, 
 from vctune.simulation.scene import Scene
 
 GIVEN = ("command", "friction", "push", "push_1", "push_2", "push_3")
-"""What acts on the states: the held command that has arrived, the friction's force, the force of the hand's spring and
-damper if the handle stood still at 0, N, and its three derivatives."""
+"""What acts on the states: the held command that has arrived, a force or the velocity of a servo, the friction's force,
+the force of the hand's spring and damper if the handle stood still at 0, N, and its three derivatives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +34,8 @@ class Assembly:
 
     Attributes
     ----------
-    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, sensed and its rate
-        where the device has the part
+    states : position and velocity of the motor first; bend and handle_velocity, drive and its rate, the rate of a
+        servo's velocity, sensed and its rate where the device has the part
     rates : over states and given
     units : of states and given, with which all rates are about as large as what they mean for a sample
     position, velocity : rows of the handle's, m, m/s
@@ -86,6 +89,8 @@ def sensing(scene: Scene) -> Sensing:
 def assembly(scene: Scene) -> Assembly | None:
     """Return what moves in a scene; None if it is one mass, whose force is sensed at a sample and not filtered."""
     device, hand = scene.device, scene.operator
+    if device.servo is not None:
+        return _servo(device, device.servo, hand)
     actuator, structure, sensor = device.actuator, device.structure, device.force_sensor
     band_hz = sensor.bandwidth_hz if sensor is not None else None
     if actuator is None and structure is None and band_hz is None and sensing(scene).instant is None:
@@ -93,7 +98,7 @@ def assembly(scene: Scene) -> Assembly | None:
     states = ["position", "velocity"]
     states += ["bend", "handle_velocity"] if structure is not None else []
     states += ["drive", "drive_rate"][: actuator.order] if actuator is not None else []
-    states += ["sensed", "sensed_rate"][: sensor.order] if sensor is not None and band_hz is not None else []
+    states += _sensed_states(sensor)
     names = (*states, *GIVEN)
     of = dict(zip(names, np.eye(len(names)), strict=True))
     motor = of["command"] if actuator is None else of["drive"]
@@ -118,17 +123,62 @@ def assembly(scene: Scene) -> Assembly | None:
         swing = sqrt(parts.stiffness * (1 / parts.motor + 1 / mass))
     if actuator is not None:
         rates |= _low_pass("drive", actuator.bandwidth_hz, actuator.order, of["command"], of)
-    if sensor is not None and band_hz is not None:
-        rates |= _low_pass("sensed", band_hz, sensor.order, force, of)
-    nothing = np.zeros(len(names))
+    weight = device.mass / device.sample_time**2
+    units = _units(names, weight, weight, device.sample_time, swing)
+    return _assembled(tuple(states), of, rates, units, (position, velocity, force), sensor)
+
+
+def _servo(device: Device, servo: Servo, hand: Operator) -> Assembly:
+    """Return a servo and what the hand does to it: -(M a + B v + K x) and what its spring and damper push."""
+    velocity = ("velocity", "velocity_rate")[: servo.order]
+    states, T = ("position", *velocity, *_sensed_states(device.force_sensor)), device.sample_time
+    names = (*states, *GIVEN)
+    of = dict(zip(names, np.eye(len(names)), strict=True))
+    rates = {"position": of["velocity"], "push": of["push_1"], "push_1": of["push_2"], "push_2": of["push_3"]}
+    rates |= _low_pass("velocity", servo.bandwidth_hz, servo.order, of["command"], of)
+    held = hand.stiffness * of["position"] + hand.damping * of["velocity"] + hand.mass * rates["velocity"]
+    size = hand.mass / T**2 + hand.damping / T + hand.stiffness
+    units = _units(names, size or 1.0, 1 / T, T, 0.0)
+    seen = of["position"], of["velocity"], of["push"] - held
+    return _assembled(states, of, rates, units, seen, device.force_sensor)
+
+
+def _sensed_states(sensor: ForceSensor | None) -> tuple[str, ...]:
+    """Return the states of a force sensor's low-pass."""
+    return ("sensed", "sensed_rate")[: sensor.order] if sensor is not None and sensor.bandwidth_hz is not None else ()
+
+
+def _assembled(
+    states: tuple[str, ...],
+    of: dict[str, Floats],
+    rates: dict[str, Floats],
+    units: Floats,
+    seen: tuple[Floats, Floats, Floats],
+    sensor: ForceSensor | None,
+) -> Assembly:
+    """Return an assembly with its force sensor.
+
+    Parameters
+    ----------
+    states : names, those of the sensor too
+    of : unit row of each of states and given
+    rates : rows of those that change
+    units : of states and given
+    seen : rows of the handle's position and velocity and of f_h
+    sensor : None for what senses f_h
+    """
+    position, velocity, force = seen
+    if sensor is not None and sensor.bandwidth_hz is not None:
+        rates = rates | _low_pass("sensed", sensor.bandwidth_hz, sensor.order, force, of)
+    nothing = np.zeros(len(of))
     return Assembly(
-        states=tuple(states),
-        rates=np.array([rates.get(name, nothing) for name in names]),
-        units=_units(names, device.mass, device.sample_time, swing),
+        states=states,
+        rates=np.array([rates.get(name, nothing) for name in of]),
+        units=units,
         position=position,
         velocity=velocity,
         force=force,
-        sensed=force if band_hz is None else of["sensed"],
+        sensed=of.get("sensed", force),
     )
 
 
@@ -141,11 +191,10 @@ def _low_pass(name: str, bandwidth_hz: float, order: int, source: Floats, of: di
     return {name: corner * of[rate], rate: corner * (source - of[name] - sqrt(2) * of[rate])}
 
 
-def _units(names: tuple[str, ...], mass: float, sample_time: float, swing: float) -> Floats:
-    """Return units in which time is counted in T, forces in m/T^2, and a bend by the speed that it swings with."""
-    force = mass / sample_time**2
-    units = {"position": 1.0, "bend": 1 / (1 + swing * sample_time)}
-    units |= dict.fromkeys(("velocity", "handle_velocity"), 1 / sample_time)
+def _units(names: tuple[str, ...], force: float, command: float, sample_time: float, swing: float) -> Floats:
+    """Return units in which time is counted in T, forces and commands in given ones, a bend by how fast it swings."""
+    units = {"position": 1.0, "command": command, "bend": 1 / (1 + swing * sample_time)}
+    units |= dict.fromkeys(("velocity", "handle_velocity", "velocity_rate"), 1 / sample_time)
     units |= {f"push_{k}": force / sample_time**k for k in (1, 2, 3)}
     return np.array([units.get(name, force) for name in names])
 

@@ -17,7 +17,7 @@ from vctune.simulation.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Timing:
-    """When the held forces act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
+    """When the held commands act within a sample interval: u[k-N-1] for `early` seconds, then u[k-N].
 
     Attributes
     ----------
@@ -31,9 +31,9 @@ class Timing:
 
 
 def timing(scene: Scene) -> Timing:
-    """Return the timing of a scene's actuator; the real zero-order hold, whatever `hold` the frequency model has."""
+    """Return the timing of a scene's commands; the real zero-order hold, whatever `hold` the frequency model has."""
     T = scene.device.sample_time
-    whole, fraction = split_delay(scene.device.delay, T)
+    whole, fraction = split_delay(scene.device.latency, T)
     return Timing(whole, fraction * T, T - fraction * T)
 
 

@@ -90,7 +90,7 @@ def build(scene: Scene, stretch: Stretch = fixed_steps) -> Step:
         memory=[memory[name] for name in changed],
         kept=[getattr(remembered, name) for name in changed],
         start=[known.get(name, 0.0) for name in changed],
-        answer=[remembered.reference, remembered.desired, command.environment, command.force],
+        answer=[remembered.reference, remembered.desired, command.environment, command.given],
     )
     return _compiled(scene, stretch, wired, firmware)
 
@@ -145,11 +145,10 @@ class _Firmware:
 def _wire(scene: Scene, inputs: int) -> _Wired:
     when, sensed, moving, begin = timing(scene), sensing(scene), assembly(scene), equilibrium(scene)
     body, given = ca.SX.sym("body", len(_at_rest(scene, moving, begin))), ca.SX.sym("inputs", inputs)
-    queue = [
-        ca.SX.sym(f"u{age}") for age in range(when.whole_samples + 1)
-    ]  # forces commanded and not yet spent, the newest first
+    # commands not yet spent, the newest first; between two positions a servo moves on
+    queue = [ca.SX.sym(f"u{age}") for age in range(when.whole_samples + (2 if _interpolates(scene) else 1))]
     late = [ca.SX.sym(f"f{age}") for age in range(sensed.whole_samples)]  # forces sensed and not yet read
-    seen = _seen(scene, moving, body, given, queue[-1])
+    seen = _seen(scene, moving, body, given, _acting(scene, queue)[-1])
     oldest = [seen.sensed, *late][-1]
     felt = oldest + given[4] if scene.force_noise > 0 else oldest
     return _Wired(begin, moving, body, given, queue, late, seen, Measurement(seen.motor.x, seen.motor.v, felt))
@@ -162,7 +161,7 @@ def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware
     record += [seen.motor.x, seen.motor.v] if scene.device.structure is not None else []
     arriving = [seen.sensed, *wired.late]
     state = ca.vertcat(body, *firmware.memory, *wired.queue, *wired.late)
-    kept = ca.vertcat(*firmware.kept, *commanded[:-1], *arriving[:-1])
+    kept, acting = ca.vertcat(*firmware.kept, *commanded[:-1], *arriving[:-1]), _acting(scene, commanded)
     start = [
         *_at_rest(scene, wired.mechanism, begin),
         *firmware.start,
@@ -170,12 +169,24 @@ def _compiled(scene: Scene, stretch: Stretch, wired: _Wired, firmware: _Firmware
         *(begin.hand for _ in wired.late),
     ]
     if scene.friction is None:
-        exact = _moved_exactly(scene, wired.mechanism, body, inputs, commanded)
+        exact = _moved_exactly(scene, wired.mechanism, body, inputs, acting)
         one = ca.Function("one", [state, inputs], [ca.vertcat(exact, kept), ca.vertcat(*record)])
     else:
-        given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), commanded[-1], commanded[-2]])
+        given = ca.Function("firmware", [state, inputs], [kept, ca.vertcat(*record), acting[-1], acting[-2]])
         one = _with_friction(scene, wired.mechanism, scene.friction, stretch, given)
     return Step(one, np.array(start))
+
+
+def _interpolates(scene: Scene) -> bool:
+    """Whether the device moves linearly from one command to the next."""
+    return scene.law.command == "position"
+
+
+def _acting(scene: Scene, commanded: list[Any]) -> list[Any]:
+    """Return what commands are held as, each over a sample: a position as the velocity from the one before it."""
+    if not _interpolates(scene):
+        return commanded
+    return [(newer - older) / scene.device.sample_time for newer, older in pairwise(commanded)]
 
 
 def columns(scene: Scene) -> tuple[str, ...]:
@@ -242,11 +253,11 @@ def _hand_force(scene: Scene, at: Slide, inputs: Any, motor: Any) -> Any:
     return (1 - share) * (push - pull) - share * (motor - resisting)
 
 
-def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, commanded: list[Any]) -> Any:
+def _moved_exactly(scene: Scene, moving: Assembly | None, body: Any, inputs: Any, acting: list[Any]) -> Any:
     exact = plant.transition(scene) if moving is None else assembled_transition(scene, moving)
     moved = ca.mtimes(ca.DM(exact.state), body) + ca.mtimes(ca.DM(exact.motion), inputs[:4])
-    moved = moved + ca.DM(exact.late) * commanded[-2]
-    return moved + ca.DM(exact.early) * commanded[-1] if exact.early.any() else moved
+    moved = moved + ca.DM(exact.late) * acting[-2]
+    return moved + ca.DM(exact.early) * acting[-1] if exact.early.any() else moved
 
 
 def _with_friction(scene: Scene, moving: Assembly | None, friction: Friction, stretch: Stretch, firmware: Any) -> Any:

@@ -1,0 +1,288 @@
+"""`vctune export` of a servo: a force in, a velocity or a position out; what is proved is what is compiled."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+
+import numpy as np
+import pytest
+import servo_in_time
+from command import run as vctune
+from exported import Stated
+from test_export import COMPILERS, WARNINGS, done, has, period
+from test_servos import ARM, CONTACT, WALKER, decades, random_servo, top_of
+
+from vctune import export, simulate, write_export
+from vctune.document.text.toml_writing import toml_text
+from vctune.exit_codes import ExitCode
+from vctune.firmware.vectors import usual
+from vctune.model.gains import Coupling
+
+EXPERIMENTS = [
+    {
+        "name": "wall",
+        "environment": {"mass": 0.1, "damping": 3.0, "stiffness": 5000.0, "zero": 0.004, "wall": True},
+        "operator": {"to": 0.01, "speed": 0.04, "cycles": 1, "mass": 0.1},
+        "sensors": {"force_noise": 0.01},
+    },
+    {
+        "name": "lossless",
+        "environment": {"mass": 0.05, "stiffness": 200.0, "rule": "trapezoid"},
+        "operator": {"from": 0.001, "to": 0.01, "speed": 0.05, "cycles": 1},
+    },
+    {"name": "free motion", "operator": {"to": 0.01, "speed": 0.1, "cycles": 1, "motion": "sine"}},
+]
+SERVOS = {"velocity": CONTACT, "position": WALKER}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folders of exported C by command and precision, each made once."""
+    found = {}
+
+    def folder(command="velocity", precision="double"):
+        if (command, precision) not in found:
+            place = tmp_path_factory.mktemp(command)
+            (place / "servo.toml").write_text(toml_text(SERVOS[command] | {"experiment": EXPERIMENTS}))
+            found[command, precision] = write_export(export(place / "servo.toml", precision=precision), place / "out")
+        return found[command, precision]
+
+    return folder
+
+
+@pytest.mark.parametrize("precision", ["double", pytest.param("single", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=has(command[0])) for name, command in COMPILERS.items()])
+def test_it_compiles_without_a_warning(made, name, precision, tmp_path):
+    for command in SERVOS:
+        folder = made(command, precision)
+        options = [*WARNINGS, "-O2", f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}"]
+        sources = ["vctune_controller.c"] if name == "arm" else ["vctune_controller.c", "vctune_bridge.c", "replay.c"]
+        for source in sources:
+            found = done(*COMPILERS[name], *options, "-c", source, "-o", tmp_path / "out.o", cwd=folder)
+            assert (found.returncode, found.stderr) == (0, ""), command
+
+
+@has("cppcheck")
+def test_cppcheck_has_nothing_to_say(made):
+    options = ["--std=c99", "--enable=warning,style,performance,portability", "--error-exitcode=1", "-q"]
+    folder = made("position")
+    found = done("cppcheck", *options, f"-DVCTUNE_TIMER_PERIOD_NS={period(folder)}", ".", cwd=folder)
+    assert (found.returncode, found.stdout + found.stderr) == (0, "")
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("compiler", [pytest.param(name, marks=has(name)) for name in ("gcc", "clang")])
+@pytest.mark.parametrize("command", SERVOS)
+def test_double_precision_replays_to_the_last_bit(made, command, compiler, tmp_path):
+    shutil.copytree(made(command), tmp_path / "c")
+    found = done("make", "-s", "check", f"CC={compiler}", cwd=tmp_path / "c")
+    assert found.returncode == 0, found.stdout + found.stderr
+    assert found.stdout.count(" greatest difference 0 ulp  ok") == 3
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("command", ["velocity", pytest.param("position", marks=pytest.mark.slow)])
+def test_single_precision_replays_within_the_bound_that_it_states(made, command, tmp_path):
+    shutil.copytree(made(command, "single"), tmp_path / "c")
+    found = done("make", "-s", "check", cwd=tmp_path / "c")
+    assert found.returncode == 0, found.stdout + found.stderr
+    stated = float((tmp_path / "c/replay.c").read_text().split("#define VCTUNE_ALLOWED ")[1].split()[0])
+    lines = found.stdout.splitlines()
+    assert max(float(line.split("difference ")[1].split()[0]) for line in lines) == pytest.approx(stated / 2, rel=0.02)
+    unit = {"velocity": "m/s", "position": "m"}[command]
+    assert all(line.endswith(f" {unit}  ok") for line in lines)
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("constant", ["COUPLING_STEP", "COUPLING_DECAY", "RESISTANCE"])
+def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, constant, tmp_path):
+    shutil.copytree(made(), tmp_path / "c")
+    header = tmp_path / "c/vctune_controller.h"
+    text = header.read_text()
+    number = text.split(f"#define VCTUNE_{constant} (")[1].split(")")[0]
+    header.write_text(text.replace(f"({number})", f"({float(np.nextafter(float(number), np.inf))!r})"))
+    found = done("make", "-s", "check", cwd=tmp_path / "c")
+    assert found.returncode != 0 and "FAILED" in found.stdout
+
+
+@has("make", "gcc")
+@pytest.mark.parametrize("command", SERVOS)
+def test_the_compiled_controller_runs_as_the_simulated_one(made, command, tmp_path):
+    place = shutil.copytree(made(command), tmp_path / "c")
+    assert done("make", "-s", "shared", cwd=place).returncode == 0
+    path = made(command).parent.parent / "servo.toml"
+    coupling = Coupling(**SERVOS[command]["coupling"])
+    (tmp_path / "gains.toml").write_text(toml_text({"coupling": SERVOS[command]["coupling"]}))
+    plain, within = (simulate(path, tmp_path / "gains.toml", controller=each) for each in (None, place))
+    for one, other in zip(plain.experiments, within.experiments, strict=True):
+        assert other.difference.force == 0
+        for name in ("position", "velocity", "force", "reference", "desired", "environment_force", "motor", "sensed"):
+            assert getattr(one.design.traces, name).tolist() == getattr(other.design.traces, name).tolist(), name
+    assert plain.coupling == coupling
+
+
+@has("make", "gcc")
+def test_a_firmware_that_commands_something_else_is_said_in_the_unit_of_the_command(made, tmp_path):
+    place = shutil.copytree(made("position"), tmp_path / "c")
+    header = place / "vctune_controller.h"
+    number = header.read_text().split("#define VCTUNE_RESISTANCE (")[1].split(")")[0]
+    header.write_text(header.read_text().replace(number, repr(2 * float(number))))
+    assert done("make", "-s", "shared", cwd=place).returncode == 0
+    shutil.copy(made("position").parent.parent / "servo.toml", tmp_path / "servo.toml")
+    (tmp_path / "gains.toml").write_text(toml_text({"coupling": WALKER["coupling"]}))
+    command = ("simulate", "servo.toml", "gains.toml", "--controller", "c", "--experiment", "lossless")
+    found = vctune(*command, cwd=tmp_path)
+    assert found.returncode == ExitCode.FAILED
+    assert " m of the design's own in double precision" in found.stdout.replace("\n", " ")
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_equations_are_the_loop_that_is_proved(seed):
+    """The mechanics by an oracle and the equations of the JSON have the roots of the oracle's loop."""
+    rng = np.random.default_rng(seed)
+    servo, hand = random_servo(rng), servo_in_time.Mass(*10 ** rng.uniform([-1, 0, 2], [1, 2, 3]))
+    coupling = dict(zip(("damping", "mass", "drag"), map(float, 10 ** rng.uniform([1, -1, 0], [3, 1, 2])), strict=True))
+    rendered = servo_in_time.Mass(*10 ** rng.uniform([-2, -1, 0], [1, 2, 3]))
+    told = export(tables_of(servo) | {"coupling": coupling}, to="json", unproved=True)
+    stated = Stated(
+        json.loads(told.files["controller.json"]),
+        mass=rendered.mass,
+        damping=rendered.damping,
+        stiffness=rendered.stiffness,
+        rule="trapezoid",
+    )
+    sampled, names = servo_in_time.Sampled(servo, hand), list(stated.state)
+
+    def step(memory):
+        body, kept, (before,) = np.split(memory, [sampled.size, sampled.size + len(names)])
+        stated.state = dict(zip(names, kept, strict=True))
+        command = stated.step(0.0, 0.0, sampled.force(body))
+        held = (command - before) / servo.sample_time if servo.position else command
+        return np.concatenate([sampled.wait(body, held), list(stated.state.values()), [command]])
+
+    found = np.array([step(unit) for unit in np.eye(sampled.size + len(names) + 1)]).T
+    proved = servo_in_time.loop_matrix(servo, hand, tuple(coupling.values()), rendered)
+    assert abs(top_of(found)) == pytest.approx(abs(top_of(proved)), rel=1e-9)
+
+
+def tables_of(servo: servo_in_time.Servo) -> dict:
+    sensor = {"delay": servo.sensor_delay}
+    if servo.sensor_hz is not None:
+        sensor |= {"bandwidth_hz": servo.sensor_hz, "order": servo.sensor_order}
+    loop = {"delay": servo.delay, "bandwidth_hz": servo.bandwidth_hz, "order": servo.order}
+    loop["command"] = "position" if servo.position else "velocity"
+    return {"device": {"sample_time": servo.sample_time, "servo": loop, "force_sensor": sensor}}
+
+
+@pytest.mark.parametrize("command", SERVOS)
+def test_every_file_speaks_of_the_servo(made, command):
+    """Of what it follows, late by how much; not of a mass, a motor, a gain or a limit, which it has not."""
+    folder = made(command)
+    told = export(folder.parent.parent / "servo.toml", to="json").files
+    texts = {path.name: path.read_text() for path in folder.iterdir() if path.name != "vectors.csv"} | told
+    for name, text in texts.items():
+        words = " ".join(
+            re.sub("<svg.*</svg>", "", text, flags=re.DOTALL).replace("\n *", " ").replace("\n#", " ").split()
+        )
+        assert f"Assumed: a servo that follows the commanded {command}," in words, name
+        for absent in ("linear device", "1.0 kg", "motor", "VELOCITY_GAIN", "position_gain", "K_v", "K_p", "friction"):
+            assert absent not in words.replace("f_c, N", ""), (name, absent)
+    header, record = texts["vctune_controller.h"], json.loads(told["controller.json"])
+    assert f"vctune_real {command};" in header and "vctune_real limit" not in header
+    assert list(record["inputs"]) == ["measured_force"]
+    assert list(record["state"]) == ["reference", "desired", "coupling", "inertia"]
+    assert (
+        "reads force and executes" in texts["controller.html"] and "Velocity estimate" not in texts["controller.html"]
+    )
+    unit = {"velocity": "m_per_s", "position": "m"}[command]
+    assert (folder / "vectors.csv").read_text().splitlines()[0].endswith(f",command_{unit}")
+
+
+def test_a_rotary_servo_is_told_in_its_units():
+    device = ARM["device"] | {"units": "rotary"}
+    hand = EXPERIMENTS[1]["operator"] | {"damping": 2.0, "stiffness": 100.0}
+    files = export(ARM | {"device": device, "experiment": [{"name": "turned", "operator": hand}]}).files
+    text = files["vctune_controller.h"]
+    assert "vctune_real velocity;          /* u, rad/s: for the servo */" in text
+    assert "vctune_real force; /* f_s, N m: torque of the hand" in text
+    assert files["vectors.csv"].startswith("experiment,position_rad,velocity_rad_per_s,torque_n_m,command_rad_per_s\n")
+
+
+def test_what_is_replayed_without_experiments_is_as_stiff_as_its_hands():
+    for tables in (ARM, CONTACT):
+        problem = export(tables, to="json").file.problem
+        for experiment in usual(problem):
+            assert experiment.operator.stiffness == problem.hands.high.stiffness
+            assert experiment.limit is None
+
+
+@has("gcc")
+@pytest.mark.parametrize("command", SERVOS)
+def test_the_fmu_is_valid_and_replays_the_vectors(made, command, tmp_path):
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.fmi2 import FMU2Slave
+    from fmpy.validation import validate_fmu
+
+    folder = made(command)
+    told = export(folder.parent.parent / "servo.toml", to="fmu")
+    path = write_export(told, tmp_path) / next(iter(told.files))
+    assert validate_fmu(str(path)) == []
+    described = fmpy.read_model_description(str(path))
+    at = {one.name: one.valueReference for one in described.modelVariables}
+    assert not {"position", "velocity", "limit", "start_position"} & set(at)
+    assert (
+        next(one.unit for one in described.modelVariables if one.name == "command")
+        == {
+            "velocity": "m/s",
+            "position": "m",
+        }[command]
+    )
+    lines = [line for line in (folder / "vectors.csv").read_text().splitlines() if line.startswith("0,")]
+    rows = np.array([list(map(float, line.split(",")[1:])) for line in lines])
+    place = fmpy.extract(str(path), str(tmp_path / "unpacked"))
+    slave = FMU2Slave(guid=described.guid, unzipDirectory=place, modelIdentifier=described.coSimulation.modelIdentifier)
+    slave.instantiate()
+    slave.setupExperiment()
+    slave.enterInitializationMode()
+    rendered = EXPERIMENTS[0]["environment"]
+    slave.setReal([at[f"environment_{name}"] for name in rendered if name != "wall"], [*rendered.values()][:4])
+    slave.setBoolean([at["wall"]], [True])
+    slave.exitInitializationMode()
+    commanded, T = [], SERVOS[command]["device"]["sample_time"]
+    for k, row in enumerate(rows):
+        slave.setReal([at["force"]], [row[2]])
+        slave.doStep(k * T, T)
+        commanded += slave.getReal([at["command"]])
+    assert commanded == rows[:, 3].tolist()
+    slave.terminate()
+    slave.freeInstance()
+
+
+@pytest.mark.slow
+@has("make", "gcc")
+@pytest.mark.parametrize("seed", range(20))
+def test_random_servos_replay_to_the_last_bit(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    size = {"damping": decades(rng, 0, 4), "mass": decades(rng, -2, 1), "drag": decades(rng, 1, 3)}
+    environments = [
+        {"mass": rng.uniform(0, 1), "stiffness": decades(rng, 2, 5), "zero": 0.005, "wall": True},
+        {"mass": rng.uniform(0, 1), "damping": rng.uniform(0, 20), "stiffness": decades(rng, 0, 3)},
+        {"mass": rng.uniform(0.01, 1), "stiffness": decades(rng, 0, 3), "rule": "trapezoid"},
+    ]
+    experiments = [
+        {
+            "name": f"random {number}",
+            "environment": environment,
+            "operator": {"to": 0.01, "cycles": 1, "mass": rng.uniform(0, 0.3), "stiffness": 100.0},
+            "sensors": {"force_noise": 0.01},
+        }
+        for number, environment in enumerate(environments)
+    ]
+    tables = tables_of(random_servo(rng)) | {"coupling": size, "experiment": experiments}
+    for precision in ("double", "single"):
+        place = write_export(export(tables, precision=precision, unproved=True), tmp_path / precision)
+        found = done("make", "-s", "check", cwd=place)
+        assert found.returncode == 0, found.stdout + found.stderr
+        assert precision == "single" or found.stdout.count(" difference 0 ulp  ok") == 3

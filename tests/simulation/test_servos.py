@@ -1,0 +1,391 @@
+"""The simulation of a servo: against loops that are sampled elsewhere, in time, and against its certificate.
+
+`servo_in_time` has the oracle's loop. What a servo does between samples, and what the hand does to it, is integrated by
+SciPy from event to event.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+from fractions import Fraction
+from math import floor, log, pi
+
+import numpy as np
+import pytest
+import servo_in_time
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicHermiteSpline
+
+from vctune import InputError, simulate
+from vctune.analysis.in_hands import least_ratios_in_hands
+from vctune.design.verdict.claim_records import claim_records
+from vctune.design.verdict.judge import Judgement, Status, judge
+from vctune.document.building import problem as problem_of
+from vctune.document.records.certificate_json import EnvironmentRecord
+from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.experiment import Environment, Experiment, Operator, Sensors
+from vctune.model.gains import Coupling, Gains
+from vctune.model.problem import Problem
+from vctune.report.figures.experiment_figures import HEADINGS, measured_rows
+from vctune.simulation.mechanics.intended_motion import intended_motion
+from vctune.simulation.mechanics.scene_stability import STANDING, fastest_mode, loop_matrix
+from vctune.simulation.mechanics.step import CHUNK, INPUTS, build
+from vctune.simulation.run import run
+from vctune.simulation.scene import Scene, designed_scene, equilibrium
+
+NO_GAINS = Gains(0.0, 0.0)
+HAND = Operator("sine", 0.0, 0.02, 0.05, 1, 0.5, 5.0, 600.0)
+SPRING = Environment(0.0, 0.0, 300.0, 0.0, False)
+ARM = {
+    "device": {"sample_time": 0.002, "servo": {"delay": 0.032, "bandwidth_hz": 20.0, "order": 2}},
+    "operator": {
+        "mass": {"min": 0.0, "max": 2.0},
+        "damping": {"min": 0.0, "max": 30.0},
+        "stiffness": {"min": 0.0, "max": 1000.0},
+    },
+    "coupling": {"damping": 296.3374, "mass": 2.6683607, "drag": 46.471299},
+    "stability": {"safety_factor": 1.05},
+}
+WALKER = {
+    "device": {
+        "sample_time": 0.004,
+        "servo": {"command": "position", "delay": 0.012, "bandwidth_hz": 15.0, "order": 2},
+        "force_sensor": {"bandwidth_hz": 50.0},
+    },
+    "operator": ARM["operator"],
+    "coupling": {"damping": 176.96772, "mass": 1.23461, "drag": 35.901379},
+    "stability": {"safety_factor": 1.05},
+}
+CONTACT = {
+    "device": {
+        "sample_time": 0.001,
+        "servo": {"delay": 0.004, "bandwidth_hz": 40.0},
+        "force_sensor": {"bandwidth_hz": 200.0, "order": 2},
+    },
+    "operator": {
+        "mass": {"min": 0.0, "max": 5.0},
+        "damping": {"min": 0.0, "max": 100.0},
+        "stiffness": {"min": 0.0, "max": 30000.0},
+    },
+    "coupling": {"damping": 1943.9452, "mass": 2.8515397, "drag": 302.56473},
+    "stability": {"safety_factor": 1.05},
+}
+PROVED = {"arm": ARM, "walker": WALKER, "contact": CONTACT}
+"""Designs of `vctune solve`, at the edge of their safety factor."""
+
+
+def scene_of(device: Device, coupling: Coupling, environment=SPRING, operator=HAND, **changes) -> Scene:
+    told = Experiment("servo", environment, operator, None, Sensors(0.0, 0.0, 0), None, None)
+    return designed_scene(device, NO_GAINS, coupling, replace(told, **changes))
+
+
+def decades(rng: np.random.Generator, low: float, high: float, absent: float = 0.0) -> float:
+    return 0.0 if rng.random() < absent else float(10.0 ** rng.uniform(low, high))
+
+
+def late(rng: np.random.Generator, sample_time: float) -> float:
+    """Return a delay: none, of whole samples, or of any length."""
+    return round(float(rng.choice([0.0, rng.integers(1, 3), rng.uniform(0, 6)])) * sample_time, 8)
+
+
+def random_servo(rng: np.random.Generator) -> servo_in_time.Servo:
+    T = round(decades(rng, -3.3, -2), 6)
+    return servo_in_time.Servo(
+        sample_time=T,
+        delay=late(rng, T),
+        bandwidth_hz=decades(rng, 0.7, 2.3),
+        order=int(rng.integers(1, 3)),
+        position=bool(rng.integers(2)),
+        sensor_hz=decades(rng, 0.7, 2.3) if rng.random() < 0.5 else None,
+        sensor_order=int(rng.integers(1, 3)),
+        sensor_delay=late(rng, T),
+    )
+
+
+def device_of(servo: servo_in_time.Servo, mass: float = 1.0) -> Device:
+    return Device(
+        mass,
+        0.0,
+        servo.sample_time,
+        force_sensor=ForceSensor(servo.sensor_hz, servo.sensor_order, servo.sensor_delay),
+        display="servo",
+        servo=Servo(servo.delay, servo.bandwidth_hz, servo.order, "position" if servo.position else "velocity"),
+    )
+
+
+def random_loop(seed: int) -> tuple[np.ndarray, Scene]:
+    """Return a loop as the oracle and as the simulation have it."""
+    rng = np.random.default_rng(seed)
+    servo = random_servo(rng)
+    hand = servo_in_time.Mass(decades(rng, -2, 1, 0.3), decades(rng, -1, 2, 0.3), decades(rng, 1, 4, 0.3))
+    coupling = Coupling(decades(rng, 0, 4), decades(rng, -2, 1), decades(rng, -1, 2.5))
+    rendered = servo_in_time.Mass(decades(rng, -2, 1, 0.5), decades(rng, -1, 2, 0.5), decades(rng, 0, 4, 0.5))
+    operator = replace(HAND, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
+    environment = Environment(*astuple(rendered), 0.0, False, "trapezoid")
+    matrix = servo_in_time.loop_matrix(servo, hand, astuple(coupling), rendered)
+    return matrix, scene_of(device_of(servo), coupling, environment, operator)
+
+
+def top_of(matrix: np.ndarray) -> complex:
+    """Return the largest eigenvalue, positions that nothing holds apart."""
+    values = np.linalg.eigvals(matrix)
+    values = values[np.abs(values - 1) > STANDING]
+    return complex(values[np.argmax(np.abs(values))])
+
+
+# the loop
+
+
+@pytest.mark.parametrize("seed", [*range(40), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(40, 200))])
+def test_loop_grows_and_oscillates_as_the_oracle_says(seed):
+    matrix, scene = random_loop(seed)
+    top, mode = top_of(matrix), fastest_mode(scene)
+    assert mode.radius == pytest.approx(abs(top), rel=1e-10)
+    found = mode.radius * np.exp(2j * pi * mode.hz * scene.device.sample_time)
+    oracle = np.linalg.eigvals(matrix)
+    assert np.abs(oracle - found).min() < 1e-6 * abs(top)  # of two that are as large, either
+
+
+def test_both_kinds_of_loops_were_there():
+    grow = [abs(top_of(random_loop(seed)[0])) > 1 for seed in range(40)]
+    assert 5 < sum(grow) < 35
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_motion_grows_and_turns_in_time_by_the_largest_root(seed):
+    """Left to itself in the mode that grows the fastest, each sample is the last one times the oracle's root."""
+    matrix, scene = random_loop(seed)
+    values, vectors = np.linalg.eig(loop_matrix(scene))
+    top = top_of(matrix)
+    mode = vectors[:, np.argmin(np.abs(values - top))]
+    samples = int(min(CHUNK, 1 + 8 / abs(log(abs(top)))))
+    states, _ = build(scene).chunk()(mode.real, np.zeros((INPUTS, CHUNK)))
+    for k in (samples // 2, samples - 1):
+        expected = (top ** (k + 1) * mode).real
+        assert np.abs(np.asarray(states)[:, k] - expected).max() < 1e-7 * abs(top) ** (k + 1)
+
+
+# between samples
+
+
+def reconstructed(scene: Scene, given: np.ndarray) -> dict[str, np.ndarray]:
+    """Return position, velocity and sensed force at the samples after commands, integrated from event to event."""
+    servo, sensor, hand = scene.device.servo, scene.device.force_sensor, scene.operator
+    T, w, begin = scene.device.sample_time, 2 * pi * servo.bandwidth_hz, equilibrium(scene)
+    count = len(given)
+    motion = intended_motion(hand, T, 0, count + 1)
+    wanted = CubicHermiteSpline(np.arange(count + 2) * T, motion.position, motion.velocity)
+    if servo.command == "position":
+        given = np.diff(np.concatenate([[begin.reference], given])) / T
+    delay, felt_delay = (Fraction(repr(each)) / Fraction(repr(T)) for each in (servo.delay, sensor.delay))
+    corner = 2 * pi * sensor.bandwidth_hz
+
+    def rates(time, state, command):
+        x, v, dv, f, df = state
+        pull = (command - v) * w
+        acceleration, turning = (pull, 0.0) if servo.order == 1 else (w * dv, pull - 2**0.5 * w * dv)
+        push = hand.stiffness * (wanted(time) - x) + hand.damping * (wanted(time, 1) - v) - hand.mass * acceleration
+        if sensor.order == 1:
+            return [v, acceleration, turning, corner * (push - f), 0.0]
+        return [v, acceleration, turning, corner * df, corner * (push - f - 2**0.5 * df)]
+
+    # a command acts from k + delay on, what is sensed at k was there at k - felt_delay
+    events = sorted({Fraction(k) for k in range(count)} | {k + delay for k in range(count)})
+    state, felt = np.array([begin.position, 0.0, 0.0, begin.hand, 0.0]), {}
+    found = {"position": [], "velocity": []}
+    sensed_at = [k - felt_delay for k in range(count)]
+    edges = sorted({*events, *(at for at in sensed_at if at > 0)})
+    for now, then in zip(edges, [*edges[1:], edges[-1] + 1], strict=True):
+        if now.denominator == 1 and now < count:
+            found["position"].append(state[0])
+            found["velocity"].append(state[1])
+        felt[now] = state[3]
+        acting = floor(now - delay)
+        command = given[acting] if 0 <= acting < count else (0.0 if acting < 0 else given[-1])
+        span = (float(now * Fraction(repr(T))), float(then * Fraction(repr(T))))
+        state = solve_ivp(rates, span, state, args=(command,), rtol=1e-11, atol=1e-13, method="DOP853").y[:, -1]
+    found["sensed"] = [felt[at] if at > 0 else begin.hand for at in sensed_at]
+    return {name: np.array(values) for name, values in found.items()}
+
+
+@pytest.mark.parametrize("command", ["velocity", "position"])
+@pytest.mark.parametrize("order", [1, 2])
+def test_between_samples_it_follows_its_command_and_is_sensed(command, order):
+    """Delays of parts of samples, filters of both orders, a hand with a mass that begins to move."""
+    T = 0.004
+    sensor = ForceSensor(40.0, 3 - order, 0.0052)
+    device = Device(1.0, 0.0, T, force_sensor=sensor, display="servo", servo=Servo(0.0094, 12.0, order, command))
+    operator = replace(HAND, speed=0.2, start=0.005)
+    scene = scene_of(device, Coupling(200.0, 2.0, 40.0), SPRING, operator)
+    traces = run(scene)
+    found = reconstructed(scene, traces.motor[:60])
+    for name, values in found.items():
+        known = getattr(traces, name)[: len(values)]
+        assert np.abs(known - values).max() < 1e-8 * np.abs(known).max(), name
+
+
+def test_it_starts_at_rest_where_hand_and_environment_agree():
+    for tables in (ARM, WALKER):
+        problem = problem_of(tables).problem
+        still = Operator("sine", 0.02, 0.02 + 1e-9, 0.05, 50, 1.0, 5.0, 600.0)
+        traces = run(scene_of(problem.device, problem.fixed_design[1], operator=still))
+        assert np.abs(traces.velocity).max() < 1e-7
+        assert traces.force[0] == pytest.approx(0.02 / (1 / 600 + 1 / 300))
+
+
+def test_nothing_depends_on_a_mass_that_it_has_not():
+    servo = servo_in_time.Servo(0.002, 0.0053, 20.0, 2, False, 80.0, 1, 0.001)
+    one, seven = (run(scene_of(device_of(servo, mass), Coupling(300.0, 2.5, 50.0))) for mass in (1.0, 7.0))
+    for name in ("position", "force", "sensed", "motor"):
+        assert getattr(one, name).tolist() == getattr(seven, name).tolist()
+
+
+# the certificate
+
+
+def judged(tables: dict, share: float = 1.0) -> tuple[Problem, Judgement]:
+    """Return the problem and the judgement of a design whose coupling is taken times a share."""
+    scaled = {name: share * number for name, number in tables["coupling"].items()}
+    problem = problem_of(tables | {"coupling": scaled}).problem
+    return problem, judge(problem, *problem.fixed_design)
+
+
+def hand_within(rng: np.random.Generator, hands) -> Operator:
+    """Return a hand of the box, one of its vertices every other time."""
+    share = rng.integers(2, size=3) if rng.random() < 0.5 else rng.random(3)
+    low, high = np.array(astuple(hands.low)), np.array(astuple(hands.high))
+    return replace(HAND, **dict(zip(("mass", "damping", "stiffness"), low + share * (high - low), strict=True)))
+
+
+def passive(rng: np.random.Generator) -> Environment:
+    """Return springs, masses and dampers of any size and either rule, alone and together; walls too."""
+    mass, damping, stiffness = decades(rng, -3, 2, 0.4), decades(rng, -2, 3, 0.4), decades(rng, 0, 6, 0.4)
+    if rng.random() < 0.2:
+        return Environment(mass, damping, max(stiffness, 100.0), 0.0, True)
+    return Environment(mass, damping, stiffness, 0.0, False, str(rng.choice(["trapezoid", "backward"])))
+
+
+def growing(tables: dict, count: int, seed: int = 3) -> list[float]:
+    """Return the growth of the loops that grow, of a design in random hands before random environments."""
+    rng = np.random.default_rng(seed)
+    problem = problem_of(tables).problem
+    coupling = problem.fixed_design[1]
+    loops = [scene_of(problem.device, coupling, passive(rng), hand_within(rng, problem.hands)) for _ in range(count)]
+    return [mode.radius for mode in map(fastest_mode, loops) if mode.radius > 1 + 1e-9]
+
+
+def test_a_proved_design_decays_in_hands_and_before_environments():
+    assert judged(ARM)[1].status is Status.CERTIFIED
+    assert growing(ARM, 40) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROVED)
+def test_a_proved_design_decays_in_two_hundred_hands_and_environments(name):
+    assert judged(PROVED[name])[1].status is Status.CERTIFIED
+    assert growing(PROVED[name], 200) == []
+    light = PROVED[name]["coupling"] | {"drag": 0.1 * PROVED[name]["coupling"]["drag"]}
+    assert growing(PROVED[name] | {"coupling": light}, 200)  # they do tell
+
+
+def least_ratio(tables: dict) -> float:
+    problem = problem_of(tables).problem
+    return least_ratios_in_hands(problem.device, problem.hands, *problem.fixed_design)[0].ratio
+
+
+def refuted(tables: dict) -> tuple[Scene, EnvironmentRecord]:
+    """Return the scene of what a design that misses by 5 % grows with, as its record names it, and what it says."""
+    problem, judgement = judged(tables, 0.95 / least_ratio(tables))
+    assert judgement.status is Status.VIOLATED
+    named = next(claim.environment for claim in claim_records(problem, judgement) if claim.environment is not None)
+    mass, stiffness = (named.value, 0.0) if named.kind == "mass" else (0.0, named.value)
+    environment = Environment(mass, named.damping, stiffness, 0.0, False, "trapezoid")
+    hand = named.hand
+    operator = replace(HAND, mass=hand.mass, damping=hand.damping, stiffness=hand.stiffness)
+    return scene_of(problem.device, judgement.coupling, environment, operator), named
+
+
+def grows_as_named(scene: Scene, named: EnvironmentRecord) -> bool:
+    mode = fastest_mode(scene)
+    growth = log(mode.radius) / scene.device.sample_time
+    return growth > 0 and (growth, mode.hz) == pytest.approx((named.growth_per_s, named.hz), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", PROVED)
+def test_a_refuted_design_grows_with_the_hand_and_the_environment_that_it_names(name):
+    scene, named = refuted(PROVED[name])
+    assert grows_as_named(scene, named)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", PROVED)
+def test_a_refuted_design_leaves_the_hand_in_time(name):
+    scene, named = refuted(PROVED[name])
+    samples = int(40 / named.growth_per_s / scene.device.sample_time)
+    stroke = samples * scene.device.sample_time / 2
+    push = replace(scene.operator, speed=0.02 * pi / 2 / stroke, cycles=1)
+    assert run(replace(scene, operator=push)).diverged is not None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(60))
+def test_random_servos_decay_where_the_constraint_is_met_and_grow_where_it_is_missed(seed):
+    rng = np.random.default_rng(1000 + seed)
+    servo = random_servo(rng)
+    table = {"delay": servo.delay, "bandwidth_hz": servo.bandwidth_hz, "order": servo.order}
+    sensor = {"delay": servo.sensor_delay}
+    if servo.sensor_hz is not None:
+        sensor |= {"bandwidth_hz": servo.sensor_hz, "order": servo.sensor_order}
+    most = {"mass": decades(rng, -1, 1, 0.2), "damping": decades(rng, 0, 2, 0.2), "stiffness": decades(rng, 2, 4)}
+    tables = {
+        "device": {
+            "sample_time": servo.sample_time,
+            "servo": table | {"command": "position" if servo.position else "velocity"},
+            "force_sensor": sensor,
+        },
+        "operator": {name: {"min": 0.0, "max": value} for name, value in most.items()},
+        "coupling": {
+            "damping": decades(rng, 2, 4),
+            "mass": decades(rng, -1, 1),
+            "drag": most["stiffness"] * (servo.delay + servo.sensor_delay + servo.sample_time),
+        },
+        "stability": {"safety_factor": 1.0},
+    }
+    numbers = {name: 1.001 / least_ratio(tables) * number for name, number in tables["coupling"].items()}
+    assert growing(tables | {"coupling": numbers}, 20, seed) == []
+    assert grows_as_named(*refuted(tables))
+
+
+# what it has not
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "reason"),
+    [
+        ({"friction": {"coulomb": 0.3}}, "friction", "whatever rubs"),
+        ({"sensors": {"position_resolution": 1e-5}}, "sensors.position_resolution", "reads no position"),
+        ({"actuator": {"limit": 3.0}}, "actuator.limit", "commands no force"),
+        ({"baseline": {"kp": 1.0, "kd": 1.0, "mass": 1.0, "damping": 1.0}}, "baseline", "commands a force"),
+    ],
+)
+def test_what_an_experiment_of_a_servo_has_not_is_refused_with_the_reason(table, key, reason):
+    with pytest.raises(InputError) as refused:
+        problem_of(ARM | {"experiment": [{"name": "servo", **table}]})
+    assert f"experiment[0].{key}: means nothing with [device.servo]: " in str(refused.value)
+    assert reason in str(refused.value)
+
+
+def test_gains_of_a_servo_are_refused_and_its_coupling_is_taken():
+    tables = ARM | {"experiment": [{"name": "servo", "sensors": {"force_noise": 0.01}, "operator": {"cycles": 1}}]}
+    simulation = simulate(tables, NO_GAINS, Coupling(**ARM["coupling"]))
+    assert simulation.stable and simulation.experiments[0].design.metrics.motor_energy is None
+    with pytest.raises(InputError, match=r"gains\.velocity: a servo has none"):
+        simulate(tables, Gains(1.0, 0.0), Coupling(**ARM["coupling"]))
+
+
+def test_commands_are_shown_in_their_unit():
+    for tables, unit in ((ARM, "m/s"), (WALKER, "m")):
+        simulation = simulate(tables | {"experiment": [{"name": "servo", "operator": {"cycles": 1}}]})
+        record = simulation._measured()
+        assert record.command_unit == unit
+        assert measured_rows(record)[0][HEADINGS.index("motor")].endswith(f" {unit}")

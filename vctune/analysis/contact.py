@@ -1,0 +1,123 @@
+"""What a servo's latency asks of a coupling, and which contacts that bears, in double precision (README.md, section 2).
+
+Before a servo what a hand asks is linear in the hand, and convex where its response is in a disc.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import inf, pi
+
+import numpy as np
+
+from vctune.analysis.extrema import Floats, local_minima
+from vctune.model.device import Device
+from vctune.model.gains import AnyCoupling
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.hand_loop import offered
+from vctune.model.sampled.servo_in_hand import Demand, Radii, demand_of, vertices
+
+LOWEST = 1e-3
+"""Least angle beside 0: below, a demand is that at rest to a millionth. Half and twice change nothing that is shown."""
+PER_DECADE = 120
+"""Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
+a contact's narrowest place, twice costs twice as long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Greatest:
+    """What the hands of a box ask for most.
+
+    Attributes
+    ----------
+    drag : greatest R, N s/m: what a coupling needs that has drag alone
+    omega : rad/s, where
+    hand : in which
+    """
+
+    drag: float
+    omega: float
+    hand: Hand
+
+
+def drag_at_rest(devices: Sequence[Device], hands: Hands, radii: Radii | None = None) -> float:
+    """Return the greatest R at rest, K L less the least damping: no coupling with less drag is stable, N s/m.
+
+    Parameters
+    ----------
+    devices : servos, plain numbers
+    hands : the box
+    radii : of a disc in which their responses are; None without one
+    """
+    return max(0.0, *(float(demand_of(device, hands, radii).at(np.zeros(1))[0]) for device in devices))
+
+
+def greatest_drag(devices: Sequence[Device], hands: Hands, radii: Radii | None = None) -> Greatest:
+    """Return what the hands of a box ask for most at any frequency.
+
+    Parameters
+    ----------
+    devices, hands, radii : as of `drag_at_rest`
+    """
+    return max((_greatest(device, demand_of(device, hands, radii), hands) for device in devices), key=_drag)
+
+
+def _drag(found: Greatest) -> float:
+    return found.drag
+
+
+def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
+    place = local_minima(lambda theta: -demand.at(theta), _angles(device))
+    theta = np.array([0.0, place.omega[0]])
+    asked = demand.in_each(theta)
+    vertex, at = np.unravel_index(int(np.argmax(asked)), asked.shape)
+    return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, vertices(hands)[vertex])
+
+
+def stiffest_contact(
+    devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None = None
+) -> float:
+    """Return up to which stiffness the other hands of a box are met by a coupling, N/m.
+
+    Parameters
+    ----------
+    devices, hands, radii : as of `drag_at_rest`
+    coupling : plain numbers
+    factor : by which Re Z_c has to be greater than R
+
+    Returns
+    -------
+    float
+        Less than the least of the box where no stiffness is small enough, inf where any is.
+    """
+    return min(_stiffest(device, hands, coupling, factor, radii) for device in devices)
+
+
+def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None) -> float:
+    """Return the least stiffness over the angles at which the demand, straight in it, is what is offered."""
+    least, unit = hands.low.stiffness, max(hands.high.stiffness, 1.0)
+    soft, stiff = (
+        Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (least, least + unit)
+    )
+    without, with_unit = (demand_of(device, box, radii) for box in (soft, stiff))
+
+    def room(theta: Floats) -> Floats:
+        shape, flat = np.shape(theta), np.ravel(theta)
+        base, Z_c = without.in_each(flat), offered(coupling, device, flat, FLOATS)
+        slope, left = with_unit.in_each(flat) - base, Z_c / factor - base
+        with np.errstate(all="ignore"):
+            bears = np.where(slope > 0, left / slope, np.where(left < 0, -inf, inf))
+        return np.asarray(least + unit * bears.min(axis=0)).reshape(shape)
+
+    return min(float(room(np.zeros(1))[0]), float(local_minima(room, _angles(device)).value[0]))
+
+
+def _angles(device: Device) -> Floats:
+    """Return angles up to Nyquist, even where a decade's would be farther apart than a latency turns."""
+    servo = device.servo
+    assert servo is not None
+    turns = 4 + (device.latency + (device.force_sensor.delay if device.force_sensor else 0.0)) / device.sample_time
+    decades = np.geomspace(LOWEST, pi, int(PER_DECADE * np.log10(pi / LOWEST)))
+    return np.union1d(decades, np.linspace(0.0, pi, int(16 * turns) + 1)[1:])

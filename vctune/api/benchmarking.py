@@ -1,0 +1,38 @@
+"""`vctune bench`, as a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from vctune.bench.benchmark import record_of, write_measured
+from vctune.bench.timing import machine
+from vctune.document.records.printed_json import BenchRecord
+from vctune.document.text.output_files import make_folder
+
+
+def benchmark(
+    name: str, folder: Path, *, quick: bool, seed: int, command: str, progress: Callable[[str], None]
+) -> BenchRecord:
+    """Return what a benchmark finds, and write its table, picture and page.
+
+    Parameters
+    ----------
+    name : of a module of `vctune.bench` that measures
+    folder : for the files, made if it is not there
+    quick : whether to stay under a minute
+    seed : of the random devices
+    command : that makes it again, for the page
+    progress : told what is being measured
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written.
+    """
+    make_folder(folder)
+    where = machine()
+    measured = import_module(f"vctune.bench.{name}").measure(quick, seed, progress)
+    write_measured(folder, name, measured, command, where)
+    return record_of(name, measured, where)

@@ -1,0 +1,27 @@
+"""What commands say mistakes with, and of which version they are; imports nothing heavy before it is asked for."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from vctune.document.schema.plausibility import doubts as doubts
+from vctune.document.text.codes import Code as Code
+from vctune.document.text.codes import coded as coded
+from vctune.document.text.codes import has_code as has_code
+from vctune.document.text.errors import InputError as InputError
+from vctune.document.text.errors import printable as printable
+
+
+def versions() -> dict[str, str | None]:
+    """Return the versions of vctune and of the libraries that determine a result."""
+    from vctune.design.nlp.nlp import ipopt_version
+    from vctune.design.verdict.design_record import versions as of
+
+    return of(ipopt_version())
+
+
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON Schema of a kind of document."""
+    from vctune.document.records.json_schemas import SCHEMAS
+
+    return SCHEMAS[kind]()

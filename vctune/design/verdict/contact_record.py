@@ -1,0 +1,110 @@
+"""What a design's record says of a servo's latency, and of the contacts that its coupling bears."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from math import floor, inf, log10
+from typing import Literal
+
+from vctune.analysis.contact import drag_at_rest, greatest_drag, stiffest_contact
+from vctune.design.prepared import pose
+from vctune.design.verdict.judge import Judgement, Status
+from vctune.document.records.certificate_json import HandRecord
+from vctune.document.records.contact_json import ContactRecord, LatencyPartRecord
+from vctune.model.device import Device
+from vctune.model.hands import Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.numbers.frequency import finite_hertz
+from vctune.model.problem import Problem
+from vctune.model.servo import latency
+from vctune.proof.certificate import certify
+from vctune.proof.claims.margins_of_claims import Design
+from vctune.proof.engine.interval import Verdict
+from vctune.running import unlimited
+
+KEYS_OF = {
+    "hold": ("hold", "device.sample_time"),
+    "interpolation": ("interpolation", "device.sample_time"),
+    "delay": ("delay", "device.servo.delay"),
+    "lag": ("lag", "device.servo.bandwidth_hz"),
+    "sensor": ("force sensor", "device.force_sensor"),
+}
+"""What each part of a latency is called, and the key that states it."""
+RESERVE = 1e-3
+"""By what share the contact that is proved is softer than the stiffest in double precision: what is nearer takes a
+proof of many more boxes. Half of it takes up to twice the boxes."""
+DIGITS = 4
+"""Of the stiffest contact."""
+
+
+def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | None:
+    """Return what contacts ask of a servo's drag, and the stiffest that a design bears; None for any other display.
+
+    Parameters
+    ----------
+    problem : with every default filled in, SI units
+    judgement : of the design
+    """
+    hands = problem.hands_met
+    if problem.device.servo is None or hands is None:
+        return None
+    devices = list(dict.fromkeys(case.device.modelled for case in pose(problem).hand_cases))
+    radii = (problem.uncertainty.unmodelled or None) if problem.uncertainty is not None else None
+    factor, K = problem.stability.safety_factor, hands.high.stiffness
+    slowest = max(devices, key=_latency)
+    parts = {name: seconds for name, seconds in asdict(latency(slowest, FLOATS)).items() if seconds > 0}
+    with unlimited():
+        at_rest, most = drag_at_rest(devices, hands, radii), greatest_drag(devices, hands, radii)
+        bears = stiffest_contact(devices, hands, judgement.coupling, factor, radii)
+    stiffest, verdict = _stiffest(problem, judgement, hands, bears)
+    return ContactRecord(
+        stiffness=K,
+        safety_factor=factor,
+        parts=[
+            LatencyPartRecord(part=KEYS_OF[name][0], key=KEYS_OF[name][1], latency_s=seconds, drag=factor * K * seconds)
+            for name, seconds in parts.items()
+        ],
+        latency_s=_latency(slowest),
+        rest_drag=factor * at_rest,
+        drag_alone=factor * most.drag,
+        drag_alone_hz=finite_hertz(most.omega),
+        drag_alone_hand=HandRecord(**asdict(most.hand)),
+        stiffest_contact=stiffest,
+        stiffest_contact_verdict=verdict,
+    )
+
+
+def _latency(device: Device) -> float:
+    return float(latency(device, FLOATS).total)
+
+
+def _stiffest(
+    problem: Problem, judgement: Judgement, hands: Hands, bears: float
+) -> tuple[float | None, Literal["proved", "undecided"] | None]:
+    """Return the stiffest contact in few digits, and whether it is proved; None where there is none.
+
+    Parameters
+    ----------
+    problem, judgement : of the design
+    hands : to be met, of which a certified design bears all
+    bears : the stiffest contact in double precision
+    """
+    if judgement.status is Status.CERTIFIED and (bears == inf or _floored(bears) <= hands.high.stiffness):
+        return hands.high.stiffness, "proved"
+    stiffest = _floored(bears)
+    if bears == inf or stiffest <= hands.low.stiffness:
+        return None, None
+    posed = pose(problem)
+    softer = Hands(hands.low, replace(hands.high, stiffness=stiffest))
+    design = Design(posed.demands.device, judgement.gains, judgement.coupling)
+    found = certify(design, replace(posed.demands, hands=softer), posed.box)
+    return stiffest, "proved" if found.verdict is Verdict.PROVED else "undecided"
+
+
+def _floored(stiffness: float) -> float:
+    """Return a stiffness with its reserve, in `DIGITS` digits and not above."""
+    reserved = stiffness * (1 - RESERVE)
+    if not 0 < reserved < inf:
+        return reserved
+    unit = 10.0 ** (floor(log10(reserved)) + 1 - DIGITS)
+    return float(f"{floor(reserved / unit) * unit:.{DIGITS}g}")

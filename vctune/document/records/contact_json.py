@@ -1,0 +1,88 @@
+"""The record of what a servo's latency asks for: the rule drag >= stiffness times latency, part by part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import floor, isclose, log10
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from vctune.document.records.certificate_json import HandRecord
+from vctune.document.records.part import Number, Part, Row, Shown, text
+from vctune.model.numbers.units import Units
+
+ROUND = (5.0, 2.0, 1.0)
+"""Leading digits of the latency that is taken away as an example."""
+
+
+class LatencyPartRecord(Part):
+    """A part of the latency: what it is, the key that states it, and the drag that it alone asks for at rest."""
+
+    part: str
+    key: str
+    latency_s: float
+    drag: float
+
+
+class ContactRecord(Part):
+    """What contacts ask of the drag before a servo, and the stiffest that its coupling bears.
+
+    `stiffness` is that of the stiffest hand of the box, `safety_factor` that of the problem.
+    """
+
+    stiffness: float
+    safety_factor: float
+    parts: Annotated[list[LatencyPartRecord], Field(min_length=1)]
+    latency_s: Annotated[float, Shown("latency L", "ms", scale=1e3)]
+    rest_drag: Annotated[float, Shown("least drag at rest", of="damping")]
+    drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
+    drag_alone_hz: Number
+    drag_alone_hand: HandRecord
+    stiffest_contact: Annotated[Number, Shown("stiffest contact", of="stiffness")]
+    stiffest_contact_verdict: Literal["proved", "undecided"] | None
+
+    def rows(self, units: Units) -> Iterator[Row]:
+        """Yield the rows, each with what it is of."""
+        said = self._said_of(units)
+        for row in super().rows(units):
+            yield row._replace(unit=f"{row.unit if row.value != 'none' else ''}{said[row.label]}")
+            if row.label == "least drag at rest" and (example := self.example()) is not None:
+                less, drag = example
+                yield Row("with less latency", text(drag), f"{units.damping} if {1e3 * less:g} ms are saved")
+
+    def _said_of(self, units: Units) -> dict[str, str]:
+        parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
+        contacts = f"contacts up to {text(self.stiffness)} {units.stiffness}"
+        worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
+        bears = f", {self.stiffest_contact_verdict} with this coupling"
+        if self.stiffest_contact is None:
+            bears = "the hands without stiffness ask for more than this coupling offers"
+        return {
+            "latency L": f" = {parts}",
+            "least drag at rest": f" for {contacts}: {self.rule}",
+            "least drag without b_c": f", {worst}",
+            "stiffest contact": bears,
+        }
+
+    @property
+    def rule(self) -> str:
+        """What the least drag at rest is."""
+        of_springs = self.safety_factor * self.stiffness * self.latency_s
+        rule = f"{text(self.safety_factor)} K L"
+        if isclose(self.rest_drag, of_springs, rel_tol=1e-6):
+            return rule
+        less = self.rest_drag < of_springs
+        return f"{rule} {'less what damping every hand has' if less else 'and what is unmodelled'}"
+
+    def example(self) -> tuple[float, float] | None:
+        """Return a round part of the latency, a quarter of it at most, and the drag at rest without it.
+
+        Returns None where no contact has a stiffness.
+        """
+        if self.rest_drag == 0:
+            return None
+        most = self.latency_s / 4
+        unit = 10.0 ** floor(log10(most))
+        less = next(digit for digit in ROUND if digit * unit <= most * (1 + 1e-9)) * unit
+        return less, max(self.rest_drag - self.safety_factor * self.stiffness * less, 0.0)

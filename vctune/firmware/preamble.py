@@ -1,0 +1,82 @@
+"""What every exported file says first: what it is, of which design, what is proved and what that assumes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from vctune.firmware.firmware import Firmware, certified
+from vctune.model.device import Device
+from vctune.model.numbers.units import Units
+from vctune.version import __version__
+
+
+def statement(made: Firmware) -> list[str]:
+    """Return what is said at the top of every file: what it is, of which design, and what is proved.
+
+    Parameters
+    ----------
+    made : the design as firmware
+    """
+    doubt = [] if certified(made) else [not_proved(made), ""]
+    proved = f"Proved: {made.record.promise}." if made.record.promise else "Nothing is promised of this design."
+    single = "Proved again with the constants below, rounded to single precision, and with their sample time."
+    return [
+        *doubt,
+        f"Controller of {made.name}, written by vctune {__version__}; {made.precision} precision.",
+        f"problem sha256 {made.problem_sha256}",
+        f"design sha256 {made.design_sha256}",
+        "",
+        proved,
+        *([single] if certified(made) and made.precision == "single" else []),
+        *assumptions(made),
+    ]
+
+
+def not_proved(made: Firmware) -> str:
+    """Return what is said first of a design that is not certified."""
+    return f"NOT PROVED. {made.record.status}: {made.doubt}"
+
+
+def assumptions(made: Firmware) -> list[str]:
+    """Return what the certificate takes for granted, in words."""
+    device, units = made.device, made.units
+    box = ", and any other of the problem's [uncertainty]" if made.record.uncertainty is not None else ""
+    built = f"{_mechanics(device, units)}{box}; a step every {device.sample_time!r} s"
+    if device.servo is not None:
+        return [
+            f"Assumed: {built}; the {units.force_name} is sampled just before a command is given; environments are "
+            f"passive as they run. Nothing is proved of a limited speed or acceleration, of a command that is lost or "
+            f"late, and of the rounding of each operation.",
+        ]
+    sampled = "" if made.parts.spring else f"; the {units.force_name} is sampled just before"
+    return [
+        f"Assumed: {built}; the command acts {device.delay!r} s after the "
+        f"sample and is held{sampled}; environments are passive as they run. Of static "
+        f"friction, a limited {units.force_name}, quantisation and the rounding of each operation nothing is proved.",
+    ]
+
+
+def _mechanics(device: Device, units: Units) -> str:
+    """Return what the device is, in words."""
+    parts = [
+        (device.velocity, "velocity estimate"),
+        (device.actuator, "actuator"),
+        (device.force_sensor, f"{units.force_name} sensor"),
+        (device.structure, "structure"),
+    ]
+    known = ", ".join(f"{name} ({_numbers(part)})" for part, name in parts if part is not None)
+    servo = device.servo
+    if servo is None:
+        own = f"{device.mass!r} {units.mass} and {device.damping!r} {units.damping}"
+        return f"a linear device of {own} with {known or 'ideal parts'}"
+    held = "held over a sample" if servo.command == "velocity" else "interpolated linearly over a sample"
+    return (
+        f"a servo that follows the commanded {servo.command}, {held}, {servo.delay!r} s late through a low-pass of "
+        f"order {servo.order} and {servo.bandwidth_hz!r} Hz, and that the hand cannot push, with "
+        f"{known or f'an ideal {units.force_name} sensor'}"
+    )
+
+
+def _numbers(part: Any) -> str:
+    return ", ".join(f"{name} {number}" for name, number in asdict(part).items() if number is not None)

@@ -1,0 +1,78 @@
+"""The response of a servo in bands of frequencies (README, section 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.identification.servo.servo_fit import ServoFit, ServoLog
+from vctune.identification.servo.servo_motion import Complex, positions, sampled_response
+
+PER_OCTAVE = 3
+"""Bands."""
+LOWEST = 3.0
+"""Lowest frequency of a band, of the log's resolution."""
+CLEAR = 0.02
+"""Greatest relative deviation of a band that is used."""
+HANN = 1.5
+"""Bins of which a window makes one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bands:
+    """Measured response over that of a fit.
+
+    Attributes
+    ----------
+    hertz : middles, shape (n,)
+    ratio : measured over fitted response
+    spread : relative standard deviation of it
+    fitted : response of the fit, from commanded velocity to that between samples
+    share : of the motion's power, root mean square
+    """
+
+    hertz: Floats
+    ratio: Complex
+    spread: Floats
+    fitted: Complex
+    share: Floats
+
+
+def bands(seen: ServoLog, fit: ServoFit) -> Bands:
+    """Return the bands in which a log shows the response.
+
+    Parameters
+    ----------
+    seen : ServoLog
+    fit : of it
+    """
+    T = seen.sample_time
+    made = np.diff(positions(seen.time, seen.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :])
+    measured = np.diff(seen.position[fit.first :])
+    window = np.hanning(made.size)
+    M, E = (np.fft.rfft(window * each) for each in (made, measured - made))
+    f = np.fft.rfftfreq(made.size, T)
+    low, high = LOWEST * f[1], 0.5 / T
+    edges = low * 2 ** np.arange(0, np.log2(high / low), 1 / PER_OCTAVE)
+    place, total = np.digitize(f, np.append(edges, high)), float(np.sum(np.abs(M) ** 2))
+    found = []
+    for i in range(1, edges.size + 1):
+        inside = place == i
+        power, count = float(np.sum(np.abs(M[inside]) ** 2)), max(float(inside.sum()) / HANN, 1.0)
+        if power == 0 or inside.sum() < 2:
+            continue
+        off = complex(np.sum(np.conj(M[inside]) * E[inside])) / power
+        noise = float(np.sum(np.abs(E[inside] - off * M[inside]) ** 2)) / power
+        middle = float(np.sum(f[inside] * np.abs(M[inside]) ** 2)) / power
+        found.append((middle, 1 + off, sqrt(noise / count), sqrt(power / total)))
+    hertz, ratio, spread, share = (np.array(each) for each in zip(*found, strict=True))
+    used = spread < CLEAR
+    hertz, ratio, spread, share = hertz[used], ratio[used], spread[used], share[used].astype(float)
+    return Bands(hertz, ratio, spread, _response(fit, 2 * pi * hertz, T), share)
+
+
+def _response(fit: ServoFit, omega: Floats, T: float) -> Complex:
+    return sampled_response(omega, T, max(fit.delay.value, 0.0), fit.bandwidth.value, fit.order)

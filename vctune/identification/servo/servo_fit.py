@@ -1,0 +1,350 @@
+"""Delay and low-pass of a servo, by maximum likelihood over the steps of its position (README, section 9)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil, log
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.document.schema.device_contradictions import MAX_DELAY_SAMPLES
+from vctune.identification.motion.covariance import joint_factor, robust_covariance
+from vctune.identification.servo.servo_motion import modes, positions
+from vctune.identification.servo.servo_noise import Noise, exposure, jitter, likeliest, whitened
+
+BANDWIDTHS = (2e-4, 8.0)
+"""Of a low-pass, of the sampling rate: beyond these it is a lag of 800 samples, or of a fiftieth of one."""
+TRIED = 24
+"""Bandwidths from which the search starts, evenly on a logarithmic axis."""
+SETTLED = 6.0
+"""Lags after which it is forgotten how the servo moved before the log."""
+VALLEYS = 14
+"""Bandwidths at which a better fit is looked for."""
+ROUNDS = 3
+"""How often noise and numbers are fitted to each other."""
+LEAST_SPAN = 8
+"""Rows over which a way is compared: in one of them the encoder is all that one sees."""
+FINE = 1e-4
+"""Relative step of a derivative."""
+WILD = 1.5
+"""How many times the half-width by chi2 a deviation may say."""
+STATED = 2
+"""Numbers that are told together: delay and bandwidth."""
+
+
+@dataclass(frozen=True, slots=True)
+class ServoLog:
+    """A log as the fit sees it.
+
+    Attributes
+    ----------
+    time : of the rows, s
+    velocity : commanded, held from each row to the next, m/s
+    position : measured, m
+    sample_time : s
+    is_position : whether the command was a position, interpolated
+    rounding : least deviation of a position sample, m
+    """
+
+    time: Floats
+    velocity: Floats
+    position: Floats
+    sample_time: float
+    is_position: bool
+    rounding: float
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A number and where it ends."""
+
+    value: float
+    sigma: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ServoFit:
+    """A servo of one order, fitted.
+
+    Attributes
+    ----------
+    order : of the low-pass
+    delay, bandwidth : s and Hz; the ends hold both at once
+    gain, gain_sigma : how many times its command it moves, and its standard deviation
+    lag : of its low-pass at rest, s
+    jitter : standard deviation of its delay from command to command, s
+    noise : Noise, as the likelihood has it
+    exposed : by which variance jitter goes into each row, over that of the delay
+    first : row from which on it was fitted
+    unlikely : -2 log likelihood
+    inflation : how many times the residuals' correlation makes a variance what white ones would have
+    left : steps of the position that the fit leaves, m
+    left_share : of the way in as many rows as the servo is late by, root mean square
+    told : whether the bandwidth ends below the highest that is looked at
+    """
+
+    order: int
+    delay: Interval
+    bandwidth: Interval
+    gain: float
+    gain_sigma: float
+    lag: float
+    jitter: float
+    noise: Noise
+    exposed: Floats
+    first: int
+    unlikely: float
+    inflation: float
+    left: Floats
+    left_share: float
+    told: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Task:
+    """Least squares of whitened steps; numbers are latency in samples and log of bandwidth times sample time."""
+
+    seen: ServoLog
+    order: int
+    first: int
+    noise: Noise
+    exposed: Floats
+
+    def numbers(self, at: Floats) -> tuple[float, float]:
+        """Return delay and bandwidth, s and Hz."""
+        T = self.seen.sample_time
+        bandwidth = float(np.exp(at[1])) / T
+        return float(at[0]) * T - modes(bandwidth, self.order)[0], bandwidth
+
+    def steps(self, at: Floats) -> Floats:
+        """Return the measured steps and those that these numbers make, m, shape (n, 2)."""
+        moved = positions(self.seen.time, self.seen.velocity, *self.numbers(at), self.order)
+        return np.diff(np.stack([self.seen.position, moved], axis=1)[self.first :], axis=0)
+
+    def gain(self, at: Floats) -> float:
+        """Return how many times its command the servo moves."""
+        measured, made = self._whitened(self.steps(at)).T
+        return float(measured @ made / (made @ made))
+
+    def gain_sigma(self, at: Floats, reach: int) -> float:
+        """Return the standard deviation of `gain`."""
+        made = self._whitened(self.steps(at))[:, 1:]
+        return float(np.sqrt(robust_covariance(made * self.white(at)[:, None], made.T @ made, reach)[0, 0]))
+
+    def left(self, at: Floats) -> Floats:
+        """Return the steps that these numbers leave, m."""
+        measured, made = self.steps(at).T
+        return np.asarray(measured - self.gain(at) * made)
+
+    def white(self, at: Floats) -> Floats:
+        """Return what they leave, whitened; the gain is what fits best."""
+        measured, made = self._whitened(self.steps(at)).T
+        return np.asarray(measured - (measured @ made / (made @ made)) * made)
+
+    def _whitened(self, steps: Floats) -> Floats:
+        return whitened(steps, self.noise, self.exposed, is_position=self.seen.is_position)[0]
+
+    def slopes(self, at: Floats, which: tuple[int, ...] = (0, 1)) -> Floats:
+        """Return derivatives of `white`, shape (n, p)."""
+        found = []
+        for i in which:
+            by = np.zeros(2)
+            by[i] = FINE
+            found.append((self.white(at + by) - self.white(at - by)) / (2 * FINE))
+        return np.stack(found, axis=1)
+
+
+def fit_servos(seen: ServoLog) -> tuple[ServoFit, ServoFit]:
+    """Fit servos of order 1 and of order 2 to the same rows.
+
+    Parameters
+    ----------
+    seen : ServoLog
+    """
+    found = [_found(seen, order) for order in (1, 2)]
+    first = max(task.first for task, _ in found)
+    fits = [_with_intervals(*_refined(_prepared(seen, task.order, at, task.noise, first), at)) for task, at in found]
+    return fits[0], fits[1]
+
+
+def _found(seen: ServoLog, order: int) -> tuple[_Task, Floats]:
+    """Return the numbers that fit best, with their noise."""
+    at = _coarse(seen, order)
+    task = _prepared(seen, order, at, Noise(seen.rounding, 0.01 * seen.sample_time))
+    for _ in range(ROUNDS):
+        task, at = _refined(task, at)
+        at = _better_elsewhere(task, at)
+        task = _prepared(seen, order, at, task.noise)
+    return task, at
+
+
+def _refined(task: _Task, at: Floats) -> tuple[_Task, Floats]:
+    """Return the task with the noise that is likeliest near some numbers, and the numbers that then fit best."""
+    seen = task.seen
+    noise, _ = likeliest(
+        task.left(at), task.noise, seen.rounding, seen.sample_time, task.exposed, is_position=seen.is_position
+    )
+    task = replace(task, noise=noise)
+    return task, _least(task, at)
+
+
+def _better_elsewhere(task: _Task, at: Floats) -> Floats:
+    """Return numbers of another bandwidth that fit better, if there are any: the least squares have valleys."""
+    best, least = at, float(np.sum(task.white(at) ** 2))
+    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 4), VALLEYS):
+        tried = _best_latency(task, at, logarithm)
+        found = float(np.sum(task.white(tried) ** 2))
+        if found < least:
+            best, least = tried, found
+    return best
+
+
+def _prepared(seen: ServoLog, order: int, at: Floats, noise: Noise, first: int | None = None) -> _Task:
+    """Return the task near some numbers: which rows are fitted, and how the link's jitter goes into them."""
+    lag = modes(float(np.exp(at[1])), order)[0]
+    if first is None:
+        first = min(ceil(max(float(at[0]), 0.0) + SETTLED * lag) + 2, seen.time.size // 4)
+    late = min(max(round(float(at[0]) - lag), 0), seen.time.size // 4)
+    exposed = exposure(seen.velocity, is_position=seen.is_position, late=late, lag=lag)
+    return _Task(seen, order, first, noise, exposed[first:])
+
+
+def _coarse(seen: ServoLog, order: int) -> Floats:
+    """Return the best of all whole delays and some bandwidths, by correlation of steps."""
+    n, T = seen.time.size, seen.sample_time
+    measured = np.diff(seen.position)
+    best, least = np.zeros(2), np.inf
+    size = 2 ** ceil(np.log2(2 * n))
+    transform = np.conj(np.fft.rfft(measured, size))
+    squares = np.concatenate([[0.0], np.cumsum(measured**2)])
+    reach = min(MAX_DELAY_SAMPLES + 1, n // 4)
+    for logarithm in np.linspace(log(10 * BANDWIDTHS[0]), log(BANDWIDTHS[1] / 8), TRIED):
+        bandwidth = float(np.exp(logarithm)) / T
+        steps = np.diff(positions(seen.time, seen.velocity, 0.0, bandwidth, order))
+        together = np.fft.irfft(np.conj(transform * np.fft.rfft(steps, size)), size)[:reach]
+        shifts = np.arange(reach)
+        powers = np.concatenate([[0.0], np.cumsum(steps**2)])[n - 1 - shifts]
+        left = (squares[-1] - squares[shifts] - together**2 / np.maximum(powers, 1e-300)) / (n - shifts)
+        shift = int(np.argmin(left))
+        if left[shift] < least:
+            least = float(left[shift])
+            best = np.array([shift + modes(bandwidth, order)[0] / T, logarithm])
+    return best
+
+
+def _least(task: _Task, at: Floats) -> Floats:
+    from scipy.optimize import least_squares
+
+    low, high = (log(each) for each in BANDWIDTHS)
+    bounds = ([-5.0, low], [2.0 * MAX_DELAY_SAMPLES + 800.0, high])
+    return np.asarray(least_squares(task.white, at, jac=task.slopes, bounds=bounds, x_scale=[1.0, 1.0]).x)
+
+
+def _with_intervals(task: _Task, at: Floats) -> ServoFit:
+    seen, T = task.seen, task.seen.sample_time
+    left = task.left(at)
+    noise, unlikely = likeliest(left, task.noise, seen.rounding, T, task.exposed, is_position=seen.is_position)
+    task = replace(task, noise=noise)
+    white, slopes = task.white(at), task.slopes(at)
+    information = slopes.T @ slopes
+    lag = modes(task.numbers(at)[1], task.order)[0] / T
+    reach = ceil(max(np.sqrt(white.size), 3 * lag))
+    robust = robust_covariance(slopes * white[:, None], information, reach)
+    plain = np.linalg.inv(information)
+    # of delay and log bandwidth: latency less lag, which goes down as the bandwidth goes up
+    turn = np.array([[1.0, lag], [0.0, 1.0]])
+    robust, plain = turn @ robust @ turn.T, turn @ plain @ turn.T
+    inflation = max(1.0, float(np.max(np.diag(robust) / np.diag(plain))))
+    sigma = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)))
+    delay, bandwidth = _profile(task, at, sigma, inflation)
+    return ServoFit(
+        order=task.order,
+        delay=delay,
+        bandwidth=bandwidth,
+        gain=task.gain(at),
+        gain_sigma=task.gain_sigma(at, reach),
+        lag=lag * T,
+        jitter=jitter(left, noise.encoder, lag, task.exposed, is_position=seen.is_position),
+        noise=noise,
+        exposed=task.exposed,
+        first=task.first,
+        unlikely=unlikely,
+        inflation=inflation,
+        left=left,
+        left_share=_share(np.cumsum(left), seen.position[task.first :], max(LEAST_SPAN, ceil(at[0]))),
+        told=bandwidth.high < 0.99 * BANDWIDTHS[1] / T,
+    )
+
+
+def _share(left: Floats, position: Floats, span: int) -> float:
+    """Return what is left of the way in some rows, root mean square: drift is not counted for the whole of a log."""
+    span = min(span, left.size // 2)
+    of = np.sqrt(np.mean((position[span:] - position[:-span]) ** 2))
+    return float(np.sqrt(np.mean((left[span:] - left[:-span]) ** 2)) / of)
+
+
+def _profile(task: _Task, at: Floats, sigma: Floats, inflation: float) -> tuple[Interval, Interval]:
+    """Return intervals of delay and bandwidth from where the least chi2 at a given bandwidth is too great.
+
+    Where a lag is short chi2 is no parabola of it: a deviation would not tell where the bandwidth ends.
+    """
+    T, factor = task.seen.sample_time, joint_factor(STATED)
+    least = float(np.sum(task.white(at) ** 2))
+    most = factor**2 * inflation
+    ends = [_end(task, at, least, most, side, float(sigma[1])) for side in (-1, 1)]
+    delays = [task.numbers(each)[0] / T for each in (*ends, at)]
+    delay, bandwidth = task.numbers(at)
+    low_delay, high_delay = (side * max(side * each for each in delays) * T for side in (-1, 1))
+    slow, fast = (task.numbers(each)[1] for each in ends)
+    return (
+        _interval(delay, float(sigma[0]) * T, low_delay, high_delay, factor),
+        _interval(bandwidth, float(sigma[1]) * bandwidth, slow, fast, factor),
+    )
+
+
+def _interval(value: float, sigma: float, low: float, high: float, factor: float) -> Interval:
+    """Return an interval; where its deviation is far beyond an end chi2 is no parabola, and the ends are right."""
+    sigma = min(sigma, WILD * min(value - low, high - value) / factor)
+    return Interval(value, sigma, min(low, value - factor * sigma), max(high, value + factor * sigma))
+
+
+def _end(task: _Task, at: Floats, least: float, most: float, side: int, sigma: float) -> Floats:
+    """Return the numbers at an end of the bandwidth's interval."""
+    limit = log(BANDWIDTHS[0]) if side < 0 else log(BANDWIDTHS[1])
+    inside, step = at, min(max(sigma, 1e-5), 0.5)
+    for _ in range(60):
+        further = _best_latency(task, inside, inside[1] + side * step)
+        if _excess(task, further, least) > most:
+            break
+        if side * (further[1] - limit) >= 0:
+            return further
+        inside, step = further, 2 * step
+    for _ in range(12):
+        if abs(further[1] - inside[1]) < 0.05 * abs(inside[1] - at[1]) + 1e-6:
+            break
+        middle = _best_latency(task, inside, 0.5 * (inside[1] + further[1]))
+        if _excess(task, middle, least) > most:
+            further = middle
+        else:
+            inside = middle
+    return further
+
+
+def _excess(task: _Task, at: Floats, least: float) -> float:
+    return float(np.sum(task.white(at) ** 2)) - least
+
+
+def _best_latency(task: _Task, at: Floats, logarithm: float) -> Floats:
+    """Return the latency that is best at another bandwidth, by Gauss and Newton."""
+    low, high = (log(each) for each in BANDWIDTHS)
+    at = np.array([at[0], min(max(logarithm, low), high)])
+    for _ in range(6):
+        slope = task.slopes(at, (0,))[:, 0]
+        by = float(slope @ task.white(at)) / float(slope @ slope)
+        at = at - np.array([by, 0.0])
+        if abs(by) < 1e-4:
+            break
+    return at

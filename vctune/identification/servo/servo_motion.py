@@ -1,0 +1,100 @@
+"""How a servo moves: delay, low-pass and integration of a held velocity, exactly, at the instants of a log.
+
+A low-pass H with poles p_i answers a step of the velocity command with the position
+
+    S(t) = t - lag + sum r_i e^(p_i t),   H(s)/s^2 = 1/s^2 - lag/s + sum r_i/(s - p_i).
+
+A held velocity is a sum of such steps, one for each of its jumps. A position command that is interpolated linearly over
+a sample is the held velocity that it takes.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vctune.document.recording import Floats
+
+Complex = NDArray[np.complex128]
+
+
+def modes(bandwidth_hz: float, order: int) -> tuple[float, complex, complex]:
+    """Return lag, a pole and twice its residue: a response is the real part of what these make.
+
+    Parameters
+    ----------
+    bandwidth_hz : of the low-pass, Hz
+    order : 1, or 2 with a damping ratio of 1/sqrt(2)
+    """
+    w = 2 * pi * bandwidth_hz
+    if order == 1:
+        return 1 / w, complex(-w), complex(1 / w)
+    pole = w * complex(-1, 1) / sqrt(2)
+    return sqrt(2) / w, pole, 2 * w**2 / (pole**2 * 2 * (pole + w / sqrt(2)))
+
+
+def interpolating_velocity(time: Floats, command: Floats) -> Floats:
+    """Return the held velocity with which a position command is reached one sample later.
+
+    Parameters
+    ----------
+    time : of the rows, s
+    command : position, m
+    """
+    steps = np.diff(time)
+    travel = np.diff(command, prepend=command[0])
+    velocity = travel / np.append(steps, steps[-1])
+    velocity[0] = velocity[1]
+    return velocity
+
+
+def positions(time: Floats, velocity: Floats, delay: float, bandwidth_hz: float, order: int) -> Floats:
+    """Return where a servo is at the instants of a log, but for where it began.
+
+    Parameters
+    ----------
+    time : of the rows, s, increasing
+    velocity : commanded, from each row to the next, m/s; before the first row it was the same as there
+    delay : from a row to when its command acts, s
+    bandwidth_hz, order : of the low-pass
+    """
+    lag, pole, residue = modes(bandwidth_hz, order)
+    steps = np.diff(time)
+    path = np.concatenate([[0.0], np.cumsum(velocity[:-1] * steps)])
+    left = _decaying(np.diff(velocity, prepend=velocity[0]), np.exp(pole * steps))
+    at = time - delay
+    row = np.clip(np.searchsorted(time, at, side="right") - 1, 0, time.size - 1)
+    since = at - time[row]
+    mode = left[row] * np.exp(pole * np.maximum(since, 0.0))
+    return np.asarray(path[row] + velocity[row] * (since - lag) + (residue * mode).real)
+
+
+def _decaying(jumps: Floats, factors: Complex) -> Complex:
+    """Return m of m[k] = factors[k - 1] m[k - 1] + jumps[k], by spans that double."""
+    m, through = jumps.astype(complex), np.concatenate([[0.0], factors])
+    span = 1
+    while span < m.size and np.abs(through).max() > 1e-17:
+        m[span:] = m[span:] + through[span:] * m[:-span]
+        through = np.concatenate([np.zeros(span), through[span:] * through[:-span]])
+        span *= 2
+    return m
+
+
+def sampled_response(omega: Floats, T: float, delay: float, bandwidth_hz: float, order: int) -> Complex:
+    """Return the exact response from a held velocity to the velocity between two samples of the position.
+
+    Parameters
+    ----------
+    omega : rad/s
+    T : sample time, s
+    delay, bandwidth_hz, order : of the servo
+    """
+    lag, pole, residue = modes(bandwidth_hz, order)
+    whole = np.ceil(delay / T)
+    since, w = whole * T - delay, np.exp(-1j * omega * T)
+    both = [residue / 2, pole] if order == 2 else [residue, pole]
+    pairs = [both, [np.conj(each) for each in both]] if order == 2 else [both]
+    left = sum((1 - w) * r * np.exp(p * since) / (1 - np.exp(p * T) * w) for r, p in pairs)
+    return np.asarray(w**whole * (T * w + (1 - w) * (since - lag + left)) / T)

@@ -1,0 +1,132 @@
+"""What stands between a servo's motion and its log: the encoder, and a link that is now early and now late.
+
+The steps of the position have a banded covariance. An encoder's noise r is in two steps that follow one another. A
+velocity command that arrives early or late by a random time, of deviation q, leaves the position off by q times its
+jump, for good; a position command by q times its speed, for that sample. Both are spread over the lag of the servo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, exp
+
+import numpy as np
+
+from vctune.document.recording import Floats
+
+LEAST_LINK = 1e-3
+"""Jitter from which it is looked for, sample times."""
+LEAST_WINDOWS = 10
+"""Fewer do not tell a jitter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Deviations of an encoder and of a link.
+
+    Attributes
+    ----------
+    encoder : of a position sample, m
+    link : of the delay from command to command, s
+    """
+
+    encoder: float
+    link: float
+
+
+def exposure(velocity: Floats, *, is_position: bool, late: int, lag: float) -> Floats:
+    """Return by which variance a link's jitter goes into each row, over that of the delay.
+
+    Parameters
+    ----------
+    velocity : commanded, per row, m/s
+    is_position : whether the command was a position
+    late : rows by which the servo is late
+    lag : of its low-pass, rows
+    """
+    from scipy.signal import lfilter
+
+    by = velocity if is_position else np.diff(velocity, prepend=velocity[0])
+    shifted = np.concatenate([np.zeros(late), by[: by.size - late] ** 2])
+    kept = exp(-1 / max(lag, 1e-3))
+    return np.asarray(lfilter([1 - kept], [1.0, -kept], shifted))
+
+
+def whitened(steps: Floats, noise: Noise, exposed: Floats, *, is_position: bool) -> tuple[Floats, float]:
+    """Return steps divided by the root of their covariance, and the logarithm of its determinant.
+
+    Parameters
+    ----------
+    steps : differences of a position, shape (n,) or (n, p)
+    noise : Noise
+    exposed : `exposure` of the rows, shape (n + 1,)
+    is_position : whether the command was a position
+    """
+    from scipy.linalg import cholesky_banded, solve_banded
+
+    r2, late = noise.encoder**2, noise.link**2 * exposed
+    row = r2 + (late if is_position else 0.0 * late)
+    band = np.zeros((2, exposed.size - 1))
+    band[0] = row[1:] + row[:-1] + (0.0 if is_position else late[1:])
+    band[1, :-1] = -row[1:-1]
+    factor = cholesky_banded(band, lower=True, check_finite=False)
+    return solve_banded((1, 0), factor, steps, check_finite=False), 2 * float(np.sum(np.log(factor[0])))
+
+
+def likeliest(
+    steps: Floats, near: Noise, least: float, T: float, exposed: Floats, *, is_position: bool
+) -> tuple[Noise, float]:
+    """Return the noise under which steps are likeliest, and -2 log of that likelihood.
+
+    Parameters
+    ----------
+    steps : what a fit leaves, m
+    near : where it is looked for
+    least : deviation of a position sample, m
+    T : sample time, s
+    exposed, is_position : as for `whitened`
+    """
+    from scipy.optimize import minimize
+
+    def made(at: Floats) -> Noise:
+        encoder, link = np.exp(np.clip(at, -40.0, 40.0))
+        return Noise(max(float(encoder), least), float(link) * T)
+
+    def unlikely(at: Floats) -> float:
+        white, size = whitened(steps, made(at), exposed, is_position=is_position)
+        return float(white @ white) + size
+
+    start = np.log([near.encoder, max(near.link / T, LEAST_LINK)])
+    simplex = start + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    options = {"xatol": 0.02, "fatol": 0.02, "initial_simplex": simplex}
+    best = minimize(unlikely, start, method="Nelder-Mead", options=options)
+    return made(best.x), float(best.fun)
+
+
+def jitter(left: Floats, encoder: float, lag: float, exposed: Floats, *, is_position: bool) -> float:
+    """Return the deviation of a link's delay, s; 0 where it is not three deviations from none.
+
+    What a command that comes late leaves is spread over the lag of the servo: it is counted over some lags at once.
+
+    Parameters
+    ----------
+    left : steps that a fit leaves, m
+    encoder : deviation of a position sample, m
+    lag : rows
+    exposed, is_position : as for `whitened`
+    """
+    window = max(ceil(2 * lag) + 2, 4)
+    count = left.size // window
+    if count < LEAST_WINDOWS:
+        return 0.0
+    exposure_of = exposed[1 : 1 + count * window].reshape(count, window).sum(axis=1)
+    if is_position:
+        place = np.cumsum(left)
+        off = (place - place.mean())[: count * window].reshape(count, window).mean(axis=1)
+        variance, own, share = off**2, encoder**2 / window, exposure_of / window**2
+    else:
+        variance = left[: count * window].reshape(count, window).sum(axis=1) ** 2
+        own, share = 2 * encoder**2, exposure_of
+    beyond = variance - own
+    total, unsure = float(beyond.sum()), float(np.sqrt(np.sum((beyond - beyond.mean()) ** 2)))
+    return float(np.sqrt(total / share.sum())) if total > 3 * unsure > 0 else 0.0

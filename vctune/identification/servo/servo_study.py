@@ -1,0 +1,264 @@
+"""A recording of a servo: both orders fitted, what tells them apart, whether it yields, and what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, sqrt
+
+import numpy as np
+
+from vctune.document.recording import Floats, Recording
+from vctune.document.text.codes import Note
+from vctune.document.text.errors import InputError
+from vctune.identification.box import Estimate
+from vctune.identification.motion.covariance import joint_factor, robust_covariance
+from vctune.identification.motion.signals import position_noise
+from vctune.identification.servo.servo_bands import Bands, bands
+from vctune.identification.servo.servo_fit import STATED, Interval, ServoFit, ServoLog, fit_servos
+from vctune.identification.servo.servo_motion import interpolating_velocity, positions
+from vctune.identification.servo.servo_noise import Noise, whitened
+from vctune.model.numbers.units import Units
+
+EVIDENCE = 10.0
+"""Gain in -2 log likelihood, of independent residuals, that tells one order from the other."""
+UNEXPLAINED = 0.5
+"""Residual, of the motion, from which on a log is refused."""
+GAINS = (0.8, 1.25)
+"""Of its command that a servo may move: beyond it is a unit, or another axis."""
+CLEAR = 4.0
+"""Deviations from which on a gain is not 1, and a servo yields."""
+YIELDS = 0.005
+"""Share of the motion that goes with the force, from which on it matters."""
+LATENCY, JITTER = Note("limit-latency", "a delay and a lag are alike in this motion"), Note("limit-jitter", "jitter")
+
+
+@dataclass(frozen=True, slots=True)
+class Yielding:
+    """What of a servo's motion goes with the force on it.
+
+    Attributes
+    ----------
+    compliance, mobility : m/N and m/(N s), with their standard deviations
+    share : of the motion, root mean square, that the clearer of the two makes
+    clear : whether it is there
+    """
+
+    compliance: tuple[float, float]
+    mobility: tuple[float, float]
+    share: float
+    clear: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ServoStudy:
+    """A recording of a servo.
+
+    Attributes
+    ----------
+    seen : the log as it was fitted
+    fit : of the order that explains it best
+    other : of the other order
+    told : whether chi2 tells the orders apart
+    yielding : what goes with the force; None where none was recorded
+    bands : measured response
+    """
+
+    seen: ServoLog
+    fit: ServoFit
+    other: ServoFit
+    told: bool
+    yielding: Yielding | None
+    bands: Bands
+
+    @property
+    def fits(self) -> tuple[ServoFit, ...]:
+        """Those that explain the log."""
+        return (self.fit,) if self.told else (self.fit, self.other)
+
+    def of_order(self, order: int) -> ServoFit:
+        """Return the fit of an order."""
+        return self.fit if self.fit.order == order else self.other
+
+    @property
+    def chi2(self) -> float:
+        """Power of what is left over that of the encoder's noise, per row."""
+        return self.chi2_of(self.fit, Noise(self.fit.noise.encoder, 0.0))
+
+    def chi2_of(self, fit: ServoFit, noise: Noise) -> float:
+        """Return the power of what a fit leaves over that of a noise, per row."""
+        white, _ = whitened(fit.left, noise, fit.exposed, is_position=self.seen.is_position)
+        return float(np.mean(white**2))
+
+    def estimates(self, source: str) -> list[Estimate]:
+        """Return what it says of the numbers of a problem file."""
+        found = []
+        for fit in self.fits:
+            text = f"{source}: order {fit.order}"
+            found.append(_estimate("servo.delay", fit.delay, text, fit.jitter))
+            found.append(_estimate("servo.bandwidth_hz", fit.bandwidth, text, 0.0))
+        return found
+
+
+def likelier_order(studies: Sequence[ServoStudy]) -> int:
+    """Return the order that all recordings together are likelier with, each counted as its residuals allow.
+
+    Parameters
+    ----------
+    studies : of one servo
+    """
+    gain = 0.0
+    for study in studies:
+        worth = (study.other.unlikely - study.fit.unlikely) / max(study.fit.inflation, study.other.inflation)
+        gain += worth if study.fit.order == 1 else -worth
+    return 1 if gain >= 0 else 2
+
+
+def _estimate(key: str, found: Interval, source: str, jitter: float) -> Estimate:
+    """Return an interval as an estimate whose excess is what its deviations do not hold."""
+    own = joint_factor(STATED) * found.sigma
+    beyond = (max(found.value - own - found.low, 0.0), max(found.high - own - found.value, 0.0))
+    reason = JITTER if jitter > max(beyond) else LATENCY
+    return Estimate(key, found.value, found.sigma, source, (beyond[0] + jitter, beyond[1] + jitter), reason=reason)
+
+
+def servo_study(recording: Recording, sample_time: float) -> ServoStudy:
+    """Study a recording of a servo.
+
+    Parameters
+    ----------
+    recording : checked
+    sample_time : s
+
+    Raises
+    ------
+    InputError
+        If no servo explains the motion.
+    """
+    seen = _seen(recording, sample_time)
+    first, second = fit_servos(seen)
+    fit, other = (first, second) if first.unlikely <= second.unlikely else (second, first)
+    told = other.unlikely - fit.unlikely > EVIDENCE * max(fit.inflation, other.inflation)
+    study = ServoStudy(
+        seen=seen,
+        fit=fit,
+        other=other,
+        told=told,
+        yielding=_yielding(recording, seen, fit),
+        bands=bands(seen, fit),
+    )
+    _check_explained(recording, study)
+    return study
+
+
+def _spread(values: Floats) -> float:
+    return float(np.std(values))
+
+
+def _seen(recording: Recording, T: float) -> ServoLog:
+    position, logged = recording.channels["position"], recording.values("time")
+    time = np.asarray(np.arange(position.values.size) * T if logged is None else logged, dtype=np.float64)
+    command = recording.channels[commanded(recording)].values
+    is_position = commanded(recording) == "position_command"
+    velocity = interpolating_velocity(time, command) if is_position else command
+    least = 1e-9 * float(np.ptp(position.values))
+    noise = position_noise(position.values, position.quantum)
+    steps = np.abs(np.diff(position.values))
+    quantum = position.quantum or float(steps[steps > 0].min(initial=np.inf))
+    rounding = min(quantum / sqrt(12), noise)
+    return ServoLog(time - time[0], velocity, position.values, T, is_position, max(rounding, least))
+
+
+def _check_explained(recording: Recording, study: ServoStudy) -> None:
+    command = commanded(recording)
+    header, position = recording.channels[command].header, recording.channels["position"].header
+    gain = study.fit.gain
+    if study.fit.left_share > UNEXPLAINED:
+        message = (
+            f"{study.fit.left_share:.0%} of the motion of {position} does not follow {header}: is it the command of "
+            "another axis, or was the robot moved by something else?"
+        )
+    elif gain < 0:
+        message = f"{position} moves against {header}; turn one sign by scale = -1"
+    elif not GAINS[0] < gain < GAINS[1]:
+        message = f"{position} moves {gain:.4g} times as far as {header} says; write the unit or scale of one of them"
+    else:
+        return
+    raise InputError.of(recording.source, "log-unexplained", message, key=header)
+
+
+def commanded(recording: Recording) -> str:
+    """Return the role of the command that a servo was sent."""
+    return "velocity_command" if "velocity_command" in recording.channels else "position_command"
+
+
+def _yielding(recording: Recording, seen: ServoLog, fit: ServoFit) -> Yielding | None:
+    """Return what goes with the force beside what goes with the command, its delay and its bandwidth."""
+    force = recording.values("hand")
+    force = recording.values("force") if force is None else force
+    if force is None or np.ptp(force) == 0:
+        return None
+    measured = np.diff(seen.position[fit.first :])
+    pushed = np.stack([np.diff(force)[fit.first :], (force * seen.sample_time)[fit.first + 1 :]], axis=1)
+    columns = np.column_stack([pushed, *_slopes(seen, fit)])
+    size = np.sqrt(np.mean(columns**2, axis=0))
+    noise = fit.noise
+    white = whitened(np.column_stack([fit.left, columns / size]), noise, fit.exposed, is_position=seen.is_position)[0]
+    regressors = white[:, 1:]
+    values = np.linalg.lstsq(regressors, white[:, 0], rcond=None)[0]
+    left = white[:, 0] - regressors @ values
+    reach = ceil(sqrt(left.size))
+    covariance = robust_covariance(regressors * left[:, None], regressors.T @ regressors, reach)
+    sigma = np.sqrt(np.diag(covariance))
+    moved = np.abs(values[:2]) * [_spread(np.cumsum(each)) for each in (columns / size)[:, :2].T]
+    share = moved / _spread(np.cumsum(measured))
+    sure = (np.abs(values[:2]) > CLEAR * sigma[:2]) & (share > YIELDS)
+    which = int(np.argmax(share * sure))
+    compliance, mobility = ((float(values[i] / size[i]), float(sigma[i] / size[i])) for i in (0, 1))
+    return Yielding(compliance, mobility, float(share[which]), bool(sure.any()))
+
+
+def _slopes(seen: ServoLog, fit: ServoFit) -> list[Floats]:
+    """Return the steps that the fit makes, and by how much they change with delay and bandwidth."""
+    delay, bandwidth = fit.delay.value, fit.bandwidth.value
+
+    def made(delay: float, bandwidth: float) -> Floats:
+        return np.diff(positions(seen.time, seen.velocity, delay, bandwidth, fit.order)[fit.first :])
+
+    by = 1e-4 * seen.sample_time
+    at = made(delay, bandwidth)
+    later, faster = made(delay + by, bandwidth) - at, made(delay, 1.0001 * bandwidth) - at
+    return [at, later, faster]
+
+
+def servo_notes(name: str, study: ServoStudy, units: Units) -> list[Note]:
+    """Return what to know of a recording of a servo.
+
+    Parameters
+    ----------
+    name : of the recording
+    study : of it
+    units : of its numbers
+    """
+    fit, T, said = study.fit, study.seen.sample_time, []
+    if not study.told:
+        text = f"{name}: orders 1 and 2 explain it as well as each other: the box holds both, and unmodelled the rest"
+        said.append(Note("remark-order", text))
+    if fit.jitter > 0.01 * T:
+        text = f"{name}: the delay jitters by {fit.jitter:.2g} s from command to command, which its interval holds; "
+        said.append(Note("remark-jitter", f"{text}what is proved is proved of delays that stay as they are"))
+    if not all(each.told for each in study.fits):
+        text = f"{name}: shows a latency of {fit.delay.value + fit.lag:.3g} s, and not how much of it is a low-pass: "
+        said.append(Note("remark-latency-only", f"{text}record a sweep up to a tenth of the sampling rate or higher"))
+    if abs(fit.gain - 1) > max(CLEAR * fit.gain_sigma, 2e-3):
+        text = f"{name}: moves {fit.gain:.4g} times as far as it is told, which a servo does not: unmodelled holds it"
+        said.append(Note("warn-gain", text))
+    if study.yielding is not None and study.yielding.clear:
+        each = study.yielding
+        text = (
+            f"{name}: the servo yields: {each.share:.1%} of its motion goes with the force, {each.compliance[0]:.3g} "
+            f"{units.compliance} and {each.mobility[0]:.3g} {units.mobility}. Such a device is outside the model, in "
+            "which the motion follows the command alone: nothing that is proved of the file holds for it"
+        )
+        said.append(Note("warn-yields", text))
+    return said

@@ -1,0 +1,92 @@
+"""How far the response of a servo is from every servo of the box (README, section 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import pi
+
+import numpy as np
+
+from vctune.document.recording import Floats
+from vctune.identification.box import Bounded
+from vctune.identification.response.unmodelled import devices
+from vctune.identification.servo.servo_fit import ServoFit
+from vctune.identification.servo.servo_motion import Complex, modes, sampled_response
+from vctune.identification.servo.servo_study import ServoStudy
+from vctune.model.device import Device
+
+RIDGE = 40
+"""Servos with the latency of the fit that are tried beside those at random: in a slow motion they are alike."""
+BEYOND = 40
+"""Frequencies up to Nyquist's at which a servo of the other order is compared with the box."""
+
+
+def response_of(device: Device, omega: Floats) -> Complex:
+    """Return the response of a servo from its command to the velocity between samples.
+
+    Parameters
+    ----------
+    device : with a servo
+    omega : rad/s
+    """
+    servo = device.servo
+    assert servo is not None
+    return sampled_response(omega, device.sample_time, servo.delay, servo.bandwidth_hz, servo.order)
+
+
+def servo_distances(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> Floats:
+    """Return by how much each band differs, relatively, from the nearest servo of the box.
+
+    Parameters
+    ----------
+    device, bounds : the box
+    study : of a log
+    """
+    found = study.bands
+    return _nearest(tried(device, bounds, study), 2 * pi * found.hertz, found.ratio * found.fitted)
+
+
+def off_other_order(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> tuple[Floats, Floats]:
+    """Return frequencies up to Nyquist's, Hz, and by how much a servo of the order that is not stated is off the box.
+
+    Parameters
+    ----------
+    device, bounds : the box
+    study : of a log
+    """
+    assert device.servo is not None
+    T, other = device.sample_time, study.of_order(3 - device.servo.order)
+    hertz = np.geomspace(1e-3, 0.499, BEYOND) / T
+    response = sampled_response(2 * pi * hertz, T, other.delay.value, other.bandwidth.value, other.order)
+    return hertz, _nearest(tried(device, bounds, study), 2 * pi * hertz, response)
+
+
+def tried(device: Device, bounds: Sequence[Bounded], study: ServoStudy) -> list[Device]:
+    """Return servos of the box, those among them that are as late as the fit of a log.
+
+    Parameters
+    ----------
+    device, bounds : the box
+    study : of a log
+    """
+    assert device.servo is not None
+    ends = {each.key: (each.value * (1 - each.share), each.value * (1 + each.share)) for each in bounds}
+    (early, late), (slow, fast) = ends["servo.delay"], ends["servo.bandwidth_hz"]
+    order = device.servo.order
+    fit = study.of_order(order)
+    alike = []
+    for bandwidth in (*np.geomspace(slow, fast, RIDGE), float(np.clip(fit.bandwidth.value, slow, fast))):
+        delay = float(np.clip(_latency(fit) - modes(bandwidth, order)[0], early, late))
+        alike.append(device.with_numbers({"servo.delay": delay, "servo.bandwidth_hz": float(bandwidth)}))
+    return [*devices(device, bounds), *alike]
+
+
+def _latency(fit: ServoFit) -> float:
+    return fit.delay.value + fit.lag
+
+
+def _nearest(among: Sequence[Device], omega: Floats, measured: Complex) -> Floats:
+    needed = np.full(omega.size, np.inf)
+    for each in among:
+        needed = np.minimum(needed, np.abs(measured / response_of(each, omega) - 1))
+    return needed

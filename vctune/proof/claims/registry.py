@@ -1,0 +1,172 @@
+"""The claims that a certificate makes, each under an identifier that never changes: what it says and what it limits.
+
+What records, reports and messages say of a claim hangs on its identifier, so that its words may be corrected.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from vctune.model.display import Display
+
+if TYPE_CHECKING:
+    from vctune.model.problem import Demands
+    from vctune.proof.device_box import DeviceBox
+
+ClaimId = Literal["passive", "sensitivity", "stable_model", "stable", "unmodelled", "any_hand", "hands"]
+Quantity = Literal["ratio", "in_hand", "sensitivity", "unmodelled", "poles"]
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A statement about a design that a certificate proves or refutes.
+
+    Attributes
+    ----------
+    id : stands in design.json, and is public: once a file has been written with it, it stays
+    sentence : the statement; {couples} stands for the response of the display's coupling, Z_c or 1/Z_c
+    quantity : what it limits, by the name that the constraints of a search have (`in_hand`: the ratio in a hand)
+    margin : dotted path within vctune of the function that must be positive, or of the curve that must not go around 0
+    witness : what names the place where it fails
+    label : heads its row in a report
+    explain : what it means to the person who reads it
+    asked : whether the demands, on a box of devices or on one device alone, ask for it
+    """
+
+    id: ClaimId
+    sentence: str
+    quantity: Quantity
+    margin: str
+    witness: str
+    label: str
+    explain: str
+    asked: Callable[[Demands, DeviceBox | None], bool]
+
+    def said_of(self, kind: Display) -> str:
+        """Return the statement about a kind of display."""
+        return self.sentence.format(couples=kind.couples)
+
+
+CLAIMS: dict[ClaimId, Claim] = {
+    claim.id: claim
+    for claim in (
+        Claim(
+            id="passive",
+            sentence="Re G_hh > 0 and Re Z_c >= safety_factor R on the band",
+            quantity="ratio",
+            margin="proof.claims.margins_of_claims.conditions_margin",
+            witness="a frequency of the stability band",
+            label="any passive hand, on the band",
+            explain=(
+                "Llewellyn's conditions. At every frequency of the stability band the device bears any passive hand "
+                "with every passive environment, as far as the frequency model goes, which knows no aliasing. Outside "
+                "the proved band such a hand can make it oscillate."
+            ),
+            asked=lambda demands, _: demands.passive,
+        ),
+        Claim(
+            id="sensitivity",
+            sentence="|S| <= max_sensitivity of the sampled loop up to Nyquist",
+            quantity="sensitivity",
+            margin="proof.claims.margins_of_claims.sensitivity_margin",
+            witness="a frequency up to Nyquist",
+            label="sensitivity of the velocity loop",
+            explain=(
+                "The Nyquist curve of the velocity loop stays at least 1/max_sensitivity away from -1, so that no "
+                "smaller change of the loop makes the device unstable when nobody holds it."
+            ),
+            asked=lambda demands, _: demands.device.kind.own_loop,
+        ),
+        Claim(
+            id="stable_model",
+            sentence="no pole of the frequency model in the closed right half plane",
+            quantity="poles",
+            margin="proof.claims.margins_of_claims.model_curve",
+            witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
+            label="poles of the frequency model",
+            explain=(
+                "The model in which `passive` is proved is stable by itself, let go and in the hand of `[operator]`. "
+                "Without this its conditions say nothing."
+            ),
+            asked=lambda demands, _: demands.passive,
+        ),
+        Claim(
+            id="stable",
+            sentence="spectral radius of the sampled loop below 1",
+            quantity="poles",
+            margin="model.sampled.let_go.return_difference",
+            witness="if undecided, a frequency where the curve comes close to 0; poles themselves are only counted",
+            label="poles of the sampled loop",
+            explain=(
+                "The velocity loop as the computer runs it, sample by sample, is stable when nobody holds the device, "
+                "and in the hand of `[operator]`."
+            ),
+            asked=lambda demands, _: demands.device.kind.own_loop,
+        ),
+        Claim(
+            id="unmodelled",
+            sentence="|1 - S| r < 1 of the sampled loop up to Nyquist, r the radius of what is not modelled",
+            quantity="unmodelled",
+            margin="proof.claims.margins_of_claims.unmodelled_margin",
+            witness="a frequency up to Nyquist",
+            label="unmodelled dynamics",
+            explain=(
+                "The small-gain theorem: no response of the mechanism within the radius of `uncertainty.unmodelled` "
+                "around the modelled one makes the velocity loop unstable."
+            ),
+            asked=lambda demands, box: (
+                box is not None and box.nominal.unmodelled is not None and demands.device.kind.own_loop
+            ),
+        ),
+        Claim(
+            id="any_hand",
+            sentence=(
+                "stable in any passive hand with every passive environment, Re 1/Z_c >= safety_factor R up to Nyquist"
+            ),
+            quantity="in_hand",
+            margin="proof.claims.margins_of_claims.any_hand_margin",
+            witness="a frequency up to Nyquist",
+            label="any passive hand, at every frequency",
+            explain=(
+                "An impedance display is stable in any passive hand with every environment that is passive as it "
+                "runs, in the exact sampled loop, aliasing included."
+            ),
+            asked=lambda demands, _: demands.any_hand,
+        ),
+        Claim(
+            id="hands",
+            sentence=(
+                "stable in every hand with every passive environment, Re {couples} >= safety_factor R up to Nyquist"
+            ),
+            quantity="in_hand",
+            margin="proof.claims.margins_of_claims.hand_margin",
+            witness="a frequency up to Nyquist and a hand of `[operator]`",
+            label="every hand of the box",
+            explain=(
+                "The device is stable in each hand of `[operator]`, a mass, a damper and a spring within their ranges, "
+                "with every environment that is passive as it runs, in the exact sampled loop, aliasing included. "
+                "Nothing is proved of a hand outside these ranges."
+            ),
+            asked=lambda demands, _: demands.hands is not None,
+        ),
+    )
+}
+"""In the order in which a certificate makes them."""
+
+
+def claims_about(*quantities: Quantity) -> tuple[ClaimId, ...]:
+    """Return the identifiers of the claims that limit some quantities."""
+    return tuple(claim.id for claim in CLAIMS.values() if claim.quantity in quantities)
+
+
+def claims_asked(demands: Demands, box: DeviceBox | None = None) -> list[ClaimId]:
+    """Return the claims that a certificate makes, in their order.
+
+    Parameters
+    ----------
+    demands : what a design has to meet
+    box : devices that all have to; None for one
+    """
+    return [claim.id for claim in CLAIMS.values() if claim.asked(demands, box)]

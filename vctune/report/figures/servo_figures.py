@@ -1,0 +1,106 @@
+"""Figures of the identification of a servo: its motion in time, and its response in bands."""
+
+from __future__ import annotations
+
+from math import pi
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from vctune.document.recording import Floats
+from vctune.identification.identify import Identified
+from vctune.identification.record_study import RecordStudy
+from vctune.identification.servo.servo_motion import Complex, positions
+from vctune.identification.servo.servo_study import ServoStudy
+from vctune.identification.servo.servo_unmodelled import response_of, tried
+from vctune.model.numbers.units import Units
+from vctune.report.figures.style import BLUE, GREEN, GREY, ORANGE, canvas, decades, frequency_axis, legend_above
+
+WINDOW = 200
+"""Rows of the part of a log that is shown closely."""
+MOST_POINTS = 2000
+
+
+def following(studies: list[RecordStudy], units: Units) -> Figure:
+    """Return what was commanded, measured and fitted, and what the fit leaves.
+
+    Parameters
+    ----------
+    studies : of servos
+    units : of their numbers
+    """
+    figure = canvas(9, 3.4 * len(studies) + 1.0, top=0.35, gaps=(0.0, 0.65))
+    axes = np.atleast_1d(figure.subplots(2 * len(studies), 1))
+    for (close, whole), study in zip(axes.reshape(-1, 2), studies, strict=True):
+        servo = study.servo
+        assert servo is not None
+        seen, fit = servo.seen, servo.fit
+        time, measured = seen.time[fit.first :], seen.position[fit.first :]
+        made = fit.gain * _made(servo)
+        made += float(np.mean(measured - made))
+        left = measured - made
+        middle = int(np.clip(np.argmax(np.abs(left)), WINDOW // 2, max(left.size - WINDOW // 2, WINDOW // 2)))
+        shown = slice(middle - WINDOW // 2, middle + WINDOW // 2)
+        told = np.concatenate([[0.0], np.cumsum(seen.velocity[:-1] * np.diff(seen.time))])[fit.first :]
+        told += float(np.mean(measured - told))
+        close.plot(time[shown], told[shown], ":", color=GREY, label="commanded")
+        close.plot(time[shown], measured[shown], color=BLUE, label=f"measured, {study.recording.name}")
+        close.plot(time[shown], made[shown], "--", color=ORANGE, label="fit")
+        close.set_ylabel(f"position, {units.position}")
+        legend_above(close, 3)
+        every = max(1, left.size // MOST_POINTS)
+        whole.plot(time[::every], left[::every], color=GREY, linewidth=0.8)
+        whole.set(ylabel=f"residual, {units.position}", xlabel="time, s")
+    return figure
+
+
+def _made(servo: ServoStudy) -> Floats:
+    fit, seen = servo.fit, servo.seen
+    return positions(seen.time, seen.velocity, fit.delay.value, fit.bandwidth.value, fit.order)[fit.first :]
+
+
+def servo_response(found: Identified, studies: list[RecordStudy]) -> Figure:
+    """Return size and phase of the response in bands, those of the fits, and those of the box.
+
+    Parameters
+    ----------
+    found : Identified
+    studies : of servos whose response shows
+    """
+    figure = canvas(9, 6.5, top=0.35, gaps=(0.0, 0.12))
+    size, phase = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    hertz = np.concatenate([study.measured_hz for study in studies])
+    axis = np.geomspace(hertz.min(), hertz.max(), 200)
+    first = studies[0].servo
+    assert first is not None
+    responses = np.array([response_of(each, 2 * pi * axis) for each in tried(found.device, found.bounds, first)])
+    x, y = np.log(np.array(found.unmodelled)).T
+    radius = np.exp(np.interp(np.log(axis), x, y))
+    sizes, turn = np.abs(responses), np.degrees(np.arcsin(np.minimum(radius, 1.0)))
+    phases = np.degrees(np.unwrap(np.angle(responses), axis=1))
+    low, high = sizes.min(axis=0) * np.maximum(1 - radius, 0.01), sizes.max(axis=0) * (1 + radius)
+    size.fill_between(axis, low, high, color=GREY, alpha=0.25, label="box and unmodelled")
+    phase.fill_between(axis, phases.min(axis=0) - turn, phases.max(axis=0) + turn, color=GREY, alpha=0.25)
+    for study, colour in zip(studies, (BLUE, GREEN, ORANGE, GREY) * len(studies), strict=False):
+        servo = study.servo
+        assert servo is not None
+        bands = servo.bands
+        amplitude, off = np.abs(bands.fitted * bands.ratio), np.degrees(np.angle(bands.ratio))
+        fitted = _phase(bands.fitted, np.interp(np.log(bands.hertz), np.log(axis), phases[0]))
+        size.errorbar(
+            bands.hertz, amplitude, 2 * bands.spread * amplitude, fmt=".", color=colour, label=study.recording.name
+        )
+        size.plot(bands.hertz, np.abs(bands.fitted), color=colour, linewidth=1.0, label="fit")
+        phase.errorbar(bands.hertz, fitted + off, np.degrees(2 * bands.spread), fmt=".", color=colour)
+        phase.plot(bands.hertz, fitted, color=colour, linewidth=1.0)
+    size.set_ylabel("measured / commanded velocity")
+    decades(size)
+    phase.set_ylabel("phase, degrees")
+    frequency_axis(phase, 0.9 * float(hertz.min()), 1.1 * float(hertz.max()))
+    legend_above(size, 3)
+    return figure
+
+
+def _phase(response: Complex, near: Floats) -> Floats:
+    """Return the phase of a response, less than half a turn from another, degrees."""
+    return np.asarray(near + np.degrees(np.angle(response * np.exp(-1j * np.radians(near)))))
