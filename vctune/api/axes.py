@@ -33,7 +33,9 @@ from vctune.document.text.date import today
 from vctune.document.text.errors import InputError
 from vctune.document.text.output_files import folder_name, write_together
 from vctune.firmware.ros2 import RosAxis
+from vctune.report.page.axes_page import HEADINGS as HEADINGS
 from vctune.report.page.axes_page import axes_page
+from vctune.report.page.axes_page import axis_row as axis_row
 from vctune.simulation.firmware.stepped import Precision
 
 INDEX = "index.html"
@@ -55,7 +57,18 @@ class AxisDesign:
 
 
 def of_each(axes: AxesFile, work: Callable[[AxisProblem], Found]) -> list[tuple[AxisProblem, Found]]:
-    """Return what a function makes of each axis; it is called once for those that state the same problem."""
+    """Return what a function makes of each axis; it is called once for those that state the same problem.
+
+    Parameters
+    ----------
+    axes : the problem file
+    work : is called with an axis
+
+    Returns
+    -------
+    list
+        Of each axis and what was made of its problem, in the file's order.
+    """
     done: dict[str, Found] = {}
     for axis in axes.axes:
         if axis.file.sha256 not in done:
@@ -86,12 +99,23 @@ def solve_axes(
 
 
 def axis_folder(axes: AxesFile, axis: AxisProblem, out: Path) -> Path:
-    """Return the folder of an axis: in OUT, in that of the problem, under its name."""
+    """Return the folder of an axis: in that of the problem, under its own name.
+
+    Parameters
+    ----------
+    axes, axis : the problem file, and one of its axes
+    out : in which the folder of the problem is
+    """
     return out / folder_name(axes.name) / folder_name(axis.name)
 
 
 def claim_axes(axes: AxesFile, out: Path) -> None:
     """Make sure that the folder of each axis is there and may be written.
+
+    Parameters
+    ----------
+    axes : the problem file
+    out : in which the folder of the problem is
 
     Raises
     ------
@@ -126,6 +150,11 @@ def write_axes(axes: AxesFile, designs: list[AxisDesign], out: Path) -> dict[Pat
 
 def gains_of_axes(axes: AxesFile, folder: Path) -> dict[str, GainsFile]:
     """Return the gains of each axis, by its name, from the folder that `vctune solve` makes of a file with axes.
+
+    Parameters
+    ----------
+    axes : the problem file
+    folder : of the problem, in which each axis has its own
 
     Raises
     ------

@@ -84,6 +84,11 @@ def read_problem_or_axes(path: str | Path) -> ProblemFile | AxesFile:
     ----------
     path : of a TOML file
 
+    Returns
+    -------
+    ProblemFile or AxesFile
+        The latter where the file has any [[axis]].
+
     Raises
     ------
     InputError

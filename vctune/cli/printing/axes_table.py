@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.markup import escape
 from rich.table import Table
 
+from vctune.api.axes import HEADINGS, axis_row
+from vctune.api.messages import printable
 from vctune.cli.printing.design_table import COLOURS, WIDE, page
-from vctune.document.records.design_json import DesignRecord
-from vctune.document.text.errors import printable
-from vctune.report.page.axes_page import HEADINGS, axis_row
+
+if TYPE_CHECKING:
+    from vctune.document.records.design_json import DesignRecord
 
 
 def print_axes(name: str, designs: Mapping[str, DesignRecord], folder: Path) -> None:
