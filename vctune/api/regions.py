@@ -156,7 +156,7 @@ def axes_of(problem: Problem, x: str | None, y: str | None) -> tuple[str, str]:
     x, y : dotted keys; None for the usual one
     """
     kind = problem.device.kind
-    usual = kind.keys[2:] if kind.absent else kind.keys[:2]
+    usual = kind.keys[-2:] if kind.absent else kind.keys[:2]
     return x or usual[0], y or usual[1]
 
 

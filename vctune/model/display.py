@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from vctune.model.gains import Coupling, SpringDamper
 from vctune.model.numbers.keys import KEYS, SPRING_KEYS
@@ -119,3 +119,8 @@ SERVO = Display(
 )
 """A device whose vendor's loop follows a command late, and which the hand cannot push."""
 DISPLAYS: Mapping[DisplayName, Display] = MappingProxyType({each.name: each for each in (ADMITTANCE, IMPEDANCE, SERVO)})
+
+
+def stated_display(device: Mapping[str, Any]) -> Display:
+    """Return the kind of display that the table of a device states."""
+    return SERVO if "servo" in device else DISPLAYS[device.get("display") or ADMITTANCE.name]

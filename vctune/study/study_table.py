@@ -19,7 +19,7 @@ from vctune.document.records.rows_json import DESIGN, NUMBERS
 from vctune.document.schema.number_units import heading, unit_of
 from vctune.document.study_file import Study
 from vctune.markup import html_table
-from vctune.model.display import DISPLAYS
+from vctune.model.display import stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 from vctune.study.points import points
 from vctune.study.rows import Rows
@@ -132,7 +132,7 @@ def table_of(study: Study, rows: Rows, keys: list[str]) -> Table:
 
 def _columns(study: Study) -> list[str]:
     """Return the numbers that the designs of a study's display have."""
-    kind = DISPLAYS[study.document["device"].get("display") or "admittance"]
+    kind = stated_display(study.document["device"])
     absent = {DESIGN[key] for key in set(DESIGN) - set(kind.stated)}
     return [name for name in NUMBERS if name not in absent]
 

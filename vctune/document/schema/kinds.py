@@ -10,7 +10,7 @@ from vctune.document.reading import GainsFile, ProblemFile
 from vctune.document.records.gains_json import ProblemRecord
 from vctune.document.text import toml
 from vctune.document.text.errors import InputError, Mistake
-from vctune.model.display import IMPEDANCE, DisplayName
+from vctune.model.display import IMPEDANCE, DisplayName, stated_display
 from vctune.model.numbers.units import UNITS, UnitSystem
 
 DISPLAYS: Mapping[DisplayName, str] = MappingProxyType(
@@ -59,8 +59,7 @@ def require_record_of(file: ProblemFile, record: ProblemRecord, source: str, wha
     """
     table: Any = toml.parse(record.text, source).get("device")
     device = table if isinstance(table, dict) else {}
-    display: DisplayName = "servo" if "servo" in device else device.get("display", "admittance")
-    differ = _differences(file, display, record.units, what)
+    differ = _differences(file, stated_display(device).name, record.units, what)
     if differ:
         keys = {"display": "problem.text", "units": "problem.units"}
         raise InputError(source, [Mistake("other-kind", keys[which], message) for which, message in differ])
