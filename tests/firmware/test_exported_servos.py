@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import shutil
 
@@ -20,6 +21,7 @@ from vctune.document.text.toml_writing import toml_text
 from vctune.exit_codes import ExitCode
 from vctune.firmware.vectors import usual
 from vctune.model.gains import Coupling
+from vctune.simulation.firmware.coefficient_values import coupling_coefficients, coupling_of
 
 EXPERIMENTS = [
     {
@@ -291,3 +293,11 @@ def test_random_servos_replay_to_the_last_bit(seed, tmp_path):
         found = done("make", "-s", "check", cwd=place)
         assert found.returncode == 0, found.stdout + found.stderr
         assert precision == "single" or found.stdout.count(" difference 0 ulp  ok") == 3
+
+
+def test_a_rigid_coupling_is_found_again_in_its_coefficients():
+    """Mass and drag alone: the step of the trapezoidal rule is 2 m/T, and nothing of its force decays."""
+    rigid = Coupling(math.inf, 4.0, 90.0)
+    found = coupling_coefficients(rigid, 2e-3)
+    assert found == {"coupling_step": 4000.0, "coupling_decay": -1.0, "resistance": 4090.0}
+    assert coupling_of(found, 2e-3) == rigid

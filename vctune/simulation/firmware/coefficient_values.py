@@ -40,6 +40,9 @@ def coupling_coefficients(
             "coupling_damping": coupling.damping,
             "resistance": float(resistance),
         }
+    if coupling.rigid:
+        step = 2 * exact(coupling.mass) / exact(sample_time)
+        return {"coupling_step": float(step), "coupling_decay": -1.0, "resistance": float(step + exact(coupling.drag))}
     a = exact(sample_time) * exact(coupling.damping) / (2 * exact(coupling.mass))
     step = exact(coupling.damping) / (1 + a)
     return {
@@ -60,10 +63,13 @@ def coupling_of(coefficients: dict[str, float], sample_time: float) -> AnyCoupli
     if "coupling_stiffness" in coefficients:
         return SpringDamper(coefficients["coupling_damping"], coefficients["coupling_stiffness"])
     step, decay = Fraction(coefficients["coupling_step"]), Fraction(coefficients["coupling_decay"])
+    drag = float(Fraction(coefficients["resistance"]) - step)
+    if decay == -1:
+        return Coupling(inf, float(Fraction(sample_time) * step / 2), drag)
     return Coupling(
         damping=float(2 * step / (1 + decay)),
         mass=float(Fraction(sample_time) * step / (1 - decay)),
-        drag=float(Fraction(coefficients["resistance"]) - step),
+        drag=drag,
     )
 
 
