@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import servo_in_time
 from command import run as vctune
+from conftest import mostly_slow
 from exported import Stated
 from test_export import COMPILERS, WARNINGS, done, has, period
 from test_servos import ARM, CONTACT, WALKER, decades, random_servo, top_of
@@ -73,7 +74,9 @@ def test_cppcheck_has_nothing_to_say(made):
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("compiler", [pytest.param(name, marks=has(name)) for name in ("gcc", "clang")])
+@pytest.mark.parametrize(
+    "compiler", [pytest.param("gcc", marks=has("gcc")), pytest.param("clang", marks=[has("clang"), pytest.mark.slow])]
+)
 @pytest.mark.parametrize("command", SERVOS)
 def test_double_precision_replays_to_the_last_bit(made, command, compiler, tmp_path):
     shutil.copytree(made(command), tmp_path / "c")
@@ -83,7 +86,8 @@ def test_double_precision_replays_to_the_last_bit(made, command, compiler, tmp_p
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("command", ["velocity", pytest.param("position", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("command", SERVOS)
 def test_single_precision_replays_within_the_bound_that_it_states(made, command, tmp_path):
     shutil.copytree(made(command, "single"), tmp_path / "c")
     found = done("make", "-s", "check", cwd=tmp_path / "c")
@@ -96,7 +100,7 @@ def test_single_precision_replays_within_the_bound_that_it_states(made, command,
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("constant", ["COUPLING_STEP", "COUPLING_DECAY", "RESISTANCE"])
+@pytest.mark.parametrize("constant", mostly_slow(["COUPLING_STEP", "COUPLING_DECAY", "RESISTANCE"], ["RESISTANCE"]))
 def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, constant, tmp_path):
     shutil.copytree(made(), tmp_path / "c")
     header = tmp_path / "c/vctune_controller.h"
@@ -108,7 +112,7 @@ def test_a_constant_that_was_changed_in_its_last_digit_fails_the_check(made, con
 
 
 @has("make", "gcc")
-@pytest.mark.parametrize("command", SERVOS)
+@pytest.mark.parametrize("command", mostly_slow(SERVOS, ["position"]))
 def test_the_compiled_controller_runs_as_the_simulated_one(made, command, tmp_path):
     place = shutil.copytree(made(command), tmp_path / "c")
     assert done("make", "-s", "shared", cwd=place).returncode == 0
@@ -123,6 +127,7 @@ def test_the_compiled_controller_runs_as_the_simulated_one(made, command, tmp_pa
     assert plain.coupling == coupling
 
 
+@pytest.mark.slow
 @has("make", "gcc")
 def test_a_firmware_that_commands_something_else_is_said_in_the_unit_of_the_command(made, tmp_path):
     place = shutil.copytree(made("position"), tmp_path / "c")
@@ -138,7 +143,7 @@ def test_a_firmware_that_commands_something_else_is_said_in_the_unit_of_the_comm
     assert " m of the design's own in double precision" in found.stdout.replace("\n", " ")
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", mostly_slow(range(12), range(4)))
 def test_the_equations_are_the_loop_that_is_proved(seed):
     """The mechanics by an oracle and the equations of the JSON have the roots of the oracle's loop."""
     rng = np.random.default_rng(seed)
@@ -219,7 +224,7 @@ def test_what_is_replayed_without_experiments_is_as_stiff_as_its_hands():
 
 
 @has("gcc")
-@pytest.mark.parametrize("command", SERVOS)
+@pytest.mark.parametrize("command", mostly_slow(SERVOS, ["position"]))
 def test_the_fmu_is_valid_and_replays_the_vectors(made, command, tmp_path):
     fmpy = pytest.importorskip("fmpy")
     from fmpy.fmi2 import FMU2Slave

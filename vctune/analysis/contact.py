@@ -17,13 +17,17 @@ from vctune.model.gains import AnyCoupling
 from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS
 from vctune.model.sampled.hand_loop import offered
-from vctune.model.sampled.servo_in_hand import Demand, Radii, demand_of, vertices
+from vctune.model.sampled.servo_in_hand import Demand, demand_of, vertices
 
 LOWEST = 1e-3
 """Least angle beside 0: below, a demand is that at rest to a millionth. Half and twice change nothing that is shown."""
 PER_DECADE = 120
 """Angles: neighbours are 2 % apart, eight on a sample of each of ten samples of latency at Nyquist. Half may step over
 a contact's narrowest place, twice costs twice as long."""
+
+
+HALVINGS = 40
+"""Of a range of stiffnesses: to twelve digits. Half and twice: to six, and to rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,26 +46,25 @@ class Greatest:
     hand: Hand
 
 
-def drag_at_rest(devices: Sequence[Device], hands: Hands, radii: Radii | None = None) -> float:
+def drag_at_rest(devices: Sequence[Device], hands: Hands) -> float:
     """Return the greatest R at rest, K L less the least damping: no coupling with less drag is stable, N s/m.
 
     Parameters
     ----------
     devices : servos, plain numbers
     hands : the box
-    radii : of a disc in which their responses are; None without one
     """
-    return max(0.0, *(float(demand_of(device, hands, radii).at(np.zeros(1))[0]) for device in devices))
+    return max(0.0, *(float(demand_of(device, hands).at(np.zeros(1))[0]) for device in devices))
 
 
-def greatest_drag(devices: Sequence[Device], hands: Hands, radii: Radii | None = None) -> Greatest:
+def greatest_drag(devices: Sequence[Device], hands: Hands) -> Greatest:
     """Return what the hands of a box ask for most at any frequency.
 
     Parameters
     ----------
-    devices, hands, radii : as of `drag_at_rest`
+    devices, hands : as of `drag_at_rest`
     """
-    return max((_greatest(device, demand_of(device, hands, radii), hands) for device in devices), key=_drag)
+    return max((_greatest(device, demand_of(device, hands), hands) for device in devices), key=_drag)
 
 
 def _drag(found: Greatest) -> float:
@@ -76,14 +79,12 @@ def _greatest(device: Device, demand: Demand, hands: Hands) -> Greatest:
     return Greatest(float(asked[vertex, at]), float(theta[at]) / device.sample_time, vertices(hands)[vertex])
 
 
-def stiffest_contact(
-    devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None = None
-) -> float:
+def stiffest_contact(devices: Sequence[Device], hands: Hands, coupling: AnyCoupling, factor: float) -> float:
     """Return up to which stiffness the other hands of a box are met by a coupling, N/m.
 
     Parameters
     ----------
-    devices, hands, radii : as of `drag_at_rest`
+    devices, hands : as of `drag_at_rest`
     coupling : plain numbers
     factor : by which Re Z_c has to be greater than R
 
@@ -92,16 +93,21 @@ def stiffest_contact(
     float
         Less than the least of the box where no stiffness is small enough, inf where any is.
     """
-    return min(_stiffest(device, hands, coupling, factor, radii) for device in devices)
+    return min(_stiffest(device, hands, coupling, factor) for device in devices)
 
 
-def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float, radii: Radii | None) -> float:
-    """Return the least stiffness over the angles at which the demand, straight in it, is what is offered."""
+def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
+    """Return the least stiffness over the angles at which the demand, straight in it, is what is offered.
+
+    In a disc of responses the demand is convex in it, and the stiffness is halved to.
+    """
+    if device.servo is not None and device.servo.radii:
+        return _stiffest_in_disc(device, hands, coupling, factor)
     least, unit = hands.low.stiffness, max(hands.high.stiffness, 1.0)
     soft, stiff = (
         Hands(replace(hands.low, stiffness=k), replace(hands.high, stiffness=k)) for k in (least, least + unit)
     )
-    without, with_unit = (demand_of(device, box, radii) for box in (soft, stiff))
+    without, with_unit = (demand_of(device, box) for box in (soft, stiff))
 
     def room(theta: Floats) -> Floats:
         shape, flat = np.shape(theta), np.ravel(theta)
@@ -112,6 +118,25 @@ def _stiffest(device: Device, hands: Hands, coupling: AnyCoupling, factor: float
         return np.asarray(least + unit * bears.min(axis=0)).reshape(shape)
 
     return min(float(room(np.zeros(1))[0]), float(local_minima(room, _angles(device)).value[0]))
+
+
+def _stiffest_in_disc(device: Device, hands: Hands, coupling: AnyCoupling, factor: float) -> float:
+    theta = _angles(device)
+    room = offered(coupling, device, theta, FLOATS) / factor
+
+    def bears(stiffness: float) -> bool:
+        ends = (replace(end, stiffness=stiffness) for end in (hands.low, hands.high))
+        return bool((demand_of(device, Hands(*ends)).at(theta) <= room).all())
+
+    low, high = hands.low.stiffness, max(hands.high.stiffness, 1.0)
+    if not bears(low):
+        return -inf
+    while bears(high):
+        low, high = high, 2 * high
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if bears(middle) else (low, middle)
+    return low
 
 
 def _angles(device: Device) -> Floats:

@@ -95,7 +95,8 @@ def simulate(
     experiment : the only one to simulate, by name or as it is; None for all of the problem
     controller : a compiled controller, or its path, or that of its folder, to run in the place of the design's own;
         each experiment then has its `difference`
-    tolerance : greatest difference of its commands from the design's that passes, N; None for what rounding explains
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
+        explains
     progress : told the stage of the work
 
     Returns

@@ -80,6 +80,9 @@ class Servo:
     command : "velocity", held over a sample, or "position", interpolated linearly over it
     stiffness : of a spring by which the firmware pulls what it measures of the position to a reference, N/m; None
         without it. It passes no force sensor
+    radii : (Hz, r) of a disc around 1 by which what is sensed of a command may be multiplied; straight between these on
+        logarithmic axes, constant above the last, and below the first as the frequency: at rest a servo is where it was
+        told to be. Empty where the response is known
     """
 
     delay: Number
@@ -87,6 +90,7 @@ class Servo:
     order: int = 1
     command: Literal["velocity", "position"] = "velocity"
     stiffness: Number | None = None
+    radii: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +301,9 @@ class Device:
         if self.servo is not None and self.servo.stiffness is not None:
             scaled["servo.stiffness"] = self.servo.stiffness / (impedance / time)
         same = self.with_numbers(scaled)
+        if same.servo is not None:
+            radii = tuple((hz * time, radius) for hz, radius in same.servo.radii)
+            same = replace(same, servo=replace(same.servo, radii=radii))
         if same.unmodelled is not None:
             radii = tuple((hz * time, radius) for hz, radius in same.unmodelled.radii)
             same = replace(same, unmodelled=replace(same.unmodelled, radii=radii))

@@ -39,9 +39,8 @@ class Hand:
 
     def in_words(self, units: Units) -> str:
         """Return its numbers with their units."""
-        return (
-            f"{self.mass:.4g} {units.mass}, {self.damping:.4g} {units.damping}, {self.stiffness:.4g} {units.stiffness}"
-        )
+        mass, damping, stiffness = (float(f"{number:.4g}") for number in (self.mass, self.damping, self.stiffness))
+        return f"{mass:g} {units.mass}, {damping:g} {units.damping}, {stiffness:g} {units.stiffness}"
 
     def in_units(self, impedance: float, time: float) -> Hand:
         """Return the hand with impedances in units of `impedance` [N s/m] and times in units of `time` [s].

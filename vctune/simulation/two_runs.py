@@ -68,7 +68,8 @@ def simulate(
     experiment : one of the problem's, or any other
     progress : told the stage of the work
     controller : a firmware in the place of the design's own; None for none
-    tolerance : greatest difference of its commands from the design's that passes, N; None for what rounding explains
+    tolerance : greatest difference of its commands from the design's that passes, in their unit; None for what rounding
+        explains
 
     Returns
     -------

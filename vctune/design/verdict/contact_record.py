@@ -49,13 +49,12 @@ def contact_record(problem: Problem, judgement: Judgement) -> ContactRecord | No
     if problem.device.servo is None or hands is None:
         return None
     devices = list(dict.fromkeys(case.device.modelled for case in pose(problem).hand_cases))
-    radii = (problem.uncertainty.unmodelled or None) if problem.uncertainty is not None else None
     factor, K = problem.stability.safety_factor, hands.high.stiffness
     slowest = max(devices, key=_latency)
     parts = {name: seconds for name, seconds in asdict(latency(slowest, FLOATS)).items() if seconds > 0}
     with unlimited():
-        at_rest, most = drag_at_rest(devices, hands, radii), greatest_drag(devices, hands, radii)
-        bears = stiffest_contact(devices, hands, judgement.coupling, factor, radii)
+        at_rest, most = drag_at_rest(devices, hands), greatest_drag(devices, hands)
+        bears = stiffest_contact(devices, hands, judgement.coupling, factor)
     stiffest, verdict = _stiffest(problem, judgement, hands, bears)
     return ContactRecord(
         stiffness=K,

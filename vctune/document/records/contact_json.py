@@ -39,7 +39,7 @@ class ContactRecord(Part):
     drag_alone: Annotated[float, Shown("least drag without b_c", of="damping")]
     drag_alone_hz: Number
     drag_alone_hand: HandRecord
-    stiffest_contact: Annotated[Number, Shown("stiffest contact", of="stiffness")]
+    stiffest_contact: Annotated[Number, Shown("stiffest contact", digits=7, of="stiffness")]
     stiffest_contact_verdict: Literal["proved", "undecided"] | None
 
     def rows(self, units: Units) -> Iterator[Row]:
@@ -53,7 +53,7 @@ class ContactRecord(Part):
 
     def _said_of(self, units: Units) -> dict[str, str]:
         parts = " + ".join(f"{part.part} {text(1e3 * part.latency_s, 4)}" for part in self.parts)
-        contacts = f"contacts up to {text(self.stiffness)} {units.stiffness}"
+        contacts = f"contacts up to {text(self.stiffness, 7)} {units.stiffness}"
         worst = f"at {text(self.drag_alone_hz)} Hz in the hand of {self.drag_alone_hand.in_words(units)}"
         bears = f", {self.stiffest_contact_verdict} with this coupling"
         if self.stiffest_contact is None:

@@ -60,6 +60,9 @@ def resolve(document: ProblemDocument, default_name: str, yardstick: Transparenc
     hands = _hands(document.operator or OperatorTable(), document.device.units)
     operator = LeastOperator(hands.low.mass, hands.low.damping) if hands.low.mass or hands.low.damping else None
     device = device_of(document.device)
+    if device.servo is not None:
+        radii = tuple(document.uncertainty.unmodelled)
+        device = replace(device, servo=replace(device.servo, radii=radii))
     criterion = document.stability.criterion if device.kind.own_loop else "hands"
     device = replace(device, operator=operator if criterion != "hands" else None)
     late = lags(device, FLOATS)
@@ -216,7 +219,8 @@ def _uncertainty(table: UncertaintyTable, device: Device) -> Uncertainty | None:
     """Return None where no number moves: a half-width of 0, or relative to a number that is 0."""
     widths = table.model_dump(by_alias=True, exclude={"objective", "unmodelled"})
     moving = tuple((key, width) for key, width in widths.items() if width > 0)
-    found = Uncertainty(moving, table.objective, tuple(table.unmodelled))
+    radii = () if device.servo is not None else tuple(table.unmodelled)
+    found = Uncertainty(moving, table.objective, radii)
     return found if found.unmodelled or any(device.number(key) for key, _ in moving) else None
 
 

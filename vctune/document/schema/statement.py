@@ -7,7 +7,7 @@ from dataclasses import asdict, fields, is_dataclass
 from math import inf, pi
 from typing import Any
 
-from vctune.model.device import Device, ForceSensor, VelocityEstimate
+from vctune.model.device import Device, ForceSensor, Servo, VelocityEstimate
 from vctune.model.display import ADMITTANCE
 from vctune.model.experiment import Experiment
 from vctune.model.numbers.frequency import hertz
@@ -51,6 +51,9 @@ def statement(problem: Problem) -> dict[str, Any]:
         document["uncertainty"] = dict(stated.half_widths) | {"objective": stated.objective}
         if stated.unmodelled:
             document["uncertainty"]["unmodelled"] = [list(point) for point in stated.unmodelled]
+    if problem.device.servo is not None and problem.device.servo.radii:
+        known = document.setdefault("uncertainty", {})
+        known["unmodelled"] = [list(point) for point in problem.device.servo.radii]
     if problem.experiments:
         document["experiment"] = [_experiment(experiment) for experiment in problem.experiments]
     return document
@@ -69,7 +72,9 @@ def table_of(value: Any) -> dict[str, Any]:
         for key, entry in table.items()
         if entry is not None
     }
-    if isinstance(value, VelocityEstimate):
+    if isinstance(value, Servo):
+        del table["radii"]  # which [uncertainty] states
+    elif isinstance(value, VelocityEstimate):
         table["from"] = table.pop("source")
         if "filter_hz" not in table:
             del table["filter_order"]  # of a low-pass that is not there

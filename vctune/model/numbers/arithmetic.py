@@ -163,7 +163,8 @@ class _FloatArithmetic:
     @staticmethod
     def interpolated(x: Number, table: tuple[tuple[float, float], ...]) -> Number:
         at, value = np.log(np.array(table)).T
-        return np.exp(np.interp(np.log(x), at, value))
+        with np.errstate(divide="ignore"):  # below the first point all are as there, 0 too
+            return np.exp(np.interp(np.log(x), at, value))
 
     @staticmethod
     def within(radius: Number) -> Number:

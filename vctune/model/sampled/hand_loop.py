@@ -25,7 +25,7 @@ from vctune.model.numbers.pair import EvenOdd, Pair, re_conj_product
 from vctune.model.sampled.circle import Circle, OfParts, circle
 from vctune.model.sampled.impedance_display import ForceInHand, Offered, Required, firmware_filter, offered_by_spring
 from vctune.model.sampled.plant_in_hand import AnyPlantInHand, PlantInHand, ServoInHand, equations, numerators
-from vctune.model.sampled.servo_in_hand import seen_of_servo
+from vctune.model.sampled.servo_in_hand import blur_of, seen_of_servo
 
 
 class LoopInHand(NamedTuple):
@@ -59,10 +59,12 @@ class CommandInHand(NamedTuple):
     ----------
     size : > 0
     seen : regular at theta = 0
+    blur : by what -odd/2 may be more in a disc of responses, `Servo.radii`; 0 without one
     """
 
     size: Number
     seen: EvenOdd
+    blur: Number = 0
 
     def closed(self, _gains: Gains) -> EvenOdd:
         """Return F, which has no loop in it."""
@@ -93,7 +95,8 @@ def loop_in_hand(plant: AnyPlantInHand, theta: Number, ops: Arithmetic) -> AnyLo
     """
     if isinstance(plant, ServoInHand):
         seen, half = seen_of_servo(plant.plant, plant.hand, theta, ops), ops.sin(theta / 2)
-        return CommandInHand(seen.size, EvenOdd(seen.even, seen.odd, half * half))
+        blur = blur_of(plant.plant, seen, theta, ops)
+        return CommandInHand(seen.size, EvenOdd(seen.even, seen.odd, half * half), blur)
     at, T = circle(theta, ops), plant.sample_time
     d = EvenOdd(2 * at.square, 2 * at.cos, at.square)
 
@@ -226,7 +229,7 @@ def required_in_hand(loop: AnyLoopInHand, gains: Gains) -> Required:
     gains : in its numbers
     """
     if isinstance(loop, CommandInHand):
-        return Required(-0.5 * loop.seen.odd, loop.size)
+        return Required(loop.blur - 0.5 * loop.seen.odd, loop.size)
     F, P = loop.closed(gains), loop.numerator(gains)
     return Required(-0.5 * (P.odd * F.even - P.even * F.odd), F.abs2())
 

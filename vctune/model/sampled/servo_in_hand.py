@@ -25,7 +25,6 @@ from vctune.model.hands import Hand, Hands
 from vctune.model.numbers.arithmetic import FLOATS, Arithmetic, Number
 from vctune.model.numbers.matrices import Vector, add, dot
 from vctune.model.sampled.circle import Circle, circle
-from vctune.model.sampled.impedance_display import Required
 from vctune.model.sampled.servo_plant import Numerator, Pull, ServoPlant, sensed_delay, servo_plant
 
 Floats = NDArray[np.float64]
@@ -90,38 +89,20 @@ def _both(one: Seen, other: Seen) -> Seen:
     return Seen(even, odd, one.size * other.size)
 
 
-def required_of_servo(
-    plant: ServoPlant, hand: Hand, theta: Number, ops: Arithmetic, radii: Radii | None = None
-) -> Required:
-    """Return what R in a hand is the quotient of; in a disc of the greatest R + r |Z_seen|.
+def blur_of(plant: ServoPlant, seen: Seen, theta: Number, ops: Arithmetic) -> Number:
+    """Return by what -odd/2 may be more in a disc of responses: r |Z_seen| size; 0 without one.
 
     Parameters
     ----------
     plant : the servo
-    hand : in numbers of the arithmetic
+    seen : what the environment meets of it in a hand
     theta : omega T, rad, in [0, pi]
     ops : the arithmetic
-    radii : of the disc; None without one
-
-    Returns
-    -------
-    Required
-        Of the shape of theta.
     """
-    if plant.pull is not None:
-        seen = seen_of_servo(plant, hand, theta, ops)
-        lost = -0.5 * seen.odd
-        if radii is not None:
-            around = ops.modulus(seen.even, ops.sin(theta / 2) * seen.odd)
-            lost = lost + _blur(radii, plant.sample_time, theta, ops) * around
-        return Required(lost, seen.size)
-    at = circle(theta, ops)
-    even, odd, size = _at_once(plant, hand, at)
-    cos, sine = at.turned(plant.turns)
-    lost = 0.5 * (sine * even - cos * odd)
-    if radii is not None:
-        lost = lost + _blur(radii, plant.sample_time, theta, ops) * ops.modulus(even, at.sin * odd)
-    return Required(at.cos * lost if plant.interpolated else lost, size)
+    if not plant.radii:
+        return 0
+    around = ops.modulus(seen.even, ops.sin(theta / 2) * seen.odd)
+    return _blur(plant.radii, plant.sample_time, theta, ops) * around
 
 
 def _at_once(plant: ServoPlant, hand: Hand, at: Circle) -> tuple[Number, Number, Number]:
@@ -162,40 +143,35 @@ class Demand:
     ----------
     plant : the servo, in plain numbers
     vertices : hands of which one asks most at every angle, numbers of shape (v, 1)
-    radii : of a disc; None without one
     """
 
     plant: ServoPlant
     vertices: Hand
-    radii: Radii | None = None
 
     def in_each(self, theta: Floats) -> Floats:
         """Return R at angles of shape (n,) in each vertex, N s/m, of shape (v, n)."""
-        found = required_of_servo(self.plant, self.vertices, theta, FLOATS, self.radii)
-        return np.asarray(found.lost / found.size)
+        seen = seen_of_servo(self.plant, self.vertices, theta, FLOATS)
+        return np.asarray((blur_of(self.plant, seen, theta, FLOATS) - 0.5 * seen.odd) / seen.size)
 
     def at(self, theta: Floats) -> Floats:
         """Return R at angles, N s/m, of their shape."""
         return np.asarray(self.in_each(np.ravel(theta)).max(axis=0).reshape(np.shape(theta)))
 
 
-def demand_of(device: Device, hands: Hands, radii: Radii | None = None) -> Demand:
+def demand_of(device: Device, hands: Hands) -> Demand:
     """Return what the hands of a box ask of a coupling.
 
     Parameters
     ----------
     device : plain numbers
     hands : the box
-    radii : of a disc in which Z_seen is; None without one
     """
-    return Demand(servo_plant(device, sensed_delay(device), FLOATS), _columns(vertices(hands)), radii)
+    numbers = zip(*map(astuple, vertices(hands)), strict=True)
+    columns = Hand(*(np.array(each, float)[:, None] for each in numbers))
+    return Demand(servo_plant(device, sensed_delay(device), FLOATS), columns)
 
 
 def vertices(hands: Hands) -> list[Hand]:
     """Return the hands at the vertices of a box, of which one asks most at each frequency: R is convex in the hand."""
     ends = zip(astuple(hands.low), astuple(hands.high), strict=True)
     return [Hand(*corner) for corner in product(*(sorted(set(pair)) for pair in ends))]
-
-
-def _columns(hands: Sequence[Hand]) -> Hand:
-    return Hand(*(np.array(numbers, float)[:, None] for numbers in zip(*map(astuple, hands), strict=True)))

@@ -60,6 +60,7 @@ class ServoPlant:
     interpolated : whether the command is a position: all is times cos(theta/2)
     sample_time : T, s
     pull : the firmware's own spring; None without it
+    radii : of a disc of responses, `Servo.radii`
     """
 
     size: Vector
@@ -70,6 +71,7 @@ class ServoPlant:
     interpolated: bool
     sample_time: Number
     pull: Pull | None = None
+    radii: tuple[tuple[float, float], ...] = ()
 
     def converted(self, number: Callable[[Number], Number]) -> ServoPlant:
         """Return the plant in numbers of another arithmetic."""
@@ -178,6 +180,7 @@ def servo_plant(device: Device, delay: SensedDelay, ops: Arithmetic) -> ServoPla
         interpolated=interpolated,
         sample_time=T,
         pull=_pull(device, servo, delay, ops),
+        radii=servo.radii,
     )
 
 

@@ -85,14 +85,19 @@ def prove_hands(design: Design, demands: Demands, box: DeviceBox | None = None) 
     limp = looped and design.gains.position == 0 and demands.hands.low.stiffness == 0
     rows = (*HAND, SHARE) if limp else HAND
 
+    servo = design.device.servo
+    corners = vertices(demands.hands) if servo is not None else None
+
     def tests(part: _Part, fixed: Values, near: Resonance | None = None) -> list[Test]:
-        slopes, polynomials = (hands_margin(demands, uncertain, part.delays, ops) for ops in (ENCLOSURES, TAYLOR))
-        test = positive_by_polynomials(polynomials, fixed, part.spans, positive(slopes, fixed))
+        slopes = positive(hands_margin(demands, uncertain, part.delays, ENCLOSURES), fixed)
+        test = slopes
+        if not (servo and servo.radii):  # a modulus has slopes, and no polynomial
+            polynomials = hands_margin(demands, uncertain, part.delays, TAYLOR)
+            test = positive_by_polynomials(polynomials, fixed, part.spans, slopes)
         if limp:
             test = next_to_zero(AT_REST, limp_hands_margin(demands, uncertain, part.delays), fixed, test)
         return [near.left_to_it(test, (*rows, *map(row_of, uncertain))) if near else test]
 
-    corners = vertices(demands.hands) if design.device.servo is not None else None
     ends = partial(_ends, demands.hands, box, uncertain, corners)
     near = resonance(design, demands.hands) if looped else None
     every = partial(_proved_over, design, demands, uncertain, rows)

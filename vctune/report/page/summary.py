@@ -135,9 +135,9 @@ def _certified(record: DesignRecord, transparency: TransparencyRecord, problem: 
         moved = f"in free motion the handle is {text(transparency.admittance, 3)} of Z_0 = {_reference(problem)}"
         return "good", "certified", f"{proved}; {wall}, {moved}, {_mean(problem)}."
     if (contact := record.contact) is not None and contact.stiffest_contact is not None:
-        bears = f"it bears contacts of {text(contact.stiffest_contact, 4)} {problem.units.stiffness}"
+        bears = f"it bears contacts of {text(contact.stiffest_contact, 7)} {problem.units.stiffness}"
         late = (
-            f"the lightest drag for contacts up to {text(contact.stiffness, 4)} {problem.units.stiffness} behind "
+            f"the lightest drag for contacts up to {text(contact.stiffness, 7)} {problem.units.stiffness} behind "
             f"{text(1e3 * contact.latency_s, 3)} ms is {text(contact.rest_drag, 4)} {problem.units.damping}"
         )
         return "good", "certified", f"{proved}; {bears}; {late}."

@@ -75,7 +75,7 @@ def run_in_the_loop(
     scene : Scene
     controller : the firmware
     progress : told the share of the samples that is done
-    tolerance : greatest difference of a command that passes, N; None for what rounding explains
+    tolerance : greatest difference of a command that passes, in its unit; None for what rounding explains
 
     Returns
     -------

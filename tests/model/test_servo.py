@@ -1,0 +1,159 @@
+"""A servo in a hand against matrix exponentials that share nothing with it, closed forms and published digits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from conftest import mostly_slow
+from flint import arb, ctx
+from random_servos import device_of, random_case, random_servo, servo_device
+from servo_oracle import Follower, Grip, seen
+
+from vctune.model.device import Device, ForceSensor, Servo
+from vctune.model.hands import Hand, Hands
+from vctune.model.numbers.arithmetic import FLOATS
+from vctune.model.sampled.impedance_display import Required
+from vctune.model.sampled.servo_in_hand import blur_of, demand_of, seen_of_servo
+from vctune.model.sampled.servo_plant import sensed_delay, servo_plant
+from vctune.model.servo import latency
+from vctune.proof.claims.whole_samples import sensed_force_jumps
+from vctune.proof.enclosures.arb_balls import BALLS, PRECISION, ball
+
+HERTZ = (1e-3, 0.1, 1, 5, 10, 20, 60)
+A = servo_device(2e-3, Servo(delay=0.032, bandwidth_hz=20.0, order=2))
+B = servo_device(2e-3, Servo(delay=0.0143, bandwidth_hz=30.0))
+C = servo_device(4e-3, Servo(delay=0.012, bandwidth_hz=15.0, order=2, command="position"), ForceSensor(50.0))
+FIXTURES = [
+    (A, (0, 0, 1000), (44.253953, 44.248342, 43.694485, 31.287214, 4.738985, -3.007118, 0.164645)),
+    (A, (2, 0, 0), (-3e-6, -0.0348, -3.436361, -61.47393, -36.83928, 93.854644, -47.240732)),
+    (A, (1, 10, 500), (12.126975, 12.110637, 10.513408, -16.815416, -6.823624, 39.469186, -22.657759)),
+    (B, (0, 0, 1000), (20.605165, 20.604454, 20.534157, 18.893469, 14.468014, 3.894364, 0.647521)),
+    (B, (1, 10, 500), (0.302582, 0.295773, -0.375838, -15.187569, -45.893114, -37.779813, -116.51817)),
+    (C, (0, 0, 1000), (34.188371, 34.185855, 33.936595, 27.836116, 11.059068, -3.250114, -0.018043)),
+    (C, (1, 10, 500), (7.094184, 7.081771, 5.861895, -18.113364, -32.605817, 51.297978, 2.513068)),
+]
+UNIT_HANDS = [Grip(mass=1.0), Grip(damping=1.0), Grip(stiffness=1.0)]
+
+
+def required_of_servo(plant, hand, theta, ops) -> Required:
+    seen = seen_of_servo(plant, hand, theta, ops)
+    return Required(blur_of(plant, seen, theta, ops) - 0.5 * seen.odd, seen.size)
+
+
+def plant_of(device: Device):
+    return servo_plant(device, sensed_delay(device), FLOATS)
+
+
+def seen_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
+    """Return Z_seen as one complex number."""
+    found = seen_of_servo(plant_of(device), hand, theta, FLOATS)
+    s = np.sin(theta / 2)
+    return (found.even + 1j * s * found.odd) / (2j * s * found.size)
+
+
+def required_at(device: Device, hand: Hand, theta: np.ndarray) -> np.ndarray:
+    found = required_of_servo(plant_of(device), hand, theta, FLOATS)
+    return found.lost / found.size
+
+
+@pytest.mark.parametrize(("device", "hand", "expected"), FIXTURES)
+def test_digits(device, hand, expected):
+    theta = 2 * pi * np.array(HERTZ) * device.sample_time
+    found = required_at(device, Hand(*hand), theta)
+    assert np.abs(found - expected).max() < 5.1e-7
+    exact = servo_plant(device.converted(ball), sensed_delay(device), BALLS)
+    for hertz, value in zip(HERTZ, expected, strict=True):
+        theta_ball = 2 * arb.pi() * ball(hertz) * ball(device.sample_time)
+        one = required_of_servo(exact, Hand(*map(ball, hand)), theta_ball, BALLS)
+        assert abs(one.lost / one.size - ball(value)) < 5.1e-7
+
+
+@pytest.mark.parametrize("number", mostly_slow(range(200), range(6)))
+def test_matrix_exponentials(number):
+    """Servo, then hand, then sensor, each with its own delay."""
+    random = np.random.default_rng((71, number))
+    servo = random_servo(random)
+    theta = np.concatenate((10 ** random.uniform(-2, 0.49, 20), [pi]))
+    for grip in UNIT_HANDS:
+        expected = seen(servo, grip, theta)
+        found = seen_at(device_of(servo), Hand(grip.mass, grip.damping, grip.stiffness), theta)
+        assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
+        required = required_at(device_of(servo), Hand(grip.mass, grip.damping, grip.stiffness), theta)
+        assert np.abs(required + expected.real).max() < 1e-8 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("whole", [1, 3])
+@pytest.mark.parametrize("order", [1, 2])
+def test_whole_samples(whole, order):
+    """A force is sensed just before the new command acts: the mass of order 1 jumps there, nothing else does."""
+    T, theta = 1e-3, np.array([0.3, 1.5, pi])
+    hand, unit = Hand(1.0, 2.0, 300.0), Grip(1.0, 2.0, 300.0)
+    at, below = (Follower(T, delay, 30.0, order) for delay in (whole * T, (whole - 1e-9) * T))
+    for servo in (at, below):
+        assert seen_at(device_of(servo), hand, theta) == pytest.approx(seen(servo, unit, theta), rel=1e-9)
+    jump = seen_at(device_of(at), hand, theta) - seen_at(device_of(below), hand, theta)
+    z = np.exp(1j * theta)
+    expected = (z ** (-whole - 1) - z**-whole) * 2 * pi * 30.0 if order == 1 else 0 * z
+    assert np.abs(jump - expected).max() < 1e-4
+    assert sensed_force_jumps(device_of(at), Hands(Hand(0.0, 0.0, 0.0), hand)) == (order == 1)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_at_rest_the_drag_is_stiffness_times_latency(number):
+    servo = random_servo(np.random.default_rng((72, number)))
+    device = device_of(servo)
+    with ctx.workprec(PRECISION):
+        exact = device.converted(ball)
+        parts, plant = latency(exact, BALLS), servo_plant(exact, sensed_delay(device), BALLS)
+        required = required_of_servo(plant, Hand(ball(2.0), ball(7.0), ball(1000.0)), arb(0), BALLS)
+        assert abs(required.lost / required.size - (1000 * parts.total - 7)) < 1e-20
+    assert float(parts.total) == pytest.approx(servo.latency, rel=1e-14)
+    hands = Hands(Hand(0.0, 0.0, 0.0), Hand(2.0, 30.0, 1000.0))
+    assert demand_of(device, hands).at(np.zeros(1)) == pytest.approx(1000 * servo.latency, rel=1e-9)
+
+
+def test_only_the_sum_of_both_delays_counts():
+    theta = np.linspace(0.05, pi, 9)
+    near = servo_device(1e-3, Servo(0.0041, 25.0), ForceSensor(120.0, 2, 0.0009))
+    far = servo_device(1e-3, Servo(0.0009, 25.0), ForceSensor(120.0, 2, 0.0041))
+    hand = Hand(1.0, 5.0, 800.0)
+    assert seen_at(near, hand, theta) == pytest.approx(seen_at(far, hand, theta), rel=1e-10)
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_the_demand_is_that_of_the_worst_hand(number):
+    """Of 200 hands of a box none asks for more than its vertices, in a disc neither, and one of these for as much."""
+    random = np.random.default_rng((73, number))
+    case, radii = random_case(random), ((3.0, 0.02), (30.0, 0.3))
+    theta, device = np.geomspace(1e-3, pi, 40), case.device
+    ends = [np.array([*vars(end).values()]) for end in (case.low, case.high)]
+    r = np.interp(np.log(np.maximum(theta / (2 * pi * device.sample_time), 1e-9)), *np.log(np.array(radii)).T)
+    below = theta / (2 * pi * device.sample_time) < radii[0][0]
+    r = np.where(below, np.log(radii[0][1] * theta / (2 * pi * device.sample_time) / radii[0][0]), r)
+    for disc in ((), radii):
+        there = replace(device, servo=replace(device.servo, radii=disc))
+        most = demand_of(there, case.hands).at(theta)
+        asked = []
+        for share in [*random.uniform(0, 1, (200, 3)), *np.array(np.meshgrid(*[[0, 1]] * 3)).reshape(3, -1).T]:
+            Z = seen(case.servo, Grip(*(ends[0] + share * (ends[1] - ends[0]))), theta)
+            asked.append(-Z.real + (np.exp(r) * np.abs(Z) if disc else 0.0))
+        scale = np.max(np.abs(asked))
+        assert (np.max(asked, axis=0) <= most + 1e-7 * scale).all()
+        assert np.max(asked, axis=0) == pytest.approx(most, abs=1e-6 * scale)
+
+
+def test_balls_hold_what_doubles_say():
+    """The formula is one, and enclosures of a delay that is not known contain what each delay gives."""
+    spread = ball(0.0143) + arb(0, 1e-4)
+    device = replace(B.converted(ball), servo=replace(B.servo, delay=spread, bandwidth_hz=ball(30.0)))
+    wide = servo_plant(device, sensed_delay(B), BALLS)
+    hand = Hand(1.0, 10.0, 500.0)
+    for theta in (0.0, 0.01, 0.4, pi):
+        required = required_of_servo(wide, Hand(*map(ball, (1.0, 10.0, 500.0))), arb(theta), BALLS)
+        found = required.lost / required.size
+        for delay in (0.01421, 0.0143, 0.01439):
+            one = replace(B, servo=replace(B.servo, delay=delay))
+            assert found.contains(arb(float(required_at(one, hand, np.array([theta]))[0]), 1e-8))
