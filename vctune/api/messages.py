@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from vctune.document.schema.plausibility import doubts as doubts
 from vctune.document.text.codes import Code as Code
 from vctune.document.text.codes import coded as coded
 from vctune.document.text.codes import has_code as has_code
 from vctune.document.text.errors import InputError as InputError
 from vctune.document.text.errors import printable as printable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from vctune.document.text.codes import Note
+    from vctune.model.problem import Problem
 
 
 def versions() -> dict[str, str | None]:
@@ -18,6 +23,13 @@ def versions() -> dict[str, str | None]:
     from vctune.design.verdict.design_record import versions as of
 
     return of(ipopt_version())
+
+
+def doubts(problem: Problem) -> Iterator[Note]:
+    """Return what looks like a mistake of units in a problem."""
+    from vctune.document.schema.plausibility import doubts as of
+
+    return of(problem)
 
 
 def schema_of(kind: str) -> dict[str, Any]:
